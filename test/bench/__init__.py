@@ -17,8 +17,8 @@ PARTS = {
     "stop": "running",
     "read": "recording",
     "stream": "stream",
-    "fuzz": "survival",
-    "kill": "survival",
+    "fuzz": "damage",
+    "kill": "kills",
     "faults": "faults",
     "study": "study",
 }

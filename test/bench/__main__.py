@@ -4,7 +4,6 @@ The exit code is 0 if all goals are reached, 1 if one is missed, 2 if a part cou
 """
 
 import argparse
-import json
 import signal
 import sys
 import tempfile
@@ -27,7 +26,7 @@ def run_part(name: str, extent: Extent, campaigns: Campaigns) -> list[Figure]:
         print(f"{name}: {part.title}, about {part.seconds:g} s", file=sys.stderr)
         for figure in part.measure(Bench(Path(folder), extent, campaigns)):
             figures.append(figure)
-            print(figure, file=sys.stderr if extent.as_json else sys.stdout, flush=True)
+            print(figure, flush=True)
     print(f"{name} took {time.perf_counter() - started:.1f} s", file=sys.stderr)
     return figures
 
@@ -37,7 +36,6 @@ def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser("bench", description="Measure what is claimed.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--full", action="store_true", help="50 kills, 2000 damaged files ...")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON at the end")
     for name in ("seconds", "kills", "mutations", "seed"):
         parser.add_argument(f"--{name}", type=int, metavar="N")
     given = parser.parse_args(words)
@@ -46,21 +44,18 @@ def main(words: list[str] | None = None) -> int:
     numbers = {name: getattr(given, name) for name in ("seconds", "kills", "mutations", "seed")}
     extent = replace(
         FULL if given.full else Extent(),
-        as_json=given.json,
         **{name: value for name, value in numbers.items() if value is not None},
     )
-    found: dict[str, list[Figure]] = {}
+    found: list[Figure] = []
     errors = []
     with tempfile.TemporaryDirectory(prefix="impact_rig_campaigns_") as folder:
         campaigns = Campaigns(Path(folder))
         for name in given.parts or PARTS:
             try:
-                found[name] = run_part(name, extent, campaigns)
+                found += run_part(name, extent, campaigns)
             except (RigError, ModuleNotFoundError) as error:
                 errors.append(f"{name} could not be measured: {error}")
-    if given.json:
-        print(json.dumps({name: list(map(vars, figures)) for name, figures in found.items()}))
-    missed = [figure for figures in found.values() for figure in figures if figure.is_missed]
+    missed = [figure for figure in found if figure.is_missed]
     for line in (*map(str, missed), *errors):
         print(line, file=sys.stderr)
     return 2 if errors else int(bool(missed))

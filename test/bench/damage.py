@@ -1,158 +1,164 @@
-"""Reads spoilt files, one after the other, with bounded memory; a process of its own.
+"""Damaged files of every format, read one after the other by a process with bounded memory.
 
-Called with a folder that holds the good recordings or other files, the first seed and how many.
-Prints a line of JSON before and after each spoilt file, so that the last line shows what hung.
+As a program it is called with the folder of the good files, the first seed and how many. It prints
+a line of JSON before and after each damaged file, so that the last line shows what ended it.
 """
 
+import faulthandler
 import json
 import random
 import resource
 import shutil
 import struct
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Literal
 
+import numpy as np
+from scipy.io import wavfile
+
+from bench.measure import Bench, Figure, at_most, part
 from impact_rig.analysis.analyze import analyze as analyze_source
 from impact_rig.analysis.measured_files import MeasuredFiles, make_series
-from impact_rig.configuration.rig_file import read_rig_file
+from impact_rig.configuration.rig_file import read_rig_file, read_template
 from impact_rig.core.errors import RigError
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.records import HitLabel
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import Session
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.setup import PAPER_SETUP, RigSetup
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.recordings.contents import inspect_recording
+from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
+from impact_rig.recordings.formats.registry import WRITABLE, write_measurement
+from impact_rig.recordings.messages import MessageEncoder
+from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.scan import MAGIC
 from impact_rig.recordings.source import SUFFIX
-from impact_rig.results.results_file import read_results
+from impact_rig.recordings.writer import RecordingWriter
+from impact_rig.results.campaign import Results
+from impact_rig.results.results_file import read_results, write_results
 
-_FRAME = struct.Struct("<BQ")
-"""Kind and length of an MCAP record."""
-_MAGIC_SIZE = 8
-"""Of the bytes that the file begins with [byte]."""
-_CHUNK = 6
-"""Kind of a record that holds others."""
-_CHUNK_CHECKSUM, _CHUNK_NAME, _CHUNK_DATA = 24, 28, 40
-"""Where a chunk has its checksum, the length of its compression's name, and its data if that is
-empty, from the start of its content [byte]."""
-_LENGTHS = (0, 1, 0xFF, 0xFFFF, 1 << 31, 0xFFFFFFFF, 10 << 30, 1 << 62, (1 << 64) - 1)
-"""What a length may be made: nothing, borders of number types, 10 GB, and beyond every file."""
-MAX_FLIPS = 20  # bits flipped at once
-MAX_SPLICE = 5000  # bytes moved at once
+TIME = 1_700_000_000_000_000_000  # [ns], of what is recorded
+TIME_LIMIT = 30.0  # [s], for one damaged file: a hundred times as long as a good one
+MEMORY_LIMIT = 500 << 20  # [byte], for reading: a thousand times the damaged recordings
+DATA = Path(__file__).parents[1] / "data" / "repeat_shock"
 
 
-def mutate(data: bytes, seed: int) -> bytes:
-    """Return a spoilt copy of a file.
-
-    Parameters
-    ----------
-    data : bytes
-        Of any file. Of MCAP best an uncompressed one too, so that lengths inside of messages are
-        hit.
-    seed : int
-        The same one spoils the same bytes.
-    """
-    dice = random.Random(seed)
-    spoilt = bytearray(data)
-    is_recording = data.startswith(MAGIC)
-    # Behind checksums hardly any damage would reach the messages.
-    if is_recording and dice.random() < 0.5:
-        _drop_checksums(spoilt)
-    ways = (*_WAYS, _change_record_length) if is_recording else _WAYS
-    for _ in range(dice.choice((1, 1, 1, 2, 3))):
-        if spoilt:
-            dice.choice(ways)(spoilt, dice)
-    return bytes(spoilt)
+@part("fuzz", "Damaged files of every format: no hang, no crash, memory bounded", 30.0)
+def measure_fuzz(bench: Bench) -> Iterator[Figure]:
+    """Damage small files of every format, and read them in every way that there is."""
+    recordings, others = bench.folder / "recordings", bench.folder / "others"
+    recordings.mkdir()
+    others.mkdir()
+    for compression in ("zstd", "lz4", "none"):
+        write_recording(recordings / f"{compression}.mcap", compression)
+    total = bench.extent.mutations
+    number = total * write_files(others)
+    faults = [
+        *read_damaged(recordings, bench.extent.seed, total),
+        *read_damaged(others, bench.extent.seed, number),
+    ]
+    note = f"of {total + number}; {'; '.join(faults[:3])}"
+    yield Figure("damaged files that hang or crash", len(faults), "", at_most(0), note)
 
 
-def _drop_checksums(data: bytearray) -> None:
-    for kind, start, end in list(_find_records(data)):
-        if kind == _CHUNK and end - start >= _CHUNK_NAME:
-            data[start + _CHUNK_CHECKSUM : start + _CHUNK_NAME] = bytes(4)
+def write_recording(path: Path, compression: str) -> None:
+    """Write a recording of two hits."""
+    encoder, rig = MessageEncoder(), VirtualRig(PAPER_SETUP, VirtualRigSettings())
+    with RecordingWriter(path, compression=compression) as writer:
+        channel = writer.add_channel("/setup", encoder.setup_definition, (OfferedQos(),))
+        writer.add_message(channel, encoder.encode_setup(PAPER_SETUP, TIME), TIME, TIME)
+        channel = writer.add_channel("/acceleration", encoder.block_definition, (OfferedQos(),))
+        for record in (1, 2):
+            for block in rig.strike(HitLabel("steel large", record, record)).split(1000, 0):
+                writer.add_message(channel, encoder.encode_block(block), TIME, TIME)
 
 
-def _flip_bits(data: bytearray, dice: random.Random) -> None:
-    for _ in range(dice.randint(1, MAX_FLIPS)):
-        data[dice.randrange(len(data))] ^= 1 << dice.randrange(8)
+def write_files(folder: Path) -> int:
+    """Write a good file of each format; return how many."""
+    trace = np.sin(np.arange(2000) / 100) * np.exp(-((np.arange(2000) - 500) ** 2) / 2e3)
+    channels = [MeasuredChannel(name, trace, 51_200.0, "m/s^2") for name in ("hammer", "sample")]
+    for suffix in WRITABLE:
+        write_measurement(folder / f"a{suffix}", Measurement(folder, tuple(channels)))
+    np.save(folder / "a.npy", np.stack([np.arange(2000) / 51_200, trace, trace]))
+    np.savez_compressed(folder / "a.npz", hammer=trace, dt=1 / 51_200)
+    wavfile.write(folder / "a.wav", 51_200, (2e4 * trace).astype(np.int16))
+    shutil.copy(DATA / "Test_001_shock.lvm", folder / "a.lvm")
+    rows = "\n".join(f"{number / 51_200}\t{value}" for number, value in enumerate(trace))
+    (folder / "a.txt").write_text(f"Time (s)\tHammer (m/s^2)\n{rows}\n", "utf-8")
+    results = Results(PAPER_SETUP, HammerEstimate(), (SampleEstimate("tin", 3, 1),), ())
+    write_results(folder / "a.json", results)
+    (folder / "a.toml").write_text(read_template(), "utf-8")
+    return len(list(folder.iterdir()))
 
 
-def _cut_off(data: bytearray, dice: random.Random) -> None:
-    del data[dice.randrange(len(data)) :]
+def read_damaged(folder: Path, first: int, total: int) -> list[str]:
+    """Read damaged files until all are read; return what must not happen, by its seed."""
+    faults: list[str] = []
+    seed, end = first, first + total
+    while seed < end:
+        command = [sys.executable, "-m", "bench.damage", str(folder), str(seed), str(end - seed)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        reason = f"code {done.returncode}, {' '.join(done.stderr.split()[:20])}"
+        lines = [json.loads(line) for line in done.stdout.splitlines()]
+        if not lines:
+            raise RigError(f"the process that reads damaged files cannot be run: {reason}")
+        faults += [f"seed {line['seed']}, {line['fault']}" for line in lines if line.get("fault")]
+        seed = lines[-1]["seed"] + 1
+        if "fault" not in lines[-1]:
+            faults.append(f"seed {lines[-1]['seed']}: {reason}")
+    return faults
 
 
-def _remove_bytes(data: bytearray, dice: random.Random) -> None:
-    start = dice.randrange(len(data))
-    del data[start : start + dice.randint(1, MAX_SPLICE)]
+def main(folder: str, first: str, count: str) -> None:
+    """Damage and read; a file that takes too long ends the process."""
+    paths = sorted(Path(folder).glob("*.*"))
+    originals = [(path.suffix, path.read_bytes()) for path in paths]
+    work = Path(folder, "work")
+    work.mkdir(exist_ok=True)
+    for path in paths:  # the libraries are loaded now: their size does not count
+        for read in choose_ways(path.suffix):
+            try_to_read(read, path)
+    limit_memory()
+    for seed in range(int(first), int(first) + int(count)):
+        print(json.dumps({"seed": seed}), flush=True)
+        suffix, data = originals[seed % len(originals)]
+        path = work / f"damaged{suffix}"
+        path.write_bytes(mutate(data, seed))
+        faulthandler.dump_traceback_later(TIME_LIMIT, exit=True)
+        faults = [try_to_read(read, path) for read in choose_ways(suffix)]
+        print(json.dumps({"seed": seed, "fault": "; ".join(filter(None, faults))}), flush=True)
 
 
-def _overwrite_with_noise(data: bytearray, dice: random.Random) -> None:
-    start = dice.randrange(len(data))
-    size = min(dice.randint(1, MAX_SPLICE), len(data) - start)
-    data[start : start + size] = dice.randbytes(size)
+def limit_memory() -> None:
+    """Let this process have `MEMORY_LIMIT` more than it has, and no more."""
+    pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
+    limit = pages * resource.getpagesize() + MEMORY_LIMIT
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 
-def _change_record_length(data: bytearray, dice: random.Random) -> None:
-    kind, start, end = _choose_record(data, dice)
-    length = dice.choice((*_LENGTHS, end - start + 1, max(end - start - 1, 0)))
-    data[start - _FRAME.size : start] = _FRAME.pack(kind, length)
+def try_to_read(read: Callable[[Path], object], path: Path) -> str | None:
+    """Return what must not happen; None: the file is read, or refused in a sentence."""
+    try:
+        read(path)
+    except RigError:
+        pass
+    except Exception as error:  # noqa: BLE001 - whatever it is, it is what the bench looks for
+        return f"{type(error).__name__}: {error}"[:300]
+    return None
 
 
-def _write_number(data: bytearray, dice: random.Random) -> None:
-    """Overwrite what may be a size, near the beginning by preference: binary, or as digits."""
-    size = dice.choice((2, 4, 8))
-    place = dice.randrange(max(min(len(data), dice.choice((200, 2000, len(data)))) - size, 1))
-    number = dice.choice(_LENGTHS) % (1 << 8 * size)
-    is_text = dice.random() < 0.3
-    data[place : place + size] = (
-        str(number).encode("ascii") if is_text else number.to_bytes(size, dice.choice(_ORDERS))
-    )
+def choose_ways(suffix: str) -> list[Callable[[Path], object]]:
+    """Return the ways of reading a file."""
+    if suffix == SUFFIX:
+        return [judge_recording, inspect_recording]
+    return [{".json": read_results, ".toml": read_rig_file}.get(suffix, analyze_file)]
 
 
-def _repeat_bytes(data: bytearray, dice: random.Random) -> None:
-    """Nest deeper, count higher, or go on: a few bytes a thousand times."""
-    start = dice.randrange(len(data))
-    part = data[start : start + dice.randint(1, 20)]
-    data[start:start] = part * dice.choice((2, 50, 1000, 5000))
-
-
-_ORDERS: tuple[Literal["little", "big"], ...] = ("little", "big")
-_WAYS: tuple[Callable[[bytearray, random.Random], None], ...] = (
-    _flip_bits,
-    _cut_off,
-    _remove_bytes,
-    _overwrite_with_noise,
-    _write_number,
-    _repeat_bytes,
-)
-
-
-def _find_records(data: bytearray) -> Iterator[tuple[int, int, int]]:
-    """Yield kind, start and end of the content of each record, also in uncompressed chunks."""
-    yield from _find_records_between(data, _MAGIC_SIZE, len(data))
-
-
-def _find_records_between(data: bytearray, place: int, end: int) -> Iterator[tuple[int, int, int]]:
-    while place + _FRAME.size <= end:
-        kind, length = _FRAME.unpack_from(data, place)
-        start, place = place + _FRAME.size, place + _FRAME.size + length
-        if place > end:
-            return
-        yield kind, start, place
-        is_plain = data[start + _CHUNK_NAME : start + _CHUNK_NAME + 4] == bytes(4)
-        if kind == _CHUNK and is_plain:
-            yield from _find_records_between(data, start + _CHUNK_DATA, place)
-
-
-def _choose_record(data: bytearray, dice: random.Random) -> tuple[int, int, int]:
-    """Return kind, start and end of a record; of all bytes where there is none any more."""
-    records = list(_find_records(data))
-    return dice.choice(records) if records else (0, min(_FRAME.size, len(data)), len(data))
-
-
-MEMORY_LIMIT = 500 << 20  # [byte], for reading: a thousand times the spoilt recordings
-
-
-def analyze(path: Path) -> None:
+def judge_recording(path: Path) -> None:
     """Find and judge the hits; what is estimated from them afterwards knows no files."""
     session: Session | None = None
     for event in read_recording(path).events():
@@ -160,6 +166,12 @@ def analyze(path: Path) -> None:
             session = Session(event)
         elif session is not None:
             session.feed(event)
+
+
+SERIES = make_series(
+    {"hammer_mass": 0.5, "sample_mass": 1.0, "hammer_unit": "m/s^2", "cutoff": 0.0},
+)
+"""What is stated of all files."""
 
 
 def analyze_file(path: Path) -> None:
@@ -170,55 +182,92 @@ def analyze_file(path: Path) -> None:
     analyze_source(files)
 
 
-SERIES = make_series(
-    {"hammer_mass": 0.5, "sample_mass": 1.0, "hammer_unit": "m/s^2", "cutoff": 0.0},
-)
-"""What is stated of all files."""
+SIZES = (0, 1, 0xFF, 0xFFFF, 1 << 31, 0xFFFFFFFF, 10 << 30, 1 << 62, (1 << 64) - 1)
+"""What a size may be made: nothing, borders of number types, 10 GB, and beyond every file."""
+FRAME = struct.Struct("<BQ")  # kind and length of an MCAP record
+CHUNK = 6  # kind of a record that holds others
+CHUNK_CHECKSUM = 24  # where its content has the four bytes
 
 
-def choose_operations(suffix: str) -> dict[str, Callable[[Path], object]]:
-    """Return the ways of reading a file, by their names."""
-    if suffix == SUFFIX:
-        return {"analyze": analyze, "info": inspect_recording}
-    others = {".json": read_results, ".toml": read_rig_file}
-    return {suffix: others.get(suffix, analyze_file)}
+def mutate(data: bytes, seed: int) -> bytes:
+    """Return a damaged copy of a file; the same seed damages the same bytes."""
+    dice = random.Random(seed)
+    damaged = bytearray(data)
+    ways = [flip_bits, cut_off, remove_bytes, overwrite_with_noise, write_size, repeat_bytes]
+    if data.startswith(MAGIC):
+        ways.append(change_record_length)
+        # Behind checksums hardly any damage would reach the messages.
+        if dice.random() < 0.5:
+            drop_checksums(damaged)
+    for _ in range(dice.choice((1, 1, 1, 2, 3))):
+        if damaged:
+            dice.choice(ways)(damaged, dice)
+    return bytes(damaged)
 
 
-def try_operation(operation: Callable[[Path], object], path: Path) -> str:
-    """Return how it ended: "read", "refused" in one sentence, "no memory", or the fault."""
-    try:
-        operation(path)
-    except RigError:
-        return "refused"
-    except MemoryError:
-        return "no memory"
-    except Exception as error:  # noqa: BLE001 - whatever it is, it is what the bench looks for
-        return f"{type(error).__name__}: {error}"[:300]
-    return "read"
+def flip_bits(data: bytearray, dice: random.Random) -> None:
+    """Flip up to 20 bits."""
+    for _ in range(dice.randint(1, 20)):
+        data[dice.randrange(len(data))] ^= 1 << dice.randrange(8)
 
 
-def limit_memory() -> None:
-    """Let this process have `MEMORY_LIMIT` more than it has, and no more."""
-    pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
-    limit = pages * resource.getpagesize() + MEMORY_LIMIT
-    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+def cut_off(data: bytearray, dice: random.Random) -> None:
+    """End the file at any byte."""
+    del data[dice.randrange(len(data)) :]
 
 
-def main(folder: str, first: str, count: str) -> None:
-    """Spoil and read."""
-    originals = [(path.suffix, path.read_bytes()) for path in sorted(Path(folder).glob("*.*"))]
-    work = Path(folder, "work")
-    shutil.rmtree(work, ignore_errors=True)
-    work.mkdir()
-    limit_memory()
-    for seed in range(int(first), int(first) + int(count)):
-        print(json.dumps({"seed": seed}), flush=True)
-        suffix, data = originals[seed % len(originals)]
-        path = work / f"spoilt{suffix}"
-        path.write_bytes(mutate(data, seed))
-        operations = choose_operations(suffix)
-        outcomes = {name: try_operation(operate, path) for name, operate in operations.items()}
-        print(json.dumps({"seed": seed, "outcomes": outcomes}), flush=True)
+def remove_bytes(data: bytearray, dice: random.Random) -> None:
+    """Take up to 5000 bytes out."""
+    start = dice.randrange(len(data))
+    del data[start : start + dice.randint(1, 5000)]
+
+
+def overwrite_with_noise(data: bytearray, dice: random.Random) -> None:
+    """Overwrite up to 5000 bytes."""
+    start = dice.randrange(len(data))
+    size = min(dice.randint(1, 5000), len(data) - start)
+    data[start : start + size] = dice.randbytes(size)
+
+
+def write_size(data: bytearray, dice: random.Random) -> None:
+    """Overwrite what may be a size, near the beginning by preference: binary, or as digits."""
+    width = dice.choice((2, 4, 8))
+    place = dice.randrange(max(min(len(data), dice.choice((200, 2000, len(data)))) - width, 1))
+    number = dice.choice(SIZES) % (1 << 8 * width)
+    if dice.random() < 0.3:
+        data[place : place + width] = str(number).encode("ascii")
+    else:
+        data[place : place + width] = number.to_bytes(width, dice.choice(("little", "big")))
+
+
+def repeat_bytes(data: bytearray, dice: random.Random) -> None:
+    """Nest deeper, count higher, or go on: a few bytes up to 5000 times."""
+    start = dice.randrange(len(data))
+    few = data[start : start + dice.randint(1, 20)]
+    data[start:start] = few * dice.choice((2, 50, 1000, 5000))
+
+
+def find_records(data: bytearray) -> Iterator[tuple[int, int]]:
+    """Yield kind and place of the content of each record of an MCAP file."""
+    place = len(MAGIC)
+    while place + FRAME.size <= len(data):
+        kind, length = FRAME.unpack_from(data, place)
+        yield kind, place + FRAME.size
+        place += FRAME.size + length
+
+
+def change_record_length(data: bytearray, dice: random.Random) -> None:
+    """Give a record of an MCAP file another length."""
+    if records := list(find_records(data)):
+        kind, start = dice.choice(records)
+        data[start - FRAME.size : start] = FRAME.pack(kind, dice.choice(SIZES))
+
+
+def drop_checksums(data: bytearray) -> None:
+    """Take the checksums of all chunks away."""
+    for kind, start in find_records(data):
+        if kind == CHUNK:
+            data[start + CHUNK_CHECKSUM : start + CHUNK_CHECKSUM + 4] = bytes(4)
 
 
 if __name__ == "__main__":

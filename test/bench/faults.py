@@ -11,9 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from bench.measure import Bench, Figure, at_most, part
-from bench.rig_processes import STOP_TIMEOUT, RigProcesses, use_own_domain
+from bench.rig_processes import RigProcesses, use_own_domain
 from impact_rig.analysis.analyze import analyze
-from impact_rig.configuration.processes import list_rig_processes
 from impact_rig.recordings.new_file import choose_free
 from impact_rig.recordings.reader import read_recording
 from impact_rig.results.results_file import format_json, results_to_json
@@ -23,23 +22,13 @@ IMPACTS = 3
 CAMPAIGN = ("--impacts", str(IMPACTS), *(word for name in SAMPLES for word in ("--sample", name)))
 OVERRIDES = {"hammer": {"swing_time": 0.2}}
 """The fault should meet every part of a hit, and swings are most of it."""
-LONGEST_WAIT = 1.5
-"""From the campaign's first word to the fault [s], our choice: what six hits take."""
-LONGEST_CAMPAIGN = 150.0
-"""[s], our choice: a freeze of 30 s, and all that is waited for after it."""
-A_RIG = 10
-"""Campaigns on one rig, our choice: it has to live through their faults one after the other."""
-TOLD = "SIGTERM"
-FAULTS = {
-    "kill -9": 0.0,
-    TOLD: 0.0,
-    "frozen for 1 s": 1.0,
-    "frozen for 5 s": 5.0,
-    "frozen for 30 s": 30.0,
-}
-"""And how long a node stands still [s]. One that has ended is started again."""
-LOOK_PERIOD = 0.5
-"""How often it is looked whether a person has to arm the hammer [s]."""
+LONGEST_WAIT = 1.5  # [s], from the campaign's first word to the fault: what six hits take
+LONGEST_CAMPAIGN = 150.0  # [s]: a freeze of 30 s, and all that is waited for after it
+A_RIG = 10  # campaigns on one rig, which lives through their faults one after the other
+SIGNALS = {"kill -9": signal.SIGKILL, "SIGTERM": signal.SIGTERM}
+"""What ends a node, which is started again then."""
+FREEZES = {"frozen for 1 s": 1.0, "frozen for 5 s": 5.0, "frozen for 30 s": 30.0}  # [s]
+LOOK_PERIOD = 0.5  # [s], of looking whether a person has to arm the hammer
 _ARM = "hammer/arm"
 _PAUSES = re.compile(r"^paused:(.*)$", re.MULTILINE)
 
@@ -53,37 +42,26 @@ class FaultyRig:
         Which it is started in.
     folder : Path
         Of its recording.
-
-    Attributes
-    ----------
-    nodes : dict
-        Their parameters, by name.
     """
 
     def __init__(self, processes: RigProcesses, folder: Path) -> None:
         self._processes = processes
         self._folder = folder
-        self.nodes = {
-            node.name: dict(node.parameters)
-            for node in list_rig_processes(folder, visualize=False, overrides=OVERRIDES)
-        }
-        self._running = {
-            name: processes.start_node(name, **parameters)
-            for name, parameters in self.nodes.items()
-        }
+        self._running = processes.start_rig(folder, OVERRIDES)
+        self.nodes = list(self._running)
 
     def run(self, fault: str, node: str, wait: float) -> tuple[str, int]:
         """Run a campaign with a fault; return what was wrong, empty: nothing, and its pauses."""
         output = choose_free(self._folder / "results")
         log = choose_free(self._folder / "campaign.log")
+        deadline = time.monotonic() + LONGEST_CAMPAIGN
         command = self._processes.start_command(
             "campaign", *CAMPAIGN, "--output", str(output), log=log
         )
-        deadline = time.monotonic() + LONGEST_CAMPAIGN
-        while "sample 1 of" not in log.read_text() and command.poll() is None:
-            if time.monotonic() > deadline:
-                break
-            time.sleep(0.01)
+        self._processes.wait_until(
+            lambda: "sample 1 of" in log.read_text() or command.poll() is not None,
+            "the campaign does not begin",
+        )
         time.sleep(wait)
         self._inflict(fault, node)
         code = self._attend(command, log, deadline)
@@ -95,16 +73,16 @@ class FaultyRig:
         text = log.read_text()
         pauses = _PAUSES.findall(text)
         if code is None:
-            command.terminate()
-            command.wait(STOP_TIMEOUT)
-            return f"no end within {LONGEST_CAMPAIGN:g} s: {text[-300:]}", len(pauses)
-        if code:
-            return f"code {code}: {text.strip()[-300:]}", len(pauses)
-        if not all(reason.strip() for reason in pauses):
-            return "a pause without a reason", len(pauses)
-        return self._compare(output), len(pauses)
+            self._processes.kill(["impact-rig campaign"])
+        if code != 0:
+            complaint = f"code {code}, None is no end in time: {text.strip()[-300:]}"
+        elif not all(reason.strip() for reason in pauses):
+            complaint = "a pause without a reason"
+        else:
+            complaint = self._compare(output)
+        return complaint, len(pauses)
 
-    def _attend(self, command: subprocess.Popen[str], log: Path, deadline: float) -> int | None:
+    def _attend(self, command: subprocess.Popen[bytes], log: Path, deadline: float) -> int | None:
         """Arm the hammer when the campaign waits for that; return the exit code, None: no end."""
         while command.poll() is None and time.monotonic() < deadline:
             if _ARM in log.read_text().rpartition("paused:")[2]:
@@ -114,14 +92,14 @@ class FaultyRig:
 
     def _inflict(self, fault: str, node: str) -> None:
         process = self._running[node]
-        if FAULTS[fault]:
+        if fault in FREEZES:
             process.send_signal(signal.SIGSTOP)
-            time.sleep(FAULTS[fault])
+            time.sleep(FREEZES[fault])
             process.send_signal(signal.SIGCONT)
-            return
-        process.send_signal(signal.SIGKILL if fault != TOLD else signal.SIGTERM)
-        process.wait()
-        self._running[node] = self._processes.start_node(node, **self.nodes[node])
+        else:
+            process.send_signal(SIGNALS[fault])
+            process.wait()
+            self._running[node] = self._processes.restart(node)
 
     def _compare(self, output: Path) -> str:
         """Return what is missing or double in the results, or not in the recordings."""
@@ -154,7 +132,7 @@ def measure_faults(bench: Bench) -> Iterator[Figure]:
         ):
             rig = FaultyRig(processes, folder)
             for number in range(first, min(first + A_RIG, total)):
-                fault, node = dice.choice(list(FAULTS)), dice.choice(list(rig.nodes))
+                fault, node = dice.choice([*SIGNALS, *FREEZES]), dice.choice(rig.nodes)
                 wait = dice.uniform(0.0, LONGEST_WAIT)
                 complaint, told = rig.run(fault, node, wait)
                 pauses += told

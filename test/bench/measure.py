@@ -116,7 +116,6 @@ class Extent:
     simulated: int = 36  # campaigns on each plant, and series of each fault, in part study
     repeats: int = 7  # of each figure that is a time
     seed: int = 1
-    as_json: bool = False
 
 
 FULL = Extent(demos=5, seconds=60.0, kills=50, mutations=2000, simulated=360)
