@@ -47,7 +47,7 @@ MEMORY_LIMIT = 500 << 20  # [byte], for reading: a thousand times the damaged re
 DATA = Path(__file__).parents[1] / "data" / "repeat_shock"
 
 
-@part("fuzz", "Damaged files of every format: no hang, no crash, memory bounded", 30.0)
+@part("fuzz", "Damaged files of every format: no hang, no crash, memory bounded", 45.0)
 def measure_fuzz(bench: Bench) -> Iterator[Figure]:
     """Damage small files of every format, and read them in every way that there is."""
     recordings, others = bench.folder / "recordings", bench.folder / "others"

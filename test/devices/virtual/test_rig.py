@@ -80,22 +80,13 @@ def test_coupling_answers_a_step_as_an_rc_stage_does():
     ("changes", "message"),
     [
         ({"sampling_rate": 0.0}, "sampling rate is 0.0 Hz"),
-        ({"record_duration": -1.0}, "record duration is -1.0 s"),
         ({"record_duration": 1e-6}, "which is 2 points at 2.5e+06 Hz: a record needs 100"),
         ({"pre_trigger": 1.0}, "pre-trigger is 1.0: it must lie between 0 and 0.002"),
         ({"bits": 2}, "bits is 2: it must lie between 4 and 31"),
         ({"hammer_full_scale": 0.0}, "hammer full scale is 0.0 m/s^2"),
-        ({"specimen_full_scale": -1.0}, "sample full scale is -1.0 m/s^2"),
-        ({"noise": 2.0}, "noise is 2.0"),
-        ({"offset": -0.1}, "offset is -0.1"),
         ({"drift": float("nan")}, "drift is nan"),
-        ({"coupling_frequency": -1.0}, "coupling frequency is -1.0 Hz"),
-        ({"trigger_jitter": -1.0}, "trigger jitter is -1.0 s"),
         ({"seed": -1}, "seed is -1: it must be 0 or more"),
-        ({"contact_time_scatter": 0.5}, "contact time scatter is 0.5"),
-        ({"amplitude_scatter": -0.1}, "amplitude scatter is -0.1"),
         ({"asymmetry": 0.8}, "asymmetry is 0.8: it must lie between -0.5 and 0.5"),
-        ({"hammer_damping": -1.0}, "hammer damping coefficient is -1.0 N s/m"),
     ],
 )
 def test_impossible_settings_are_refused(changes, message):
@@ -166,22 +157,17 @@ def test_orders_are_read_from_text(text, expected):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "3", "double_hit", "x:double_hit", "-1:overload", "1.5:weak"]
+    ("text", "message"),
+    [
+        ("double_hit", "'double_hit': write .*for example 3:double_hit"),
+        ("1.5:weak", "for example 3:double_hit"),
+        ("0:overload", "impact number of a fault is 0: it must lie between"),
+        ("3:earthquake", "unknown fault 'earthquake': the virtual rig knows"),
+    ],
 )
-def test_another_form_is_refused_with_an_example(text):
-    with pytest.raises(ParameterError) as error:
+def test_an_order_that_cannot_be_meant_is_refused(text, message):
+    with pytest.raises(ParameterError, match=message):
         scheduled_fault_from_text(text)
-    assert repr(text) in str(error.value)
-    assert "for example 3:double_hit" in str(error.value)
-
-
-def test_impossible_orders_are_refused():
-    with pytest.raises(ParameterError, match="impact number of a fault is 0: it must lie between"):
-        scheduled_fault_from_text("0:overload")
-    with pytest.raises(ParameterError, match="unknown fault 'earthquake': the virtual rig knows"):
-        scheduled_fault_from_text("3:earthquake")
-    with pytest.raises(ParameterError, match=r"fault probability is 1\.5: it must lie between"):
-        FaultPlan(1.5)
 
 
 BLOCK_SIZE = 1000
