@@ -11,13 +11,11 @@ from hypothesis import strategies as st
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits import JudgedHit
-from impact_rig.core.pulses import PULSE_SHAPES, VERSED_SINE
 from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session, SessionResults
 from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP, PUBLISHED_SAMPLES
 from impact_rig.core.verdict import Reason
-from impact_rig.devices.virtual import rig as virtual_rig
-from impact_rig.devices.virtual.choices import Fault, Plant
+from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import (
     DigitizerSettings,
     FaultPlan,
@@ -47,12 +45,10 @@ def test_quantisation_is_off_by_half_a_step_at_most(bits, full_scale, seed):
     assert np.abs(counts * step - signal).max() <= step / 2 * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("bits", [8, 12, 16])
-def test_what_does_not_fit_stands_at_the_rails(bits):
-    settings = DigitizerSettings(bits=bits, noise=0.0, offset=0.0, coupling_frequency=0.0)
+def test_what_does_not_fit_stands_at_the_rails():
+    settings = DigitizerSettings(bits=12, noise=0.0, offset=0.0, coupling_frequency=0.0)
     counts = digitize(np.array([-1e9, -101.0, 101.0, 1e9]), 100.0, settings, make_random())
-    low, high = -(2 ** (bits - 1)), 2 ** (bits - 1) - 1
-    np.testing.assert_array_equal(counts, [low, low, high, high])
+    np.testing.assert_array_equal(counts, [-2048, -2048, 2047, 2047])
 
 
 def test_noise_offset_and_drift_are_parts_of_full_scale():
@@ -117,15 +113,6 @@ def test_each_fault_comes_with_its_probability():
         share = sum(fault in faults for faults in drawn) / 4000
         # Three standard deviations of 4000 draws.
         assert share == pytest.approx(0.1, abs=3 * np.sqrt(0.1 * 0.9 / 4000))
-
-
-@given(probability=st.floats(0, 1), faults=st.sets(st.sampled_from(Fault)))
-def test_a_draw_takes_the_same_from_its_source_whatever_comes(probability, faults):
-    # So that what is drawn afterwards does not depend on the plan.
-    random, reference = np.random.default_rng(5), np.random.default_rng(5)
-    FaultPlan(probability, tuple(faults)).draw(LABEL, random)
-    FaultPlan().draw(LABEL, reference)
-    assert random.random() == reference.random()
 
 
 @pytest.mark.parametrize(
@@ -216,12 +203,6 @@ class TestHit:
         assert times.std() == pytest.approx(3e-3, rel=3 / math.sqrt(800))
         assert forces.std() / forces.mean() == pytest.approx(2e-2, rel=3 / math.sqrt(800))
 
-    def test_is_measured_as_it_was_made(self):
-        for name in NAMES:
-            hit = strike(HitLabel(name))
-            # Two steps of noise: 0.1 % in a single hit's width.
-            assert judge(hit).contact_time == pytest.approx(hit.model.contact_time, rel=4e-3)
-
     @given(label=labels)
     @settings(max_examples=12)
     def test_stays_the_same_when_faults_are_drawn_beside_it(self, label):
@@ -230,13 +211,6 @@ class TestHit:
         faulty = strike(label, faults=plan)
         np.testing.assert_array_equal(faulty.hammer.output, plain.hammer.output)
         assert faulty.model == plain.model
-
-    def test_uses_the_digitizers_range(self):
-        for name in NAMES:
-            hit = strike(HitLabel(name))
-            for channel in (hit.hammer, hit.specimen):
-                used = np.abs(channel.output).max() * abs(channel.scale) / channel.full_scale
-                assert 0.05 < used < 0.95
 
 
 class TestStream:
@@ -256,12 +230,9 @@ class TestStream:
             joined = np.concatenate([getattr(block, name).output for block in blocks])
             np.testing.assert_array_equal(joined, getattr(hit, name).output)
 
-    @pytest.mark.parametrize("size", [100, 1000, 2500, 4999])
-    def test_lacks_a_lost_block(self, size):
-        label = HitLabel("steel small")
-        whole = strike(label).split(size, stamp=0)
-        lossy = strike(label, faults=FaultPlan(1.0, (Fault.LOST_BLOCK,))).split(size, stamp=0)
-        assert len(lossy) == len(whole) - 1
+    def test_lacks_a_lost_block(self):
+        lossy = strike(LABEL, faults=FaultPlan(1.0, (Fault.LOST_BLOCK,))).split(1000, stamp=0)
+        assert [block.first_sample for block in lossy] == [0, 1000, 3000, 4000]
         assert lossy[-1].last
 
 
@@ -290,22 +261,6 @@ class TestFaults:
         judged = judge(strike(label, seed=seed, faults=FaultPlan(1.0, (fault,))))
         assert {item.reason for item in judged.rejections} == {REASONS[fault]}
 
-    @pytest.mark.parametrize(
-        ("plant", "shape"),
-        [(Plant.DYNAMICS, VERSED_SINE), *((Plant.PUBLISHED, shape) for shape in PULSE_SHAPES)],
-    )
-    def test_the_faintest_and_nearest_double_hit_is_named_for_every_pulse(
-        self, monkeypatch, plant, shape
-    ):
-        monkeypatch.setattr(virtual_rig, "DOUBLE_HEIGHT_RANGE", (0.05, 0.05))
-        monkeypatch.setattr(virtual_rig, "DOUBLE_DELAY_RANGE", (1.2, 1.2))
-        plan = FaultPlan(1.0, (Fault.DOUBLE_HIT,))
-        for name in PAPER_SETUP.samples.names:
-            hit = strike(HitLabel(name), plant=plant, pulse_shape=shape, faults=plan)
-            assert {item.reason for item in judge(hit).rejections} == {Reason.DOUBLE_HIT}
-            good = strike(HitLabel(name), plant=plant, pulse_shape=shape)
-            assert judge(good).accepted
-
     @given(
         label=labels,
         seed=st.integers(0, 1000),
@@ -320,17 +275,6 @@ class TestFaults:
             # What would show that the hammer's channel is dead is lost.
             expected.add(Reason.NO_PULSE)
         assert found <= expected
-
-    def test_drift_does_not_change_the_contact_time(self):
-        quiet = VirtualRigSettings()
-        drifting = replace(quiet, digitizer=replace(quiet.digitizer, drift=0.01))
-        label = HitLabel("steel small")
-        plain, drifted = (
-            judge(VirtualRig(PAPER_SETUP, item).strike(label)) for item in (quiet, drifting)
-        )
-        assert drifted.accepted
-        # 1 % of full scale over the record is 0.1 % over the pulse, of half its height.
-        assert drifted.contact_time == pytest.approx(plain.contact_time, rel=5e-3)
 
 
 def run_campaign(
@@ -386,16 +330,3 @@ class TestCampaign:
         rejected = [judged.label for _, judged in hits if not judged.accepted]
         assert [judged.label for judged in results.rejected] == rejected
         assert len(rejected) > 4  # of some 38 attempts nearly half are faulty
-
-    def test_on_the_driven_model_finds_its_truth(self):
-        rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=1, plant=Plant.DYNAMICS))
-        results, _ = run_campaign(rig, impacts=3)
-        for found, cell in zip(results.samples, PUBLISHED_SAMPLES, strict=True):
-            assert found.contact_time.is_known
-            assert found.contact_time.value == pytest.approx(cell.contact_time, rel=5e-3)
-            # U1 lies inside the forced contact: the paper's damping is biased by up to 15 %.
-            assert found.damping_coefficient.value == pytest.approx(
-                cell.damping_coefficient, rel=0.2
-            )
-            # The model is the truth here: what is left is the damping's bias and noise.
-            assert found.mse_sample_percent < 0.1
