@@ -38,7 +38,7 @@ def report_recording(
     is_full: bool,
     as_json: bool,
 ) -> None:
-    """Analyze one recording and print what it says.
+    """Analyze one recording and print the results.
 
     Raises as `read_recording` and `analyze`.
     """
@@ -58,7 +58,7 @@ def report_files(
     is_full: bool,
     as_json: bool,
 ) -> list[str]:
-    """Analyze plain files and print what they say; return what is wrong with some.
+    """Analyze plain files and print the results; return the errors.
 
     Raises as `analyze` and `make_series`.
     """
@@ -91,7 +91,7 @@ def _report_analysis(path: Path, analysis: Analysis, *, is_full: bool, as_json: 
 
 
 def report_results(path: Path, *, is_full: bool, as_json: bool) -> None:
-    """Print what a results file says; raises as `read_results`."""
+    """Print a results file; raises as `read_results`."""
     results = read_results(path)
     if as_json:
         click.echo(format_json(results_to_json(results)), nl=False)
@@ -110,28 +110,12 @@ def report_batch(
 ) -> list[str]:
     """Analyze many recordings and print them in one table, or as one JSON list.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Of the recordings, each once.
-    settings : mapping
-        Settings to use in place of the recorded ones.
-    workers : int or None
-        Processes; None: what is fastest.
-    scheduler : str or None
-        Address of a Dask cluster to use instead.
-    as_json : bool
-        JSON, no tables.
-
-    Returns
-    -------
-    list of str
-        What is wrong with the recordings that could not be analyzed.
+    Returns the errors of recordings that could not be analyzed.
 
     Raises
     ------
     RigError
-        If the cluster cannot be used.
+        If the Dask cluster cannot be used.
     """
     # The workers of a cluster have other working folders.
     named = [path.absolute() if scheduler else path for path in paths]
@@ -216,22 +200,22 @@ def run(
         if workers is not None or scheduler is not None:
             raise ParameterError("--workers and --scheduler are for recordings")
         errors += report_files(others, measured, accept, reject, is_full=is_full, as_json=as_json)
-    errors = list(dict.fromkeys(errors))  # what is wrong with an option is so for all files
+    errors = list(dict.fromkeys(errors))  # an error of an option comes with each file
     raise_errors(errors)
 
 
 def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:
-    """Return the files and recordings that are meant, each once, and what is wrong with others."""
+    """Return the files and recordings to analyze, each once, and the errors of others."""
     found: list[Path] = []
     errors: list[str] = []
     for path in named:
         try:
             parts = find_recordings(path) if path.is_dir() else [path]
-            # A run that was resumed is one recording, in several files.
+            # A resumed run is one recording in several files.
             found.append(parts[0] if len(parts) == 1 else path)
         except FileError as error:
             kinds = sorted({file.suffix for file in path.iterdir()} & {*READABLE})
-            named_so = [f"; of others name those that are meant: {path}/*{kind}" for kind in kinds]
+            named_so = [f"; name other files one by one, like {path}/*{kind}" for kind in kinds]
             errors.append("".join([str(error), *named_so[:1]]))
         except OSError as error:
             errors.append(f"{path} cannot be read: {error.strerror}")
@@ -241,19 +225,19 @@ def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:
 
 
 def _check_results_alone(files: Sequence[Path]) -> None:
-    """Refuse what a results file has no use for: its hits are judged, its numbers estimated."""
+    """Refuse options for hits: those of a results file are judged already."""
     results = next(path for path in files if path.suffix == RESULTS_SUFFIX)
     if len(files) > 1:
         raise ParameterError(f"{results} is a results file: it is shown alone, without others")
     command = click.get_current_context().command
     options.refuse_given(
         {parameter.name or "" for parameter in command.params} - RESULTS_OPTIONS,
-        f"changes nothing in {results}, a results file: analyze its recording",
+        f"does not change {results}, a results file: analyze its recording",
     )
 
 
 def _check_batch_options(accept: Sequence[str], reject: Sequence[str]) -> None:
-    """Refuse to overrule verdicts where a hit's name may stand for hits of many recordings."""
+    """Refuse to overrule verdicts of many recordings: a hit's name would mean several hits."""
     if accept or reject:
         raise ParameterError(
             "--accept and --reject name hits of one recording: analyze recordings one by one"

@@ -21,7 +21,7 @@ def read_sensors(contents: Contents) -> tuple[Sensor, ...]:
     """Return the sensors of all set-ups of a recording, each once."""
     found: list[Sensor] = []
     for message in contents.setups.values():
-        # `analyze` reports what is wrong with a set-up.
+        # `analyze` reports errors of a set-up.
         with contextlib.suppress(RigError, AttributeError, TypeError):
             found += setup_from_msg(message).sensors
     # By their words: a sensitivity that is not known (NaN) is not equal to itself.
@@ -59,7 +59,7 @@ def describe_hits(contents: Contents) -> str:
 
 
 def describe_losses(contents: Contents) -> str:
-    """Return as text what was lost while recording."""
+    """Return in words what was lost while recording."""
     gaps = [
         (
             "the blocks",
@@ -83,7 +83,7 @@ def describe_losses(contents: Contents) -> str:
 
 
 def read_fields(contents: Contents, name: str) -> dict[str, str]:
-    """Return the last metadata record of a name; empty: there is none."""
+    """Return the last metadata record of a name; empty without one."""
     records = [record.fields for record in contents.metadata if record.name == name]
     return records[-1] if records else {}
 

@@ -82,8 +82,8 @@ class RunningRig:
 def run_rig(folder: Path, arguments: Sequence[str]) -> Iterator[RunningRig]:
     """Start `impact-rig up` for the run of a folder; stop it at the end of the block."""
     log = folder / LOG_NAME
-    # A session of its own: Ctrl-C reaches this process alone, which then stops the rig. Its
-    # standard input ends when this process does, however it ends.
+    # In a new session, so that Ctrl-C reaches this process alone, which then stops the rig. Its
+    # standard input ends with this process, also when that is killed.
     process = subprocess.Popen(
         [
             sys.executable, "-P", "-m", "impact_rig.cli.main", "up", "--output",

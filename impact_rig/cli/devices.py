@@ -49,7 +49,7 @@ KINDS = {SOURCES: "source", HOLDERS: "holder"}
 
 @dataclass(frozen=True)
 class SurveyedDriver:
-    """A driver, and what its search has found."""
+    """A driver, and the devices that it finds."""
 
     kind: str  # "source" or "holder"
     name: str  # in the rig file
@@ -61,7 +61,7 @@ class SurveyedDriver:
 
 
 def survey_drivers(name: str = "") -> list[SurveyedDriver]:
-    """Let the drivers of a name, or all, search for their devices.
+    """Search for devices with the drivers of a name, or with all.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def _survey(kind: str, driver: Driver) -> SurveyedDriver:
 
 
 Facts = dict[str, str]
-"""What a device is and does, by the names of these facts; `TROUBLE` is what is wrong."""
+"""Facts about a device, by name; an error is the fact `TROUBLE`."""
 TROUBLE = "trouble"
 SAME_RATE = 1e-6
 """Part by which two equal rates may differ [-]: rounding."""

@@ -1,4 +1,4 @@
-"""`impact-rig doctor`: what is installed, what is broken, what to do about it."""
+"""`impact-rig doctor`: what is installed, what is broken, how to repair it."""
 
 import contextlib
 import os
@@ -32,7 +32,7 @@ from impact_rig.results.results_file import format_json
 
 
 class Status(Enum):
-    """How good a finding is; a fault keeps the rig from working."""
+    """How good a finding is; with a fault the rig cannot work."""
 
     OK = "ok"
     WARNING = "warning"
@@ -46,7 +46,7 @@ class Finding:
     name: str
     text: str
     status: Status = Status.OK
-    advice: str = ""  # empty where all is well
+    advice: str = ""  # empty without a fault
 
 
 DISTRIBUTION = "jazzy"
@@ -78,13 +78,7 @@ def check_ros() -> list[Finding]:
 
 
 def check_conversation(timeout: float = PROBE_TIMEOUT) -> Finding:
-    """Let two processes of this host exchange a message.
-
-    Parameters
-    ----------
-    timeout : float
-        For all of it [s].
-    """
+    """Exchange a message between two processes of this host, within `timeout` [s]."""
     name = "two processes"
     if util.find_spec("rclpy") is None:
         return Finding(name, "not tried: there is no rclpy", Status.FAULT, "install ROS 2 first")
@@ -104,7 +98,7 @@ def check_conversation(timeout: float = PROBE_TIMEOUT) -> Finding:
                 process.communicate()
     if listener.returncode:
         reason = (errors.strip() or f"exit code {listener.returncode}").splitlines()[-1]
-        return Finding(name, reason, Status.FAULT, "mend what is marked above first")
+        return Finding(name, reason, Status.FAULT, "repair the faults above first")
     return Finding(name, f"exchange messages by {output.strip()}")
 
 
@@ -142,22 +136,22 @@ def check_drivers() -> list[Finding]:
 
 
 def check_disk(folder: Path) -> Finding:
-    """Look whether a campaign can be recorded in a folder."""
+    """Check whether a campaign can be recorded in a folder."""
     if not os.access(folder, os.W_OK):
-        advice = "change into a folder of yours, or give --output"
+        advice = "change into a folder that you can write, or give --output"
         return Finding("disk", f"{folder} cannot be written", Status.FAULT, advice)
     return Finding("disk", f"{shutil.disk_usage(folder).free / 1e9:.1f} GB free in {folder}")
 
 
 def check_shared_memory(folder: Path = SHARED_MEMORY) -> Finding:
-    """Look whether there is the shared memory that every node takes."""
+    """Check the shared memory that every node uses."""
     name = "shared memory"
     if not folder.is_dir():
         return Finding(name, f"there is no {folder}", Status.WARNING, "messages go over UDP")
     free = shutil.disk_usage(folder).free
     text = f"{free / 1e6:.0f} MB free in {folder}"
     if free < LEAST_SHARED_MEMORY:
-        advice = "once no node runs, remove what dead ones left there (fastrtps_*)"
+        advice = "when no node runs, remove the files of dead ones there (fastrtps_*)"
         return Finding(name, text, Status.FAULT, advice)
     return Finding(name, text)
 
@@ -197,6 +191,6 @@ def _print_findings(console: Console, findings: Sequence[Finding]) -> None:
     print_facts(console, rows)
     faults = sum(finding.status is Status.FAULT for finding in findings)
     if faults:
-        console.print(f"{format_count(faults, 'fault')}: see what to do above.")
+        console.print(f"{format_count(faults, 'fault')}: see above.")
     else:
         console.print("The rig can work.")

@@ -1,4 +1,4 @@
-"""Several files on one command line: a bad one does not keep the others from being done."""
+"""Several files on one command line: after an error in one, the others are still processed."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
@@ -14,7 +14,7 @@ _T = TypeVar("_T")
 
 
 def process_each(files: Iterable[_S], process: Callable[[_S], _T]) -> tuple[list[_T], list[str]]:
-    """Return what came of the files that are good, and what is wrong with the others."""
+    """Process files; return the results, and the errors of the others."""
     results: list[_T] = []
     errors: list[str] = []
     for file in files:
@@ -40,6 +40,6 @@ def raise_errors(errors: Sequence[str]) -> None:
 
 
 def print_json(contents: Sequence[Any], *, is_list: bool) -> None:
-    """Print what came of one file or campaign as JSON, or a list; nothing came: nothing."""
+    """Print one content, or a list of them, as JSON; without any, nothing."""
     if contents:
         click.echo(format_json(list(contents) if is_list else contents[0]), nl=False)

@@ -32,14 +32,13 @@ from impact_rig.simulators.engines import ENGINES, format_contact
 
 RESULTS_ONLY = ".json"
 RESULTS_SUFFIXES = (RESULTS_ONLY, ".csv")
-"""What results are written to."""
+"""Formats of results."""
 DEFAULT_PARTS = {".json": {"results"}, ".csv": {"hits"}}
-"""What is exported by suffix where nothing is said: columns of text share their time, which hits
-and means do not."""
+"""What is exported by default. Columns of text share their time, but hits and means do not."""
 OTHER_PARTS = {"hits", "means"}
 TRACE_OPTIONS = {"what", "hits", "accepted_only", "filtered", "suffix"}
 _AWKWARD = re.compile(r"[^\w.+-]+")
-"""What file names are better without."""
+"""Characters that are replaced in file names."""
 
 Group = tuple[str, tuple[MeasuredChannel, ...]]
 """Name and channels of one hit or mean."""
@@ -58,13 +57,13 @@ class ExportTask:
     suffix: str | None = None  # of one file for each hit or mean
 
     def __post_init__(self) -> None:
-        """Refuse what does not go together."""
+        """Refuse options that exclude each other."""
         if self.suffix is not None:
             object.__setattr__(self, "suffix", "." + self.suffix.lstrip("."))
         has_results = "results" in self.parts
         formats = RESULTS_SUFFIXES if has_results else WRITABLE
         if has_results and (len(self.parts) > 1 or self.suffix):
-            raise ParameterError("results and traces do not go into the same files: export apart")
+            raise ParameterError("results and traces go into different files")
         if self.kind not in formats:
             raise ParameterError(
                 f"{'results' if has_results else 'traces'} are not written to"
@@ -90,7 +89,7 @@ def export_recording(path: Path, task: ExportTask) -> str:
     Raises
     ------
     FileError
-        If the recording cannot be read, holds nothing of what is wanted, or a file exists already
+        If the recording cannot be read, holds no such hit or mean, or a file exists already
         or cannot be written.
     ParameterError
         If there is no such sample or hit.
@@ -239,7 +238,7 @@ EXIT_DAMAGED = 1
 
 
 def save_sound_copy(path: Path, output: Path) -> None:
-    """Write what is sound in a recording to a new one, and say what is left out.
+    """Write the sound part of a recording to a new one, and print what is lost.
 
     Raises as `recover_recording`.
     """

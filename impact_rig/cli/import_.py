@@ -46,13 +46,13 @@ def run(files: tuple[Path, ...], output: Path | None, template: bool, **measured
 
 
 def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) -> list[str]:
-    """Write the recording; return what is wrong with files that are not in it."""
+    """Write the recording; return the errors of files that are not in it."""
     repeated = find_repeated_files(files)
     paths = [path for place, path in enumerate(files) if place not in repeated]
     read = MeasuredFiles(paths, series, needs_scale=True)
     hits, errors = read.hits, [*repeated.values(), *read.errors]
     if not hits:
-        return [*errors, f"none of the files could be used: {output} is not written"]
+        return [*errors, f"no file could be used: {output} is not written"]
     for remark in read.warnings:
         print_warning(remark)
     try:

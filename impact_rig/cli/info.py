@@ -41,7 +41,7 @@ EXIT_DAMAGED = 1  # the recording can be read, but not all of it is sound
 
 
 def describe_verdict(contents: Contents) -> str:
-    """Return in one sentence what a recording holds, or what is wrong with it."""
+    """Return in one sentence what a recording holds, or how it is damaged."""
     found = describe_hits(contents)
     if contents.problems:
         return (
@@ -186,7 +186,7 @@ def _count_reasons(contents: Contents) -> Counter[str]:
 
 
 def _print_incomplete_hits(console: Console, contents: Contents) -> None:
-    """Print the hits of which something is missing."""
+    """Print the incomplete hits."""
     hits = [hit for hit in contents.hits if hit.state is not HitState.SAVED]
     if not hits:
         return
@@ -203,7 +203,7 @@ def _print_incomplete_hits(console: Console, contents: Contents) -> None:
 
 
 def _print_topics(console: Console, contents: Contents) -> None:
-    """Print the topics with what is there of each, and what is not."""
+    """Print the topics with their messages, found and lost."""
     topics = contents.topics
     if not topics:
         return

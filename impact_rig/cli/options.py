@@ -23,13 +23,7 @@ from impact_rig.devices.virtual.choices import Fault, Plant
 
 
 class Parsed(click.ParamType):
-    """What a function makes of an option's name and text; it raises `ParameterError`.
-
-    Parameters
-    ----------
-    parse : callable
-        Gets both.
-    """
+    """An option whose value a function makes from the option's name and text."""
 
     name = "text"
 
@@ -39,22 +33,14 @@ class Parsed(click.ParamType):
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> Any:
-        """Return what the text means; a default, which is none, as it is."""
+        """Return the parsed text; a default, which is no text, unchanged."""
         if not isinstance(value, str):
             return value
         return self._parse(param.opts[-1] if param else self.name, value)
 
 
 def make_quantity(unit: str, example: str) -> Parsed:
-    """Return what takes a number in SI units, or a text with number and unit.
-
-    Parameters
-    ----------
-    unit : str
-        SI unit, in pint's notation.
-    example : str
-        A good value, for the message.
-    """
+    """Return a type for a number in SI units, or a text with number and unit."""
 
     def parse(name: str, text: str) -> float:
         try:
@@ -100,7 +86,7 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 def _combine(*options: Decorator) -> Decorator:
-    """Return what gives a command several options, in the order of the help."""
+    """Return one decorator for several options, in the order of the help."""
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
         for option in reversed(options):
@@ -191,12 +177,9 @@ campaign_options = _combine(
 
 
 def check_keep(keep: int, impacts: int) -> None:
-    """Raise `ParameterError` if more hits are to be kept than struck."""
+    """Raise `ParameterError` if --keep exceeds --impacts."""
     if keep > impacts:
-        raise ParameterError(
-            f"--keep {keep} asks for more hits than --impacts {impacts} gives: strike as many as"
-            " are kept, or more"
-        )
+        raise ParameterError(f"--keep {keep} is more than --impacts {impacts}: strike more hits")
 
 
 namespace_option = click.option("--namespace", default="", help="ROS namespace of the rig. [none]")
@@ -226,7 +209,7 @@ network_option = click.option(
 
 
 def print_places(**places: Path | None) -> None:
-    """Print on standard error where files are, by what they are, and how to make a report."""
+    """Print on standard error where the files lie, and how to make a report."""
     for name, path in places.items():
         if path is not None:
             click.echo(f"{name + ':':10} {shorten_path(path)}", err=True)
@@ -239,19 +222,19 @@ def print_places(**places: Path | None) -> None:
 
 
 def shorten_path(path: Path) -> Path:
-    """Return a path from the working folder, where it lies below that."""
+    """Return a path relative to the working folder if it lies in it."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
 
 
 def set_discovery(*, network: bool) -> None:
-    """Choose how far ROS looks; what the environment says goes first."""
+    """Choose the discovery range of ROS; the environment goes first."""
     os.environ.update(make_network_variables(os.environ, network=network))
 
 
 @contextlib.contextmanager
 def use_private_domain() -> Iterator[None]:
-    """Take an unused ROS domain for the length of the block, unless the environment names one.
+    """Use a free ROS domain during the block, unless the environment names one.
 
     A demonstration must never reach the hammer of a rig that is up on the same network.
     """

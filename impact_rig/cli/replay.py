@@ -18,12 +18,12 @@ from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import results_to_json, write_results
 
 PLAYER_ONLY = ("rate", "loop", "namespace", "network")
-"""Options that a fresh estimator has no use for."""
+"""Options of the player alone."""
 
 
 def play(file: Path, rate: float, loop: int, namespace: str) -> int:
     """Replay a recording into the ROS domain at hand, to its end; return the exit code."""
-    RecordingToReplay(file)  # what cannot be replayed is refused before a node is up
+    RecordingToReplay(file)  # an error comes before a node is up
     parameters = {
         "file": str(file),
         "rate": rate,
@@ -35,16 +35,9 @@ def play(file: Path, rate: float, loop: int, namespace: str) -> int:
 
 
 def estimate_again(file: Path, output: Path | None, *, as_json: bool) -> None:
-    """Replay a recording to a fresh estimator, and print what that finds.
+    """Replay a recording to a fresh estimator, and print the results.
 
-    Parameters
-    ----------
-    file : Path
-        The recording.
-    output : Path or None
-        Folder for results.json, of the last campaign as the live run left it; None: not written.
-    as_json : bool
-        Print JSON in place of tables: of one campaign, or a list if there are several.
+    results.json of the last campaign goes into the folder `output`.
 
     Raises
     ------
@@ -101,7 +94,7 @@ def run(
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
     if estimate:
-        options.refuse_given(PLAYER_ONLY, "is for the player: it goes without --estimate")
+        options.refuse_given(PLAYER_ONLY, "is not for --estimate")
         options.set_discovery(network=False)
         estimate_again(file, output, as_json=as_json)
         return

@@ -36,17 +36,17 @@ from impact_rig.devices.drivers import VIRTUAL, read_driver_name
 from impact_rig.present.terminal.console import print_warning
 
 STOPPED_BY_REQUEST = (0, 128 + signal.SIGINT, 128 + signal.SIGTERM)
-"""Exit codes of a rig that was told to stop."""
+"""Exit codes of a rig that was stopped on purpose."""
 STANDARD_INPUT, STANDARD_ERROR = 0, 2
 RETRY_PERIOD = 0.1
-"""How soon a stop is tried again that came while the processes were still starting [s]."""
+"""Delay before a stop during the start is tried again [s]."""
 
 
 class _Manager(Manager):
-    """Honcho's manager, which may also be stopped while it still starts its processes."""
+    """Honcho's manager, which can be stopped while it starts its processes."""
 
     def terminate(self) -> None:
-        # A process that has not reported its number yet cannot be signalled.
+        # A process without a known number gets no signal.
         if self._all_started():
             super().terminate()
         else:
@@ -56,10 +56,9 @@ class _Manager(Manager):
 
 
 class _DirectOutput:
-    """Text straight to a file descriptor.
+    """Writes text straight to a file descriptor.
 
-    Honcho prints from its signal handler too, and a buffered stream breaks when it is entered
-    again in the middle of a line.
+    Honcho prints from its signal handler too, and a buffered stream must not be entered twice.
     """
 
     def __init__(self, stream: IO[str]) -> None:
@@ -78,12 +77,10 @@ class _DirectOutput:
             # Raised, it would keep the manager from ending the nodes.
             if not self._is_broken:
                 self._is_broken = True
-                if isinstance(error, BrokenPipeError):  # nobody reads any more
+                if isinstance(error, BrokenPipeError):  # the reader has ended
                     os.kill(os.getpid(), signal.SIGTERM)
                 else:
-                    lost = (
-                        f"warning: what the nodes print is lost: {self._name}: {error.strerror}\n"
-                    )
+                    lost = f"warning: the nodes' output is lost: {self._name}: {error.strerror}\n"
                     os.write(STANDARD_ERROR, lost.encode())
         return len(text)
 
@@ -113,7 +110,7 @@ class _Printer(Printer):
 
 def make_command(process: NodeProcess, namespace: str = "") -> str:
     """Return the shell command that starts one node."""
-    # -P: a numpy.py in the folder where somebody starts the rig is none of its modules.
+    # -P: the working folder is not on the path; it may have a numpy.py.
     words = [sys.executable, "-P", "-m", "impact_rig.nodes", process.name, "--ros-args"]
     words += ["-r", f"__node:={process.name}"]
     if namespace:
@@ -132,25 +129,13 @@ def run_nodes(
     namespace: str = "",
     stop_with_input: bool = False,
 ) -> int:
-    """Run nodes side by side until told to stop, or until one of them ends.
+    """Run nodes side by side until a signal, or until one of them ends.
 
-    Parameters
-    ----------
-    processes : iterable of NodeProcess
-        What to start.
-    output : text file
-        Where their output goes, each line with its node's name.
-    ready : str
-        The line that says so when all of them are active.
-    namespace : str
-        Of the rig.
-    stop_with_input : bool
-        Stop when standard input ends: whoever holds the other end may die without a word.
+    Their output goes to `output`, each line with its node's name. When all are active, the line
+    `ready` follows. With `stop_with_input` the end of standard input stops them, too: the process
+    at its other end may be killed.
 
-    Returns
-    -------
-    int
-        0 after a stop that was asked for; else the exit code of the node that ended first.
+    Returns 0 after a stop on purpose; else the exit code of the node that ended first.
     """
     processes = list(processes)
     manager = _Manager(_Printer(output, (process.name for process in processes), ready))
@@ -164,7 +149,7 @@ def run_nodes(
     try:
         manager.loop()
     except BaseException:
-        # Whatever stopped the manager must not leave a hammer armed behind.
+        # No armed hammer may stay behind.
         manager.kill()
         raise
     code = manager.returncode
@@ -241,24 +226,16 @@ def run(
         click.echo(f"recording: {recorded}")
     if code:
         where = log_file or "above"
-        raise RigError(f"a node ended by itself, and the rig with it: see {where} ({LOG_NAME})")
+        raise RigError(f"a node has ended, and with it the rig: see {where} ({LOG_NAME})")
 
 
 def describe_ready(
     rig: RigFile, recording: Path | None, *, namespace: str = "", only: Sequence[str] = ()
 ) -> str:
-    """Return the line that ends the start: which rig, where it records, what to call next.
+    """Return the line that ends the start: which rig, where it records, the next command.
 
-    Parameters
-    ----------
-    rig : RigFile
-        What it consists of.
-    recording : Path, optional
-        None: nothing is recorded here.
-    namespace : str
-        Of the rig.
-    only : sequence of str
-        The nodes that this computer has started; empty: all.
+    `recording` is None where nothing is recorded here; `only` names the nodes that this computer
+    has started, or is empty for all.
     """
     holder, source = read_driver_name(rig.holder), read_driver_name(rig.source)
     name = "the virtual rig"

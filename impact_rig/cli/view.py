@@ -38,7 +38,7 @@ from impact_rig.results.traced_campaign import TracedCampaign
 VIEW_SUFFIX = ".rrd"
 """Of Rerun's files."""
 AWKWARD = re.compile(r"[^\w.-]+")
-"""What file names had better not contain."""
+"""Characters that are replaced in file names."""
 
 
 def make_parts(path: Path, folder: Path, *, fit: bool) -> list[Path]:
@@ -71,10 +71,10 @@ def make_parts(path: Path, folder: Path, *, fit: bool) -> list[Path]:
 def _read_campaigns(
     source: RunSource, *, fit: bool
 ) -> tuple[tuple[TracedCampaign, ...], tuple[str, ...]]:
-    """Return the campaigns of a source, and what the user should know."""
+    """Return the campaigns of a source, and warnings."""
     if not source.is_recording:
         alone = TracedCampaign(read_results(source.path))
-        return (alone,), ("results hold no traces: tables and figures alone are shown",)
+        return (alone,), ("results hold no traces: only tables and figures are shown",)
     with show_progress() as follow:
         traced = analyze(
             read_recording(source.named), keep_traces=True, with_models=fit, report=follow
@@ -84,7 +84,7 @@ def _read_campaigns(
 
 
 def list_remarks(campaign: TracedCampaign) -> Iterator[str]:
-    """Yield for each sample what cannot be shown, and why."""
+    """Yield for each sample which part cannot be shown, and why."""
     traces = {item.name: item for item in campaign.samples}
     for sample in campaign.results.samples:
         drawn = traces.get(sample.name)
@@ -113,7 +113,7 @@ def run(paths: tuple[Path, ...], output: Path | None, connect: str, web: bool, f
 def _choose_place(
     output: Path | None, connect: str, *, web: bool
 ) -> Callable[[Sequence[Path]], None]:
-    """Return what shows views; refuse a place that cannot be used before anything is read."""
+    """Return the function that shows views; refuse a place that cannot be used at once."""
     if output is not None:
         if output.suffix != VIEW_SUFFIX:
             raise FileError(f"--output is {str(output)!r}: it must end in {VIEW_SUFFIX}")

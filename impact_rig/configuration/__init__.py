@@ -1,1 +1,1 @@
-"""What a rig consists of: the rig file of its owner, and the list of its processes."""
+"""The rig file of a laboratory, and the processes of a rig."""

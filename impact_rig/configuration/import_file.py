@@ -1,4 +1,4 @@
-"""The file of `--channels`: which channel of measured files is what, with units and masses."""
+"""The file of `--channels`: the channels of measured files, their units, and the masses."""
 
 import math
 from collections.abc import Mapping
@@ -30,37 +30,21 @@ NAN = math.nan
 
 @dataclass(frozen=True)
 class ImportFile(Comparable):
-    """What such a file says; NaN, empty: nothing.
-
-    Attributes
-    ----------
-    plan : ChannelPlan
-        Which channel is what.
-    sample, description : str
-        Name of the struck sample, and the user's words.
-    hammer_mass, sample_mass, accelerometer_mass : float
-        [kg]
-    hammer_stiffness : float
-        k1 [N/m].
-    control : bool
-        Hammer and sample are alike.
-    settings : mapping
-        Fields of `AnalysisSettings` to replace, by name.
-    """
+    """The content of such a file; NaN or empty where it states nothing."""
 
     plan: ChannelPlan = field(default_factory=ChannelPlan)
-    sample: str = ""
+    sample: str = ""  # name of the struck sample
     description: str = ""
-    hammer_mass: float = NAN
-    sample_mass: float = NAN
-    accelerometer_mass: float = NAN
-    hammer_stiffness: float = NAN
-    control: bool = False
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    hammer_mass: float = NAN  # [kg]
+    sample_mass: float = NAN  # [kg]
+    accelerometer_mass: float = NAN  # [kg]
+    hammer_stiffness: float = NAN  # k1 [N/m]
+    control: bool = False  # hammer and sample are alike
+    settings: Mapping[str, Any] = field(default_factory=dict)  # of `AnalysisSettings`, by name
 
 
 def read_import_template() -> str:
-    """Return such a file with comments: the one to copy and change."""
+    """Return such a file with comments, to copy and change."""
     return resources.files("impact_rig.configuration").joinpath("import.toml").read_text("utf-8")
 
 
@@ -70,8 +54,8 @@ def read_import_file(path: Path) -> ImportFile:
     Raises
     ------
     FileError
-        If there is none, it is no TOML, or something in it cannot be meant; the message names
-        file, line, place and value.
+        If it does not exist, is not TOML, or has a wrong value; the message names file, line,
+        place and value.
     """
     text = read_text_file(path, "file of channels")
     try:
@@ -110,7 +94,7 @@ def parse_import_file(text: str) -> ImportFile:
     Raises
     ------
     ParameterError
-        If it is no TOML, has an unknown key, or a value cannot be meant.
+        If it is not TOML, or has an unknown key or a wrong value.
     """
     document = parse_toml_table(text)
     document.check_keys("sample", "description", "columns", "sampling_rate", "time_unit",
@@ -132,20 +116,15 @@ def parse_import_file(text: str) -> ImportFile:
 
 
 def add_options(file: ImportFile, given: Mapping[str, Any]) -> ImportFile:
-    """Return what a file says, changed by options of the command line, which go before it.
+    """Return a file with the options of the command line, which go first.
 
-    Parameters
-    ----------
-    file : ImportFile
-        What is changed.
-    given : mapping
-        Any of `rate` [Hz], `hammer_unit`, `sample`, `hammer_mass` and `sample_mass` [kg], `cutoff`
-        [Hz] and `record_duration` [s].
+    These are `rate` [Hz], `hammer_unit`, `sample`, `hammer_mass` and `sample_mass` [kg], `cutoff`
+    [Hz] and `record_duration` [s].
 
     Raises
     ------
     ParameterError
-        If a value cannot be meant.
+        If a value is wrong.
     """
     plan = file.plan
     hammer = replace(plan.hammer, unit=given.get("hammer_unit", plan.hammer.unit))

@@ -1,7 +1,7 @@
 """Which process of this computer is which node of which rig: there is one of each.
 
-A node holds a socket whose name is made of ROS domain, namespace and node. Linux gives it back
-when the process ends, whatever ends it, and tells whoever connects to it which process that is.
+A node holds a socket whose name is made of ROS domain, namespace and node. Linux frees it when the
+process ends, and gives the number of that process to a client.
 """
 
 import errno
@@ -14,18 +14,13 @@ from collections.abc import Iterable
 from impact_rig.core.errors import RigError
 
 WAITING_CALLS = 1000
-"""How often may be asked whose a name is in the life of a node [-], our choice: nobody answers."""
+"""Connections that may wait while a node lives: none is accepted."""
 _CREDENTIALS = struct.Struct("3i")
-"""Process, user and group, as Linux tells them."""
+"""Process, user and group."""
 
 
 def claim_node(full_name: str) -> socket.socket:
-    """Claim a node's name for this process, as long as what is returned is kept.
-
-    Parameters
-    ----------
-    full_name : str
-        Of the node, with its namespace.
+    """Claim a node's full name for this process, until the returned socket is closed.
 
     Raises
     ------
@@ -69,8 +64,8 @@ def _find_process(full_name: str) -> int:
             caller.connect(_make_address(full_name))
         except OSError:
             return 0
-        told = caller.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    return int(_CREDENTIALS.unpack(told)[0])
+        credentials = caller.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    return int(_CREDENTIALS.unpack(credentials)[0])
 
 
 def _make_address(full_name: str) -> bytes:

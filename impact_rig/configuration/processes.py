@@ -1,4 +1,4 @@
-"""The processes that make a rig: one list, for the command line and for ROS launch files."""
+"""The processes of a rig: one list for the command line and the ROS launch files."""
 
 import json
 import os
@@ -12,32 +12,22 @@ from typing import Any
 from impact_rig.core.errors import ParameterError
 
 NETWORK = "IMPACT_RIG_NETWORK"
-"""1: nodes on other computers are looked for. All else stays on 127.0.0.1."""
+"""1: find nodes on other computers. Otherwise everything stays on 127.0.0.1."""
 DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 HERE = ("LOCALHOST", "OFF")
 SOCKET_BUFFER = 4_000_000
-"""Of sockets between computers [bytes], our choice: 200 ms of both channels at 2.5 MS/s. A block
-of 10 ms comes at once, and fills the 0.2 MB that Linux gives by itself."""
+"""Of sockets between computers [bytes]: 200 ms of both channels at 2.5 MS/s. One block fills the
+0.2 MB that Linux gives by default."""
 
 
 def make_network_variables(environment: Mapping[str, str], *, network: bool) -> dict[str, str]:
-    """Return the environment variables that a rig adds to those which are set.
+    """Return the environment variables that a rig adds to `environment`.
 
-    Parameters
-    ----------
-    environment : mapping of str to str
-        That goes first.
-    network : bool
-        Whether nodes on other computers are looked for.
-
-    Returns
-    -------
-    dict of str to str
-        Whether a rig leaves this computer, and how far ROS looks then, unless somebody has chosen
-        that; and, where nobody has chosen the transports, sockets that hold a block of a running
-        stream. Linux grants them up to `net.core.rmem_max`.
+    They are the network flag and the discovery range. With `network` also sockets that hold a
+    block of a running stream (Linux grants them up to `net.core.rmem_max`). A range or transports
+    that the environment has already are kept.
     """
     if not network:
         return {NETWORK: "0", DISCOVERY: "LOCALHOST"}
@@ -53,9 +43,8 @@ def make_network_variables(environment: Mapping[str, str], *, network: bool) -> 
 def use_one_thread() -> None:
     """Keep numpy's linear algebra to one thread, unless the environment says otherwise.
 
-    Processes that run side by side share the host's cores: libraries that start a thread for each
-    core, and let them spin, take the time from each other. And sums are rounded alike wherever
-    they are computed. Call it before numpy is imported, which reads it once.
+    Several processes share the cores, and sums are rounded alike on every computer. Call it before
+    numpy is imported.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -66,9 +55,9 @@ def split_names(text: str) -> list[str]:
 
 
 def open_closed_streams() -> None:
-    """Put the null device behind standard streams that are closed.
+    """Put the null device behind closed standard streams.
 
-    Else the next files that are opened get their numbers, and what is printed.
+    Otherwise the next open file would get their number, and what is printed.
     """
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
@@ -86,32 +75,24 @@ REPORT_NAME = "report.html"
 LOG_NAME = "nodes.log"
 
 ACTIVE = "this node is active"
-"""What every node logs when it has become so."""
+"""Every node logs this when it becomes active."""
 LAUNCHER = "IMPACT_RIG_LAUNCHER"
-"""Names the process that started a node, whose death, however sudden, stops the node."""
+"""Number of the process that started a node; when that process ends, the node stops."""
 
 CONTINUOUS = "continuous"
 """Mode of accelerometers that stream all the time."""
 
 WINDOW = "spawn"
 PAGE = "web"
-"""Viewers of this host, beside which there may be one elsewhere, at an address."""
+"""Viewers of this host; an address names one elsewhere."""
 
 
 @dataclass(frozen=True)
 class NodeProcess:
-    """One node, to be started as a process of its own.
+    """One node, which runs as one process."""
 
-    Attributes
-    ----------
-    name : str
-        Executable, and node name, of package impact_rig.
-    parameters : mapping
-        ROS parameters that differ from their defaults.
-    """
-
-    name: str
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    name: str  # of the executable and the node
+    parameters: Mapping[str, Any] = field(default_factory=dict)  # those that are not the default
 
 
 def list_rig_processes(
@@ -160,13 +141,13 @@ def list_rig_processes(
     Returns
     -------
     tuple of NodeProcess
-        In no particular order: each node waits for the others.
+        In any order: each node waits for the others.
 
     Raises
     ------
     ParameterError
-        If a viewer is none, or there is nobody to feed it; if there is no stream to record; if
-        the rig has no such node.
+        If a viewer is unknown or has no visualizer, if there is no stream to record, or if the
+        rig has no such node.
     """
     further = overrides or {}
     folder = Path(output)
@@ -180,7 +161,7 @@ def list_rig_processes(
     given = {**accelerometer, **further.get("accelerometer", {})}
     if record_stream and given.get("mode") != CONTINUOUS:
         raise ParameterError(
-            "there is no running stream to be recorded: choose continuous mode as well"
+            "there is no running stream to record: choose continuous mode as well"
         )
     processes = [
         NodeProcess("hammer", hammer),
@@ -196,7 +177,7 @@ def list_rig_processes(
         processes.append(NodeProcess("visualizer", view))
     elif viewers:
         raise ParameterError(
-            f"a viewer ({', '.join(viewers)}) is fed by the visualizer: do not leave it out"
+            f"a viewer ({', '.join(viewers)}) needs the visualizer: do not leave it out"
         )
     return tuple(
         NodeProcess(process.name, {**process.parameters, **further.get(process.name, {})})

@@ -86,7 +86,7 @@ SENSOR_KEYS = (
     "low_corner",
     "low_corner_uncertainty",
 )
-"""What a calibration sheet says; the other keys of such a table are the driver's."""
+"""Keys of a calibration sheet; the other keys of the table are the driver's."""
 
 
 def parse_sensors(source: TomlTable) -> tuple[Sensor, ...]:
@@ -104,7 +104,7 @@ def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
     if "sensitivity" in table:
         voltage, unit = _take_sensitivity(table, quantity)
     if quantity == "force" and channel != "hammer":
-        raise table.refuse("quantity", "acceleration: on the sample nothing else is measured")
+        raise table.refuse("quantity", "acceleration: force is measured on the hammer only")
     response = parse_response(table)
     return Sensor(
         channel=channel,
@@ -161,7 +161,7 @@ def _take_full_scale(table: TomlTable, quantity: str, unit: str) -> float:
     stated = _check_unit(table, "full_scale", stated, quantity)
     if not 0.0 < value < math.inf:
         raise table.refuse("full_scale", "above zero, and finite")
-    # Of a force, the mass that it acts on cancels out.
+    # For a force, the mass that it acts on cancels.
     return value * compute_scale(stated, 1.0) / compute_scale(unit, 1.0)
 
 
@@ -173,12 +173,12 @@ def _check_unit(table: TomlTable, key: str, unit: str, quantity: str) -> str:
 
 
 def list_rig_warnings(setup: RigSetup) -> tuple[str, ...]:
-    """Return which calibrations are too old on this day."""
+    """Return a warning for each calibration that is too old today."""
     return setup.list_calibration_warnings(read_today())
 
 
 def read_today() -> str:
-    """Return the day here, year-month-day."""
+    """Return the local date, year-month-day."""
     return datetime.now().astimezone().date().isoformat()
 
 
@@ -191,18 +191,18 @@ REFERENCE_QUANTITIES = {
 
 @dataclass(frozen=True)
 class RigFile:
-    """What a rig file says."""
+    """The content of a rig file."""
 
     setup: RigSetup
     release_angles: tuple[float, ...] = ()  # [rad], for every sample; empty: the set-up's own
     hammer: Mapping[str, Any] = field(default_factory=dict)  # parameters of the hammer node
-    # What the drivers read; empty: the virtual rig.
+    # For the drivers; empty: the virtual rig.
     source: TomlTable = field(default_factory=lambda: TomlTable({}, "[source]"))
     holder: TomlTable = field(default_factory=lambda: TomlTable({}, "[holder]"))
 
 
 def read_template() -> str:
-    """Return the paper's rig as a rig file: the one to copy and change."""
+    """Return the paper's rig as a rig file, to copy and change."""
     return resources.files("impact_rig.configuration").joinpath("paper.toml").read_text("utf-8")
 
 
@@ -212,8 +212,8 @@ def read_rig_file(path: Path) -> RigFile:
     Raises
     ------
     FileError
-        If there is no such file, it is no TOML, or something in it cannot be meant; the message
-        names file, line, place and value.
+        If it does not exist, is not TOML, or has a wrong value; the message names file, line,
+        place and value.
     """
     text = read_text_file(path, "rig file")
     try:
@@ -233,7 +233,7 @@ def parse_rig_file(text: str) -> RigFile:
     Raises
     ------
     ParameterError
-        If it is no TOML, has an unknown key, lacks one, or a value cannot be meant.
+        If it is not TOML, has an unknown key, lacks a key, or has a wrong value.
     """
     document = parse_toml_table(text)
     document.check_keys("name", "description", "hammer", "digitizer", "analysis", "samples",
@@ -303,7 +303,7 @@ def _parse_analysis(document: TomlTable) -> AnalysisSettings:
 
 
 def _parse_swing(holder: TomlTable) -> dict[str, Any]:
-    """Return the hammer's parameters that a table [holder] gives."""
+    """Return the hammer's parameters in the table [holder]."""
     parameters: dict[str, Any] = {
         key: holder.take_quantity(key, "s", "207 ms", low=0.0, high=60.0)
         for key in ("swing_time", "return_time")

@@ -1,4 +1,4 @@
-"""What a run is made of: the rig file and what is given beside it, and the folder it goes to."""
+"""A run: its settings beside the rig file, and its folder."""
 
 import json
 import os
@@ -20,13 +20,13 @@ from impact_rig.configuration.rig_file import RigFile
 from impact_rig.core.errors import FileError, ParameterError
 
 SOURCE = "source"
-"""Stands for the rig file's table in settings, where others have a node."""
+"""Name of the rig file's table [source] in settings."""
 
 
 def make_virtual_source(
     *, plant: str | None, seed: int | None, faults: float | None
 ) -> dict[str, Any]:
-    """Return what of the table [source] the virtual rig's options say."""
+    """Return the keys of the table [source] that the virtual rig's options set."""
     given = {"plant": plant, "seed": seed, "fault_probability": faults}
     return {name: value for name, value in given.items() if value is not None}
 
@@ -99,11 +99,11 @@ def check_samples(rig_file: RigFile, names: tuple[str, ...]) -> None:
     for name in names:
         rig_file.setup.samples.find(name)
         if names.count(name) > 1:
-            raise ParameterError(f"sample {name!r} is asked for twice: once is enough")
+            raise ParameterError(f"sample {name!r} is named twice")
 
 
 def choose_run_folder(output: Path | None) -> Path:
-    """Return the given folder of a run, or one named after the time; it need not be there."""
+    """Return the given folder of a run, or one named after the time."""
     return output or Path(make_run_folder_name(datetime.now().astimezone()))
 
 

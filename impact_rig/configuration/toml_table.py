@@ -107,7 +107,7 @@ REQUIRED: Any = object()
 class TomlTable(Mapping[str, Any]):
     """A table that is read key by key, each with what it must be.
 
-    What is read by none of the `take_` methods is found by `check_keys`.
+    `check_keys` finds keys that no `take_` method reads.
 
     Parameters
     ----------
@@ -169,9 +169,9 @@ class TomlTable(Mapping[str, Any]):
         return ParameterError(f"line {line}: {text}" if line else text)
 
     def locate(self, error: RigError) -> ParameterError:
-        """Return an error about a value of this table, told by others, with its line.
+        """Return an error about a value of this table with its line.
 
-        It is that of the longest key which the sentence is about, else that of the table.
+        The line is that of the longest key that the error names, else that of the table.
         """
         subject = str(error).partition(" is ")[0].replace("_", " ")
         named = [key for key in self._values if key.replace("_", " ") in subject]
@@ -198,7 +198,7 @@ class TomlTable(Mapping[str, Any]):
                 raise self.make_error(key, f"{self.place} has an unknown key {key!r}: {hint}")
 
     def take_text(self, key: str, default: str = "", example: str = "") -> str:
-        """Return a text; raises `ParameterError` if it is none, or lacks and is `REQUIRED`."""
+        """Return a text; raises `ParameterError` if it has another type or is missing."""
         value = self._take(key, default, f'"{example}"')
         if not isinstance(value, str):
             raise self.refuse(key, "a text in quotes")
@@ -282,7 +282,7 @@ class TomlTable(Mapping[str, Any]):
         return number
 
     def take_date(self, key: str) -> str:
-        """Return a date as year-month-day, empty where there is none; raises `ParameterError`."""
+        """Return a date as year-month-day, empty if it is missing; raises `ParameterError`."""
         value = self._values.get(key, "")
         if isinstance(value, dt.date) and not isinstance(value, dt.datetime):
             return value.isoformat()
@@ -294,7 +294,7 @@ class TomlTable(Mapping[str, Any]):
             raise self.refuse(key, "a date, written as year-month-day like 2026-03-01") from None
 
     def take_table(self, key: str) -> "TomlTable":
-        """Return a table below this one, empty where there is none; raises `ParameterError`."""
+        """Return a table below this one, empty if it is missing; raises `ParameterError`."""
         value = self._values.get(key, {})
         name = ".".join(str(part) for part in (*self._path, key))
         if not isinstance(value, Mapping):
@@ -302,7 +302,7 @@ class TomlTable(Mapping[str, Any]):
         return TomlTable(value, f"[{name}]", self._lines, (*self._path, key))
 
     def take_tables(self, key: str) -> "tuple[TomlTable, ...]":
-        """Return a list of tables, empty where there is none; raises `ParameterError`."""
+        """Return a list of tables, empty if it is missing; raises `ParameterError`."""
         entries = self._values.get(key, [])
         if not isinstance(entries, list) or not all(isinstance(item, Mapping) for item in entries):
             raise self.make_error(key, f"{key}: give it as tables [[{key}]], one for each")
@@ -341,13 +341,13 @@ def _check_whole(value: Any) -> None:
 
 
 def parse_toml_table(text: str) -> TomlTable:
-    """Read the text of a TOML file; raises `ParameterError` if it is none."""
+    """Read the text of a TOML file; raises `ParameterError` if it is not TOML."""
     try:
         values = tomllib.loads(text)
         _check_whole(values)
         lines = find_lines(text)
     except ValueError as error:
-        raise ParameterError(f"this is no TOML: {error}") from None
+        raise ParameterError(f"this is not TOML: {error}") from None
     except RecursionError:
-        raise ParameterError("this is no TOML: it is nested too deep") from None
+        raise ParameterError("this is not TOML: it is nested too deep") from None
     return TomlTable(values, lines=lines)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _FACTOR = r"\(*(?:[^\W\d]+|%)(?:(?:\^|\*\*)-?\d|[²³])?\)*"
 _UNIT = re.compile(rf"(?:1\s*/\s*)?{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
-"""A product of units and their small powers. pint would calculate whatever stands there."""
+"""A product of units and their small powers. pint would calculate any expression."""
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(\S.*?)\s*")
 
 _UNREADABLE = (ValueError, TypeError, AttributeError, SyntaxError, TokenError, AssertionError)

@@ -160,7 +160,7 @@ def test_a_bad_file_does_not_keep_the_others_from_being_shown(run, recorded, tmp
 
     assert outcome.exit_code == 2
     assert "version 99" in outcome.stderr
-    assert f"{damaged} is no view that Rerun can read" in outcome.stderr
+    assert f"{damaged} is not a view that Rerun can read" in outcome.stderr
     assert count_hits(read_view(view)[2]) == HITS
 
 

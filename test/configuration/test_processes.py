@@ -78,7 +78,7 @@ def test_a_running_stream_is_recorded_where_there_is_one():
     assert nodes["recorder"] == {**LIVE, "output": "out/session.mcap", "record_stream": True}
     for options in ({"overrides": {"accelerometer": {"mode": "continuous"}}},):
         assert by_name(record_stream=True, **options)["recorder"]["record_stream"]
-    with pytest.raises(ParameterError, match="there is no running stream to be recorded"):
+    with pytest.raises(ParameterError, match="there is no running stream to record"):
         by_name(record_stream=True)
 
 
@@ -132,7 +132,7 @@ def test_a_viewer_that_cannot_be_meant_is_named(viewers, expected):
 
 
 def test_a_viewer_needs_the_node_that_feeds_it():
-    with pytest.raises(ParameterError, match="is fed by the visualizer"):
+    with pytest.raises(ParameterError, match="needs the visualizer"):
         by_name(viewers=("web",), visualize=False)
 
 

@@ -190,7 +190,7 @@ def test_a_table_from_no_file_names_no_line():
     [
         (f"a = {'9' * 400}", "has 1329 bits: it may have 64"),
         (f"[a]\nb = [{{ c = -{'9' * 30} }}]", "it may have 64"),
-        (f"a = {'9' * 5000}", "no TOML"),
+        (f"a = {'9' * 5000}", "not TOML"),
         (f"a = {'[' * 5000}", "nested too deep"),
     ],
 )
@@ -200,5 +200,5 @@ def test_numbers_and_nesting_that_toml_does_not_have_are_refused(text, told):
 
 
 def test_what_is_no_toml_is_told_with_its_line():
-    with pytest.raises(ParameterError, match=r"this is no TOML: .*line 2"):
+    with pytest.raises(ParameterError, match=r"this is not TOML: .*line 2"):
         parse_toml_table("a = 1\nb = \n")

@@ -1,1 +1,1 @@
-"""The report's figures: vector graphics that take their ink from the page they stand on."""
+"""The report's figures, as SVG in the text colour of the page."""

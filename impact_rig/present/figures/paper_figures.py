@@ -1,4 +1,4 @@
-"""The campaign's figures in the paper's manner: Figs. 3 to 6, the paper's points beside."""
+"""The campaign's Figs. 3 to 6, as in the paper, with the paper's points."""
 
 import math
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ CASES = 3  # samples that the paper shows in Fig. 5
 
 
 def make_contact_pictures(results: Results) -> list[Picture]:
-    """Return Figs. 3 and 4, as far as there is anything to draw."""
+    """Return Figs. 3 and 4; without data, neither."""
     rows = [row for row in make_figure_rows(results) if math.isfinite(row.contact_time)]
     weighed = [row for row in rows if math.isfinite(row.relative_mass)]
     found = []
@@ -38,7 +38,7 @@ def make_contact_pictures(results: Results) -> list[Picture]:
         title = "Fig. 3. Pulse width against relative mass"
         caption = (
             "Each tick is one hit, the filled point the mean hit of a sample with its 95 %"
-            " interval, the ring what the paper or the set-up lets expect."
+            " interval, the ring the value that the paper or the set-up gives."
         )
         found.append(make_picture(title, caption, [partial(draw_widths, weighed)]))
     if rows:
@@ -53,12 +53,12 @@ def make_contact_pictures(results: Results) -> list[Picture]:
 
 
 def make_model_pictures(results: Results, samples: Sequence[SampleTraces]) -> list[Picture]:
-    """Return Figs. 5 and 6, as far as there is anything to draw.
+    """Return Figs. 5 and 6; without data, neither.
 
     Parameters
     ----------
     results : Results
-        What was found.
+        Results of the campaign.
     samples : sequence of SampleTraces
         Mean hits and models; empty where only results are known.
     """
@@ -89,7 +89,7 @@ def make_model_pictures(results: Results, samples: Sequence[SampleTraces]) -> li
 
 
 def draw_widths(rows: Sequence[FigureRow]) -> "Figure":
-    """Draw tau_p over m_eq: hits, means and what is expected."""
+    """Draw tau_p over m_eq: hits, means and expected values."""
     panel = make_panel(3.6)
     (axes,) = panel.axes
     for place, row in enumerate(rows):

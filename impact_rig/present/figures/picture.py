@@ -34,7 +34,7 @@ LEFT, RIGHT, TOP, BOTTOM = 0.8, 0.1, 0.3, 0.95  # [inch], around the axes; two r
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure, ready to be put into a page."""
+    """A figure for a page."""
 
     title: str
     caption: str  # how to read it
@@ -42,7 +42,7 @@ class Picture:
 
 
 def make_picture(title: str, caption: str, draw: "Sequence[Callable[[], Figure]]") -> Picture:
-    """Return a figure with the panels that these functions draw, in the report's style."""
+    """Return a figure in the report's style, with the panels that these functions draw."""
     with drawing_style():
         return Picture(title, caption, tuple(_embed(panel()) for panel in draw))
 
@@ -61,7 +61,7 @@ def drawing_style() -> Iterator[None]:
 def make_panel(*heights: float, left: float = LEFT) -> "Figure":
     """Return a panel with axes below each other, of these heights [inch], on one abscissa.
 
-    Its margins are fixed: to fit them to the texts takes half the time of a report.
+    Its margins are fixed, since fitting them would take half the time of a report.
     """
     # The Figure itself, not pyplot: no screen, no state that outlives the call.
     from matplotlib.figure import Figure
@@ -78,7 +78,7 @@ def make_panel(*heights: float, left: float = LEFT) -> "Figure":
 
 
 def shorten_name(name: str, longest: int = 20) -> str:
-    """Return a name that fits, without characters that XML has not; its ends stay."""
+    """Return a name shortened in its middle, without characters that XML forbids."""
     shown = "".join(letter if letter.isprintable() else "\ufffd" for letter in name)
     if len(shown) <= longest:
         return shown

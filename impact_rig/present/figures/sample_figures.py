@@ -106,7 +106,7 @@ def draw_channel(traces: SampleTraces, hits: Sequence[AlignedHit], channel: int)
 
 
 def _mark_points(axes: "Axes", traces: SampleTraces, channel: int) -> None:
-    """Mark what was read from the mean: the width of the hammer pulse, U1 and U2 of the sample."""
+    """Mark the width of the hammer pulse, and U1 and U2 of the sample."""
     points = traces.peak_points
     if channel == HAMMER:
         width = f"w50 {traces.half_amplitude_width * MICRO:.1f} µs"
@@ -132,7 +132,7 @@ def make_law_picture(sample: SampleEstimate, curves: LawCurves) -> Picture:
 
 
 def draw_law_pulse(curves: LawCurves) -> "Figure":
-    """Draw force over time, and below what law and versed-sine leave."""
+    """Draw force over time, and below the residuals of law and versed-sine."""
     panel = make_panel(2.6, 1.2)
     forces, residuals = panel.axes
     time = curves.time * MICRO

@@ -1,4 +1,4 @@
-"""Contact duration, force and restitution over the impact speed, and the power laws of it."""
+"""Contact duration, force and restitution over the impact speed, with their power laws."""
 
 import math
 from functools import partial
@@ -30,7 +30,7 @@ SHOWN = (
 
 
 def make_speed_picture(results: Results) -> Picture:
-    """Draw what goes with the impact speed, a panel each, over logarithmic axes.
+    """Draw the quantities that depend on the impact speed, a panel each, over logarithmic axes.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def make_speed_picture(results: Results) -> Picture:
     return make_picture(
         "Contact over impact speed",
         "Both axes are logarithmic: a power of v is a straight line, p its exponent. Bars: 95 %"
-        " intervals. Dotted: as a Hertz contact without loss would go.",
+        " intervals. Dotted: a Hertz contact without loss.",
         [partial(draw_speed, results, *shown) for shown in SHOWN],
     )
 

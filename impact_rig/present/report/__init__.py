@@ -1,1 +1,1 @@
-"""The report: what it says, and the page that says it."""
+"""The report: its contents and its page."""

@@ -1,4 +1,4 @@
-"""What a page is made of, without a word on how it looks."""
+"""The parts of a page; `page.py` has its look."""
 
 from dataclasses import dataclass
 
@@ -16,15 +16,7 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Remarks:
-    """A list of things to know.
-
-    Attributes
-    ----------
-    items : tuple of Remark
-        In their order.
-    is_warning : bool
-        They change how the numbers are to be read.
-    """
+    """A list of remarks."""
 
     items: tuple[Remark, ...]
     is_warning: bool = False
@@ -32,14 +24,14 @@ class Remarks:
 
 @dataclass(frozen=True)
 class Facts:
-    """Names and what belongs to them."""
+    """Names and values."""
 
     rows: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
 class Listing:
-    """Text whose lines stay as they are."""
+    """Preformatted text."""
 
     title: str
     text: str
@@ -47,7 +39,7 @@ class Listing:
 
 @dataclass(frozen=True)
 class Folded:
-    """What is shown when asked for, and always in print."""
+    """Contents that unfold on a click, and are always printed."""
 
     title: str
     parts: tuple["Part", ...]
@@ -58,19 +50,7 @@ Part = Paragraph | Remarks | Facts | Table | Picture | Listing | Folded
 
 @dataclass(frozen=True)
 class Section:
-    """A heading with what belongs to it.
-
-    Attributes
-    ----------
-    title : str
-        The heading.
-    parts : tuple of Part
-        In their order.
-    sections : tuple of Section
-        Below it, one level deeper.
-    is_page : bool
-        On paper it begins a page.
-    """
+    """A heading with its parts, and sections one level deeper."""
 
     title: str
     parts: tuple[Part, ...] = ()
@@ -80,21 +60,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Document:
-    """A whole page.
-
-    Attributes
-    ----------
-    title, subtitle, name : str
-        Heading, subject, and the name of the run.
-    banner : str
-        Where the numbers come from, before all else.
-    is_warning : bool
-        The banner is coloured as a warning.
-    facts : tuple of (str, str)
-        The few that belong beside the title.
-    sections : tuple of Section
-        In their order.
-    """
+    """A whole page."""
 
     title: str
     subtitle: str
@@ -106,7 +72,7 @@ class Document:
 
 
 def drop_empty(*sections: Section | None) -> tuple[Section, ...]:
-    """Return the sections that have anything to say."""
+    """Return the sections that are not empty."""
     return tuple(
         section for section in sections if section and (section.parts or section.sections)
     )

@@ -1,4 +1,4 @@
-"""A document as one HTML file that needs nothing else."""
+"""A document as one HTML file that needs no other file."""
 
 from functools import cache
 from importlib.resources import files
@@ -58,7 +58,7 @@ def _read_template(name: str) -> str:
 
 
 def _mark_safe(text: str) -> Any:
-    """Return text of our own making that is not to be escaped."""
+    """Return our own HTML, which is not escaped."""
     from markupsafe import Markup
 
     return Markup(text)  # noqa: S704 - our style sheet, never words of a file

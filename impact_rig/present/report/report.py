@@ -45,7 +45,7 @@ GUIDE = {
         " pulse, dead channel, gap, outlier of its sample. A person can overrule that."
     ),
 }
-"""How to read the report, for people who were not there: signs, methods and words."""
+"""How to read the report: signs, methods and words."""
 
 
 def make_report(runs: Sequence[Run], report: Callable[[int], None] = lambda _: None) -> Document:
@@ -56,7 +56,7 @@ def make_report(runs: Sequence[Run], report: Callable[[int], None] = lambda _: N
     runs : sequence of Run
         The campaigns of a recording, usually one.
     report : callable, optional
-        Takes how many campaigns are done, after each.
+        Gets the number of finished campaigns.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def _describe_rigs(runs: Sequence[Run]) -> str:
 
 
 def _list_facts(runs: Sequence[Run]) -> tuple[tuple[str, str], ...]:
-    """Return the few facts that belong beside the title."""
+    """Return the facts beside the title."""
     results = [run.campaign.results for run in runs]
     rigs = dict.fromkeys(item.setup.name for item in results if item.setup.name)
     names = dict.fromkeys(sample.name for item in results for sample in item.samples)

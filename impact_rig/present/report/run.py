@@ -37,7 +37,7 @@ from impact_rig.results.run import Run
 
 
 def make_run_sections(run: Run) -> tuple[Section, ...]:
-    """Return what the report says of one run: results, samples, tables, hits, set-up."""
+    """Return the sections on one run: results, samples, tables, hits, set-up."""
     results = run.campaign.results
     remarks = gather_run_remarks(run)
     others = tuple(remark for remark in remarks if not remark.effect)
@@ -87,7 +87,7 @@ def _make_table_sections(run: Run) -> tuple[Section, ...]:
 
 
 def _make_speed_section(results: Results) -> Section | None:
-    """Return how the contact depends on the impact speed; None if there is only one speed."""
+    """Return the section on the impact speed; None if there is only one speed."""
     found = tables.tabulate_speed_exponents(results.speed_exponents)
     if not found:
         return None
@@ -127,7 +127,7 @@ def _make_budgets_section(results: Results) -> Section:
 
 
 def _fold_budgets(name: str, body: SampleEstimate | HammerEstimate) -> list[Part]:
-    """Return the uncertainty budgets of one body, to be unfolded; nothing if it has none."""
+    """Return the uncertainty budgets of one body, folded; empty without any."""
     budgets = tuple(tables.tabulate_budgets(name, body))
     return [Folded(f"Uncertainty budget of {name}", budgets)] if budgets else []
 
@@ -146,11 +146,11 @@ def _make_hits_section(results: Results) -> Section:
 
 
 def gather_run_remarks(run: Run) -> list[Remark]:
-    """Return what needs attention in a run: what its results say, and its recording."""
+    """Return the remarks on the results of a run and on its recording."""
     results, provenance = run.campaign.results, run.provenance
     texts = list(run.warnings)
     if provenance is not None:
-        losses = [f"lost while it was recorded: {provenance.losses}"] * bool(provenance.losses)
+        losses = [f"lost while recording: {provenance.losses}"] * bool(provenance.losses)
         texts += [*provenance.problems, *losses]
         if is_dated(provenance):
             day = format_time(provenance.start_time).partition(" ")[0]

@@ -1,4 +1,4 @@
-"""What was measured and with what: rig, masses, references, calibration, settings, software."""
+"""The set-up of a run: rig, masses, references, calibration, settings, software."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from impact_rig.results.tables import Table, make_column, make_table, make_text_
 GRAM = 1e3
 """Kilograms to grams."""
 EARLIEST_TIME = 631_152_000_000_000_000
-"""1990-01-01 [ns since the epoch], our choice: files without a date are imported as of 1970."""
+"""1990-01-01 [ns since the epoch]: files without a date are imported as of 1970."""
 WITHOUT_TRACES = (
     "This run was read from its results alone. They hold no traces and say nothing of date,"
     " calibration and software: Fig. 5 and the traces of each sample are missing here. A report of"
@@ -48,7 +48,7 @@ SETTINGS = {
 
 
 def make_setup_section(run: Run) -> Section:
-    """Return what was measured and with what."""
+    """Return the sections on the set-up."""
     setup = run.campaign.results.setup
     parts: list[Part] = [] if run.has_traces else [Paragraph(WITHOUT_TRACES)]
     parts += [
@@ -72,12 +72,12 @@ def format_time(nanoseconds: int) -> str:
 
 
 def is_dated(provenance: Provenance) -> bool:
-    """Return whether a recording says when it was made."""
+    """Return whether a recording has a date."""
     return provenance.start_time >= EARLIEST_TIME
 
 
 def _format_period(provenance: Provenance) -> str:
-    """Return when a recording began and how long it took; of imported hits neither is known."""
+    """Return start and duration of a recording; both are unknown for imported hits."""
     if not is_dated(provenance):
         return "date not known"
     duration = (provenance.end_time - provenance.start_time) * 1e-9
@@ -119,7 +119,7 @@ def _list_recording_facts(provenance: Provenance) -> list[tuple[str, str]]:
 
 
 def _format_value(value: float | str, scale: float = 1.0) -> str:
-    """Return a value of the set-up; a dash for what is not known."""
+    """Return a value of the set-up; a dash where it is unknown."""
     if isinstance(value, str):
         return value or MISSING
     if isinstance(value, bool):

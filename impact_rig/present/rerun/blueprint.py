@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.entities import BODIES, Path, make_body_path
-from impact_rig.present.rerun.health import DISK, LEVELS, LOSSES, RATES
+from impact_rig.present.rerun.health import LEVELS, LOSSES, RATES
 from impact_rig.present.rerun.rerun_sdk import import_rerun
 from impact_rig.results.numbers import show_unit
 
@@ -22,36 +22,31 @@ TAB_CAMPAIGN = "Campaign"
 TAB_HEALTH = "Health"
 TABS = (TAB_HIT, TAB_SAMPLE, TAB_CAMPAIGN, TAB_HEALTH)
 LARGEST_GRID_WIDTH = 4
-"""Most plots side by side [-], our choice."""
+"""Most plots side by side."""
 BEFORE, AFTER = 1.0, 4.5
-"""What plots of samples begin with, in longest contact times from the middle of the pulse [-], our
-choice: some periods of the sample's decay."""
+"""Time range that plots of samples show first, from the middle of the pulse, in longest contact
+times [-]: some periods of the sample's decay."""
 OVERVIEW = "All [m/s²]: hammer blue, sample orange, model on top, residual grey, contact green"
 LAYERS = (entities.CONTACT, entities.OVERLAY, entities.MODELS, entities.POINTS)
-"""What is drawn of a body, from below."""
+"""Layers of a body, from below."""
 Range = tuple[float, float]
-"""First and last time that a plot begins with [s]."""
+"""First and last time that a plot shows [s]."""
 
 
 def make_blueprint(
     sample_names: Sequence[str], contact_times: Sequence[float] = (), hammer_unit: str = "m/s^2"
 ) -> rrb.Blueprint:
-    """Lay out the view for a sample set.
+    """Lay out the view: tabs of the last hit, the samples, the campaign and the rig's health.
 
     Parameters
     ----------
     sample_names : sequence of str
-        Plots for each sample, in this order; empty: no samples are known yet.
+        Samples in the order of their plots; empty: not known yet.
     contact_times : sequence of float
-        Those that are expected [s], NaN where not known: plots begin with the part of the time in
-        which something happens. Without any they begin with whole records.
+        Expected contact times [s], NaN where unknown: they choose the range that plots show
+        first. Without any, plots show whole records.
     hammer_unit : str
-        Of what the hammer's sensor measures.
-
-    Returns
-    -------
-    rerun.blueprint.Blueprint
-        Tabs: the last hit, the samples, the campaign, the rig's health.
+        Unit of the hammer's sensor.
 
     Raises
     ------
@@ -112,7 +107,7 @@ def _lay_out_samples(names: Sequence[str], time_range: Range | None) -> rrb.Cont
 
 
 def _lay_out_sample(sample: str, time_range: Range | None) -> rrb.Container:
-    """Return a tab with hammer, sample, contact law and what was found."""
+    """Return a tab with hammer, sample, contact law and results."""
     layout = import_rerun().blueprint
     traces = [
         _make_time_view(
@@ -127,7 +122,7 @@ def _lay_out_sample(sample: str, time_range: Range | None) -> rrb.Container:
             f"Force on the hammer of {sample} [N]", [make_body_path(sample, entities.LAW)]
         ),
         _make_time_view(
-            f"What law and versed-sine leave of {sample} [N]",
+            f"Residual of law and versed-sine of {sample} [N]",
             [make_body_path(sample, entities.LAW_RESIDUAL)],
             has_legend=False,
         ),
@@ -135,7 +130,7 @@ def _lay_out_sample(sample: str, time_range: Range | None) -> rrb.Container:
     return layout.Horizontal(
         layout.Vertical(*traces),
         layout.Vertical(*law, row_shares=[2, 1]),
-        _make_text_view("What was found", make_body_path(sample, entities.SUMMARY)),
+        _make_text_view("Results", make_body_path(sample, entities.SUMMARY)),
         column_shares=[3, 2, 2],
         name=sample,
     )
@@ -187,7 +182,6 @@ def _lay_out_health() -> rrb.Container:
         for title, kind in (
             ("Rates [1/s]", RATES),
             ("Gaps, missing points, dropped, rejected", LOSSES),
-            ("Room on the disk [GB]", DISK),
         )
     ]
     states = layout.StateTimelineView(
@@ -214,18 +208,9 @@ def _make_time_view(
     *,
     has_legend: bool = True,
 ) -> rrb.TimeSeriesView:
-    """Return a plot over time of everything below `parents`.
+    """Return a plot over time of all entities below `parents`.
 
-    Parameters
-    ----------
-    name : str
-        Above it.
-    parents : sequence of tuple of str
-        Entity paths.
-    time_range : tuple of float, optional
-        What it begins with [s]; without one, everything.
-    has_legend : bool
-        Whether names stand in the upper right corner.
+    It shows `time_range` first, or everything.
     """
     sdk = import_rerun()
     layout = sdk.blueprint
@@ -239,7 +224,7 @@ def _make_time_view(
 
 @lru_cache
 def _make_axis(time_range: Range) -> rrb.TimeAxis:
-    """Return an axis; many plots share the few that there are, and each takes a millisecond."""
+    """Return an axis; it takes a millisecond to make, and many plots share one."""
     sdk = import_rerun()
     start, end = (
         sdk.TimeRangeBoundary.absolute(seconds=round(moment, 9)) for moment in time_range

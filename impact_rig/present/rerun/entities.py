@@ -1,11 +1,11 @@
-"""What blueprint and logging agree on: entity paths and timelines."""
+"""Entity paths and timelines, for blueprint and logging."""
 
 APPLICATION = "impact_rig"
 """Rerun's application id: viewers keep a user's own layout under it."""
 
 HIT_TIME = "hit_time"
-"""Timeline: time inside a hit. Plots live on it. 0 is the first point of a record, and in what is
-laid over each other the middle of the hammer pulse."""
+"""Timeline: time inside a hit. 0 is the first point of a record; for traces on one time axis it is
+the middle of the hammer pulse."""
 HIT = "hit"
 """Timeline: number of the record."""
 WALL_CLOCK = "wall_clock"
@@ -19,22 +19,22 @@ HITS: Path = ("hits",)
 VERDICT: Path = ("verdict",)
 """Text on the last hit."""
 SAMPLES: Path = ("samples",)
-"""Parent of sample / body / what is laid over each other."""
+"""Parent of sample / body / traces on one time axis."""
 TABLES: Path = ("results",)
-"""Everything found, in tables."""
+"""The tables of results."""
 LOG: Path = ("log",)
 """One line per verdict."""
 TRENDS: Path = ("trends",)
 """Contact time and peaks of each hit, over the number of the hit and the time of day."""
 HEALTH: Path = ("health", "now")
-"""What the nodes say of themselves."""
+"""State of the nodes."""
 HEALTH_HISTORY: Path = ("health", "history")
-"""Parent of kind / node / figure: what of it is followed over the time of day."""
+"""Parent of kind / node / figure, over the time of day."""
 
 CONTACT_TIME = "contact_time"
 HAMMER_PEAK = "hammer_peak"
 SPECIMEN_PEAK = "sample_peak"
-"""Below the trends: what is followed over the hits."""
+"""Below the trends: quantities of each hit."""
 
 HAMMER = "hammer"
 SPECIMEN = "sample"
@@ -49,13 +49,13 @@ OVERLAY = "hits"
 MODELS = "models"
 """Below a body: mean, models and residual."""
 POINTS = "points"
-"""Below a body: what was read from the mean."""
+"""Below a body: marks on the mean."""
 LAW, LAW_RESIDUAL = "law", "law residual"
-"""Below a sample: its contact's pulse, and what law and versed-sine leave of it."""
+"""Below a sample: its contact's pulse, and the residuals of law and versed-sine."""
 SUMMARY = "summary"
 """Below a sample: its results as text."""
 
 
 def make_body_path(sample: str, part: str) -> Path:
-    """Return the parent of what is drawn of a sample: of one body, or of its contact."""
+    """Return the parent of a sample's plots: of one body, or of its contact."""
     return (*SAMPLES, sample, part)

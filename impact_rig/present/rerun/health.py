@@ -30,76 +30,49 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class NodeHealth:
-    """What one node said of itself last.
-
-    Attributes
-    ----------
-    name : str
-        Of the node.
-    level : int
-        A `Level`; any other number is taken for an error.
-    message : str
-        In one sentence.
-    values : tuple of (str, str)
-        Its figures by name, in its order: counts of gaps and missing points, rates, room left on
-        the disk.
-    """
+    """The newest state of one node."""
 
     name: str
-    level: int = Level.OK
+    level: int = Level.OK  # a `Level`; any other number counts as an error
     message: str = ""
-    values: tuple[tuple[str, str], ...] = ()
+    values: tuple[tuple[str, str], ...] = ()  # names and texts of its figures
 
 
 @dataclass(frozen=True)
 class Health:
-    """What all nodes of a rig said last.
+    """The newest state of all nodes of a rig.
 
-    Attributes
-    ----------
-    nodes : tuple of NodeHealth
-        All of the rig. Of rates ("blocks per second"), of what went wrong ("gaps", "missing
-        points", "views dropped", "impacts rejected") and of the "free space" the history is kept,
-        by the name of the figure.
-    stamp : int
-        When, nanoseconds since the epoch.
+    The view keeps the history of rates ("blocks per second") and losses ("gaps", "missing
+    points", "views dropped", "impacts rejected"), by the name of the figure.
     """
 
     nodes: tuple[NodeHealth, ...]
-    stamp: int
+    stamp: int  # [ns since the epoch]
 
 
 RATES = "rates"
 LOSSES = "losses"
-DISK = "disk"
 LEVELS = "levels"
-"""Below the history: what is drawn together."""
+"""Plots of the history."""
 RATE_ENDINGS = (" per second", "/s")
-"""A figure whose name ends so is a rate."""
+"""Endings of the names of rates."""
 LOSS_WORDS = ("gap", "missing", "dropped", "lost", "rejected")
-"""A figure with one of these in its name counts what went wrong."""
+"""Words in the names of losses."""
 COLOURS = {
     Level.OK: GREEN,
     Level.WARNING: ORANGE,
     Level.ERROR: VERMILION,
     Level.STALE: GREY,
 }
-GIGA = 1e-9
-"""Bytes to gigabytes."""
-BYTE_FIGURES = ("free space", "size")
-"""Figures that are a number of bytes."""
+GIGABYTE = 1e9
+SIZE = "size"
+"""A figure in bytes."""
 SIGNS = {Level.OK: "✓", Level.WARNING: "⚠", Level.ERROR: "✗", Level.STALE: "?"}
-NO_HEALTH = "No node has said how it is doing. In the view of a file none does."
+NO_HEALTH = "No node has published its state. The view of a file has none."
 
 
 class HealthLog:
-    """Logs the health of a rig.
-
-    Parameters
-    ----------
-    stream : rerun.RecordingStream
-        Where to.
-    """
+    """Logs the health of a rig."""
 
     def __init__(self, stream: rr.RecordingStream) -> None:
         self._rr = import_rerun()
@@ -112,7 +85,6 @@ class HealthLog:
             self._log_level(node, health.stamp)
             for name, text in node.values:
                 kind, value = choose_kind(name), read_figure(text)
-                value *= GIGA if kind == DISK else 1.0
                 if kind and math.isfinite(value):
                     path = (*entities.HEALTH_HISTORY, kind, node.name, name)
                     self._send(path, health.stamp, self._rr.Scalars.columns(scalars=[value]))
@@ -140,21 +112,21 @@ class HealthLog:
 
 
 def read_level(node: NodeHealth) -> Level:
-    """Return the level of a node; what is no level is an error."""
+    """Return the level of a node; an unknown number is an error."""
     return Level(node.level) if node.level in set(Level) else Level.ERROR
 
 
 def choose_kind(name: str) -> str:
-    """Return with what a figure is drawn, by its name; empty: it is not followed."""
+    """Return the plot of a figure, by its name; empty: it has none."""
     if name.endswith(RATE_ENDINGS):
         return RATES
     if any(word in name for word in LOSS_WORDS):
         return LOSSES
-    return DISK if "free space" in name else ""
+    return ""
 
 
 def read_figure(text: str) -> float:
-    """Return the number that a figure starts with; NaN: it is none."""
+    """Return the number that a figure starts with; NaN without one."""
     try:
         return float(text.split(maxsplit=1)[0])
     except (ValueError, IndexError):
@@ -163,13 +135,12 @@ def read_figure(text: str) -> float:
 
 def _format_figure(name: str, text: str) -> str:
     size = read_figure(text)
-    is_size = name in BYTE_FIGURES and math.isfinite(size)
-    shown = f"{size * GIGA:.3f} GB" if is_size else text
+    shown = f"{size / GIGABYTE:.3f} GB" if name == SIZE and math.isfinite(size) else text
     return f"{escape_markdown(name)} **{escape_markdown(shown)}**"
 
 
 def format_health(nodes: Sequence[NodeHealth]) -> str:
-    """Return the state of the nodes as Markdown, those that are not well first."""
+    """Return the state of the nodes as Markdown, worst first."""
     if not nodes:
         return NO_HEALTH
     paragraphs = []

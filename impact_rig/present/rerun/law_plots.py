@@ -1,4 +1,4 @@
-"""The contact law of one sample: its pulse beside law and versed-sine, and what both leave."""
+"""The contact law of one sample: its pulse beside law and versed-sine, and both residuals."""
 
 from __future__ import annotations
 
@@ -13,18 +13,9 @@ from impact_rig.results.palette import BLUE, GREY, VERMILION
 
 
 def draw_law(plots: PlotLog, sample: str, law: ContactLaw, curves: LawCurves | None) -> None:
-    """Draw pulse, law and versed-sine, and what both leave, in place of the ones before.
+    """Draw pulse, law and versed-sine, and both residuals; they replace older ones.
 
-    Parameters
-    ----------
-    plots : PlotLog
-        Where to.
-    sample : str
-        Name.
-    law : ContactLaw
-        Its numbers stand in the legend.
-    curves : LawCurves or None
-        Of that law; None: there is none, and nothing is drawn.
+    Without `curves` nothing is drawn.
     """
     pulse = make_body_path(sample, entities.LAW)
     residual = make_body_path(sample, entities.LAW_RESIDUAL)

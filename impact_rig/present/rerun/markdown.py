@@ -66,7 +66,7 @@ def format_verdict(hit: HitResults, hammer: tuple[float, str] = ACCELERATION) ->
         lines.append("\n".join(["| Of this hit alone | |", "|:--|--:|", *figures]))
     if hit.injected_faults:
         faults = ", ".join(fault.replace("_", " ") for fault in hit.injected_faults)
-        lines.append(f"Done on purpose by the virtual rig: {escape_markdown(faults)}.")
+        lines.append(f"Fault of the virtual rig, on purpose: {escape_markdown(faults)}.")
     return "\n\n".join(lines)
 
 
@@ -93,7 +93,7 @@ def format_log_line(hit: HitResults) -> str:
 
 
 def format_results(results: Results) -> str:
-    """Return everything found as Markdown: values, remarks, and hits that were rejected."""
+    """Return the results as Markdown: values, remarks and rejected hits."""
     if not results.samples:
         return "\n\n".join([NOT_YET, *map(format_table, tabulate_rejections(results))])
     return "\n\n".join(
@@ -133,7 +133,7 @@ def _format_remarks(remarks: Sequence[Remark]) -> list[str]:
 
 
 def format_summary(results: Results, sample: SampleEstimate) -> str:
-    """Return one sample by itself: what was found by which method, what to know of it."""
+    """Return one sample: its values by each method, and its remarks."""
     reference = find_expected(results, sample.name)
     tables = [
         tabulate_methods(sample, reference),

@@ -1,8 +1,8 @@
-"""Lines and points over the time inside the hit, and how they are superseded.
+"""Lines and points over the time inside the hit, and how they are replaced.
 
 Traces are one entity with a column per line (five times smaller and faster than an entity per
 line), as float32, with their peaks kept at any zoom. Rerun cannot take back what was logged on a
-timeline; so whatever is drawn anew is an entity of its own, and what it supersedes is hidden under
+timeline; so a new drawing is a new entity, and the one that it replaces is hidden under
 the one name "earlier", where a click in the legend shows it again.
 """
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import rerun as rr
 
 EARLIER = "earlier"
-"""Name of everything superseded."""
+"""Name of all replaced lines."""
 
 OPAQUE = 255
 """Full opacity."""
@@ -36,17 +36,7 @@ Shade = tuple[int, int, int] | tuple[int, int, int, int]
 
 @dataclass(frozen=True)
 class Line:
-    """How one column is drawn.
-
-    Attributes
-    ----------
-    name : str
-        In the legend; lines of one name share their entry.
-    colour : tuple of int
-        Red, green, blue and perhaps opacity.
-    width : float
-        [points]
-    """
+    """The look of one column. Lines of one name share their entry in the legend."""
 
     name: str
     colour: Shade
@@ -55,19 +45,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Mark:
-    """How one column of points is drawn.
-
-    Attributes
-    ----------
-    name : str
-        In the legend.
-    colour : tuple of int
-        Red, green, blue and perhaps opacity.
-    marker : str
-        Rerun's name of the shape.
-    size : float
-        [points]
-    """
+    """The look of one column of points."""
 
     name: str
     colour: Shade
@@ -141,13 +119,13 @@ class PlotLog:
     def draw_points(
         self, family: Path, time: FloatArray, values: NDArray[Any], marks: Sequence[Mark]
     ) -> str:
-        """Draw points; as `draw_lines`, but a NaN is no point."""
+        """Draw points; as `draw_lines`, but a NaN has no point."""
         path = self.add_points(family, marks)
         self._send(path, time, values)
         return path
 
     def add_points(self, family: Path, marks: Sequence[Mark]) -> str:
-        """Return the path of a new entity whose points the caller logs, on what timeline ever."""
+        """Return the path of a new entity whose points the caller logs, on any timeline."""
         path = self._add(family, len(marks), is_points=True)
         style = self._rr.SeriesPoints(
             names=[mark.name for mark in marks],
@@ -159,13 +137,13 @@ class PlotLog:
         return path
 
     def draw_hidden(self, family: Path, time: FloatArray, values: NDArray[Any]) -> None:
-        """Draw lines that are superseded already, shape (n, columns)."""
+        """Draw lines that are replaced already, shape (n, columns)."""
         path = self._make_path(family)
         self._hide(_Drawn(path, values.shape[1], is_points=False))
         self._send(path, time, values)
 
     def hide(self, parent: Path = ()) -> None:
-        """Hide everything that is shown at or below `parent`; without one, everything."""
+        """Hide all lines at or below `parent`; without it, all."""
         for family in [item for item in self._shown if item[: len(parent)] == parent]:
             for drawn in self._shown.pop(family):
                 self._hide(drawn)

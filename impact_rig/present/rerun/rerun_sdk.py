@@ -11,10 +11,10 @@ from types import ModuleType
 from impact_rig.core.errors import RigError
 
 MINIMUM_VERSION = (0, 41)
-"""Oldest rerun-sdk that is known to show everything that is logged here."""
+"""Oldest tested rerun-sdk."""
 
 LOG_VARIABLE = "RUST_LOG"
-"""Of the environment: how much programs in Rust, as Rerun, write to standard error."""
+"""Variable for the logging of programs in Rust, as Rerun."""
 
 
 def import_rerun() -> ModuleType:
@@ -46,10 +46,9 @@ def import_rerun() -> ModuleType:
 
 @contextlib.contextmanager
 def _keep_silent() -> Iterator[None]:
-    """Let Rerun write nothing to standard error, unless the environment says how much it may.
+    """Turn off Rerun's own logging, unless the environment sets it.
 
-    It reads that once, when it is imported. What matters is told by those who use it, once and in
-    a sentence.
+    Rerun reads the variable when it is imported. Its users report errors in a sentence.
     """
     if LOG_VARIABLE in os.environ or "rerun" in sys.modules:
         yield

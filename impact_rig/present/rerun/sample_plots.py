@@ -1,4 +1,4 @@
-"""The plots of one sample: its hits laid over each other, their mean, the models."""
+"""The plots of one sample: its aligned hits, their mean, the models."""
 
 from __future__ import annotations
 
@@ -32,35 +32,34 @@ from impact_rig.results.sample_traces import (
 )
 
 MEASURED = {entities.HAMMER: HAMMER, entities.SPECIMEN: SPECIMEN}
-"""Colours of what was measured, by body."""
+"""Colours of measured traces, by body."""
 CALCULATED = {entities.HAMMER: HAMMER_MODEL, entities.SPECIMEN: SPECIMEN_MODEL}
-"""Colours of what a model says, by body; of the identified model `PURPLE`, of either body."""
+"""Colours of models, by body; the identified model is `PURPLE`."""
 HIT_OPACITY = 90
-"""Of one hit among many, of 255, our choice: ten over each other are nearly solid."""
+"""Of one hit among many, of 255; ten over each other are nearly solid."""
 HIT_WIDTH = 1.0
-"""Line width of one hit among many [points], our choice."""
+"""Line width of one hit among many [points]."""
 MEAN_WIDTH = 3.5
-"""Line width of a mean trace [points], our choice: the models lie visibly on top."""
+"""Line width of a mean trace [points]: the models lie visibly on top."""
 MODEL_WIDTH = 1.5
-"""Line width of models and residuals [points], our choice."""
+"""Line width of models and residuals [points]."""
 CONTACT_WIDTH = 1.0
-"""Line width of the contact window [points], our choice."""
+"""Line width of the contact window [points]."""
 POINT_SIZE = 5.0
-"""Size of what was read from the mean [points], our choice."""
+"""Size of marks on the mean [points]."""
 CONTACT_HEIGHT = 1.1
-"""Height of the contact window over the mean's peak [-], our choice."""
+"""Height of the contact window over the mean's peak [-]."""
 PEAK_MARKERS = {"U1": "up", "U2": "down"}
 EDGE = 1e-9
 """Width of the window's upright lines [s]: the resolution of the timeline."""
 THINNING = 2
-"""Of the points of means and models, which are smooth, every second is drawn, our choice, and
-their peaks."""
+"""Of means and models, which are smooth, every second point is drawn, and the peaks."""
 
 
 def draw_aligned_hits(plots: PlotLog, hits: Sequence[AlignedHit]) -> None:
-    """Lay hits of one sample, of one sampling rate, over each other.
+    """Draw aligned hits of one sample and one sampling rate.
 
-    They are on the same points of time, so they share an entity.
+    They have the same points of time, so they share an entity.
     """
     for row, body in enumerate(BODIES):
         shown = [hit for hit in hits if hit.traces.shape[0] > row]
@@ -83,7 +82,7 @@ def _join_hits(hits: Sequence[AlignedHit], row: int) -> tuple[FloatArray, Float3
 
 
 def draw_sample(plots: PlotLog, traces: SampleTraces) -> None:
-    """Draw mean, models, residuals and marks of a sample in place of the ones before."""
+    """Draw mean, models, residuals and marks of a sample; they replace older ones."""
     bodies = BODIES[: traces.mean.shape[0]]
     for row, body in enumerate(bodies):
         parent = make_body_path(traces.name, body)
@@ -98,7 +97,7 @@ def draw_sample(plots: PlotLog, traces: SampleTraces) -> None:
 def _gather_lines(
     traces: SampleTraces, row: int, models: Sequence[str]
 ) -> tuple[list[FloatArray], list[Line]]:
-    """Return what is drawn of one body: the mean, those models that are there, the residual."""
+    """Return the lines of one body: the mean, its models, the residual."""
     body = BODIES[row]
     found = [model for name in models if (model := traces.find_model(name)) is not None]
     columns = [traces.mean[row]]
@@ -127,7 +126,7 @@ def replace_lines(
     columns: Sequence[FloatArray],
     lines: Sequence[Line],
 ) -> None:
-    """Draw smooth lines, every second point and the peaks, in place of the ones before."""
+    """Draw smooth lines, every second point and the peaks; they replace older ones."""
     is_drawn = np.zeros(time.size, dtype=bool)
     is_drawn[::THINNING] = True
     for column in columns:
@@ -153,7 +152,7 @@ def _draw_contact(plots: PlotLog, traces: SampleTraces, row: int) -> None:
 
 
 def _draw_points(plots: PlotLog, traces: SampleTraces) -> None:
-    """Mark what was read from the mean: the width of the hammer pulse, U1 and U2 of the sample."""
+    """Mark the width of the hammer pulse, and U1 and U2 of the sample."""
     points = traces.half_amplitude_points
     if points:
         times, levels = np.array(points).T

@@ -1,4 +1,4 @@
-"""Views as files: campaigns written into one, and files shown by a viewer elsewhere."""
+"""Views as files: they are written, and shown by a viewer elsewhere."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from impact_rig.present.rerun.viewers import check_answering, find_viewer
 from impact_rig.results.traced_campaign import TracedCampaign
 
 SEND_TIMEOUT = 60.0
-"""How long a viewer may take to accept a file [s], our choice: 25 MB over a slow network."""
+"""Time limit for a viewer to accept a file [s]: 25 MB over a slow network."""
 
 
 def join_views(path: Path, parts: Sequence[Path]) -> None:
@@ -24,7 +24,7 @@ def join_views(path: Path, parts: Sequence[Path]) -> None:
     Raises
     ------
     FileError
-        If one of them is no view, or the file cannot be written.
+        If one of them is not a view, or the file cannot be written.
     RigError
         If rerun-sdk is not installed.
     """
@@ -44,7 +44,7 @@ def check_view(path: Path) -> None:
     Raises
     ------
     FileError
-        If it is none.
+        If it is not one.
     """
     _find_recording(path)
 
@@ -52,17 +52,10 @@ def check_view(path: Path) -> None:
 def send_view(path: Path, address: str) -> None:
     """Show all recordings of a file in a viewer elsewhere.
 
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    address : str
-        Of the viewer.
-
     Raises
     ------
     ParameterError
-        If the address is none.
+        If the address is invalid.
     DeviceError
         If no viewer answers there, or it does not take the file.
     FileError
@@ -115,7 +108,7 @@ def _find_recording(path: Path) -> tuple[str, str]:
     try:
         found = RrdReader(str(path)).recordings()
     except (OSError, RuntimeError, ValueError) as error:
-        raise FileError(f"{path} is no view that Rerun can read: {error}") from None
+        raise FileError(f"{path} is not a view that Rerun can read: {error}") from None
     if not found:
         raise FileError(f"{path} holds no recording of Rerun")
     return found[0].application_id, found[0].recording_id

@@ -1,4 +1,4 @@
-"""What is logged into a Rerun recording: hits, verdicts, samples, results, health."""
+"""Logs hits, verdicts, samples, results and health into a Rerun recording."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
     import rerun as rr
 
 HIT_WIDTH = 1.5
-"""Line width of the last hit [points], our choice."""
+"""Line width of the last hit [points]."""
 TREND_SIZE = 3.0
-"""Size of one hit's point in a trend [points], our choice."""
+"""Size of one hit's point in a trend [points]."""
 LINES = (Line("hammer", HAMMER, HIT_WIDTH), Line("sample", SPECIMEN, HIT_WIDTH))
 ACCEPTED = "accepted"
 REJECTED = "rejected"
@@ -49,7 +49,7 @@ TRENDS = {
 }
 """Colours of the accepted hits, by quantity."""
 NO_HIT = "No hit yet."
-"""Stands where a campaign has nothing to show."""
+"""Text of a campaign without results."""
 
 
 class ViewLog:
@@ -83,7 +83,7 @@ class ViewLog:
         contact_times: Sequence[float] = (),
         hammer_reading: tuple[float, str] = ACCELERATION,
     ) -> None:
-        """Begin a campaign: hide what was shown before, and lay the view out for a sample set.
+        """Begin a campaign: hide the one before, and lay the view out for a sample set.
 
         With the same samples as before the layout stays as the user has arranged it.
 
@@ -115,7 +115,7 @@ class ViewLog:
             )
 
     def log_hit(self, traces: HitTraces) -> None:
-        """Show a record's traces in place of the last one's; an empty record shows nothing."""
+        """Show the traces of a record; they replace the last one's."""
         self._plots.hide(entities.HITS)
         path = self._plots.draw_lines(entities.HITS, traces.time, traces.values, LINES)
         label = traces.label
@@ -144,34 +144,34 @@ class ViewLog:
         self._log_verdicts([verdict], [stamp])
 
     def log_aligned_hit(self, hit: AlignedHit) -> None:
-        """Lay a hit over the others of its sample; for hits in the mean."""
+        """Add a hit to the aligned hits of its sample; for hits in the mean."""
         draw_aligned_hits(self._plots, [hit])
 
     def log_sample(self, traces: SampleTraces) -> None:
-        """Show a sample's mean, models, residuals and marks in place of the ones before."""
+        """Show a sample's mean, models, residuals and marks; they replace older ones."""
         draw_sample(self._plots, traces)
 
     def log_law(self, traces: SampleTraces, law: ContactLaw, setup: RigSetup) -> None:
-        """Show a sample's contact law beside its mean in place of the one before."""
+        """Show a sample's contact law beside its mean; it replaces an older one."""
         curves = compute_law_curves(law, traces, setup)
         draw_law(self._plots, traces.name, law, curves)
 
     def log_results(self, results: Results) -> None:
-        """Show the tables and what was found of each sample, replacing the last."""
+        """Show the tables and the results of each sample; they replace older ones."""
         self._log_document(entities.TABLES, format_results(results))
         for sample in results.samples:
             self._summarised.add(sample.name)
             self._log_document(_make_summary_path(sample.name), format_summary(results, sample))
 
     def log_health(self, health: Health) -> None:
-        """Show what the nodes say of themselves, and add their figures to the history."""
+        """Show the state of the nodes, and add their figures to the history."""
         self._log_document(entities.HEALTH, format_health(health.nodes))
         self._health.log(health)
 
     def log_campaign(self, campaign: TracedCampaign) -> None:
-        """Show a campaign with everything there is to see of it, all at once.
+        """Show a whole campaign at once.
 
-        Samples of the set that were not struck have no place in the view, unless none was.
+        Samples without hits are left out, unless all are.
         """
         results, hits = campaign.results, campaign.hits
         self.log_setup(
@@ -230,7 +230,7 @@ class ViewLog:
             )
 
     def _begin_trend(self, quantity: str) -> str:
-        """Return the entity of a trend, which starts again with each campaign."""
+        """Return the entity of a trend; each campaign has new ones."""
         if quantity not in self._trends:
             marks = [
                 Mark(ACCEPTED, TRENDS[quantity], "circle", TREND_SIZE),
@@ -240,7 +240,7 @@ class ViewLog:
         return self._trends[quantity]
 
     def _draw_earlier_hits(self, hits: Sequence[HitTraces]) -> None:
-        """Draw records that another one has superseded already.
+        """Draw records that another one has replaced already.
 
         Those with the same points of time share an entity: a row costs three times what a value
         does.

@@ -16,7 +16,7 @@ from urllib.parse import quote, urlsplit
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 
 LOOPBACK = "127.0.0.1"
-"""All that is served is served there: other hosts do not reach it."""
+"""Servers listen there: other hosts do not reach them."""
 DEFAULT_PORT = 9876  # Rerun's
 ANSWER_TIMEOUT = 1.0  # [s] in which a viewer accepts a connection
 PAGE_TIMEOUT = 10.0  # [s] in which a web page is up, on a busy host
@@ -53,7 +53,7 @@ def check_answering(address: str) -> None:
     Raises
     ------
     ParameterError
-        If the address is not one.
+        If the address is invalid.
     DeviceError
         If no viewer answers.
     """
@@ -70,7 +70,7 @@ def check_screen() -> None:
     Raises
     ------
     DeviceError
-        If there is none.
+        Without a screen.
     """
     if sys.platform == "linux" and not any(os.environ.get(name) for name in SCREENS):
         raise DeviceError(
@@ -112,12 +112,7 @@ def find_viewer() -> Path:
 
 
 def open_window(*shown: str) -> subprocess.Popen[bytes]:
-    """Open a window that shows files or what a server has; it may outlive this process.
-
-    Parameters
-    ----------
-    *shown : str
-        As Rerun's command line takes them.
+    """Open a window that shows files or a server; it may outlive this process.
 
     Raises
     ------
@@ -169,7 +164,7 @@ class WebPage:
         self._process.wait()
 
     def close(self) -> None:
-        """End the page; a browser keeps what it has."""
+        """End the page; an open browser keeps its contents."""
         self._process.terminate()
         try:
             self._process.wait(STOP_TIMEOUT)

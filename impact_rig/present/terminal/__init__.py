@@ -1,1 +1,1 @@
-"""Results for people in a terminal: tables, remarks, colour where it is to be had."""
+"""Results in a terminal: tables, remarks, colour."""

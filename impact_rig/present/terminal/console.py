@@ -1,7 +1,7 @@
 """Tables and texts in a terminal: one look for every command, plain when piped.
 
-Nothing is wider than the terminal, and no number is cut: what does not fit side by side stands
-line by line. What is piped has no width: its tables are as wide as they need.
+Nothing is wider than the terminal, and no number is cut: a table that does not fit is printed line
+by line. Tables in a pipe are as wide as they need.
 """
 
 import os
@@ -30,34 +30,32 @@ if TYPE_CHECKING:
 TITLE = "bold"
 NOTE = "dim"
 ALARM = f"bold {format_hex(VERMILION)}"
-"""What a person must look at."""
+"""Style of things that a person must look at."""
 WARNING = format_hex(VERMILION)
 GOOD = format_hex(GREEN)
-"""A good state. Colour-blind readers can distinguish the two, on dark and on light ground."""
+"""Style of a good state. Colour-blind readers can tell the two apart on dark and light ground."""
 EASY_LINE = 100
-"""Width of a paragraph where there is more room [characters], our choice: longer lines are hard
-to read."""
+"""Largest width of a paragraph [characters]: longer lines are hard to read."""
 LONGEST_HEADER = 12
-"""Of a line of a column's header [characters], our choice."""
+"""Width at which the header of a column wraps [characters]."""
 UNLIMITED = 10_000
-"""Width of what is no terminal [characters], our choice: no table needs as much."""
+"""Width of a pipe [characters]: no table needs as much."""
 COLUMN_GAP = "  "
 NARROWEST_TEXT = 10
-"""Down to where words may wrap so that numbers stay whole [characters], our choice."""
+"""Smallest width of a column of texts [characters]."""
 EASY_TEXT = 30
-"""Down to where words wrap before a column is left out for them [characters], our choice: five
-words or so."""
+"""Width of texts below which a column is left out [characters]: about five words."""
 NO_ESCAPES = ("dumb", "unknown")
-"""What TERM says of terminals that can write and nothing else."""
+"""TERM of terminals without escape sequences."""
 
 
 class _SafeConsole(Console):
-    """A console on which no text moves the cursor: names and words may come from anywhere."""
+    """A console on which no text can move the cursor: names may come from foreign files."""
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterator[Segment]:
-        """Yield what is written: rich's own control codes, and text of which each letter shows."""
+        """Yield what is written: rich's own control codes, and printable text."""
         for segment in super().render(renderable, options):
             yield (
                 segment if segment.control else segment._replace(text=make_printable(segment.text))
@@ -67,9 +65,8 @@ class _SafeConsole(Console):
 def make_console(*, stderr: bool = False) -> Console:
     """Return a console on standard output or standard error.
 
-    It colours on terminals only, honours NO_COLOR, FORCE_COLOR, TERM and COLUMNS, and takes names
-    and messages as they are: brackets in them are no markup. `Console.is_interactive` tells
-    whether a person looks at it.
+    It colours on terminals only, and honours NO_COLOR, FORCE_COLOR, TERM and COLUMNS. Brackets in
+    texts are no markup. `Console.is_interactive` says whether it is a terminal.
     """
     stream = sys.stderr if stderr else sys.stdout
     can_move = stream.isatty() and os.environ.get("TERM", "").lower() not in NO_ESCAPES
@@ -85,7 +82,7 @@ def make_console(*, stderr: bool = False) -> Console:
 
 
 def _measure_stream(stream: TextIO, *, can_move: bool) -> int | None:
-    """Return how wide a stream is [characters]; None: rich finds that out, time and again."""
+    """Return the width of a stream [characters]; None: rich measures it again and again."""
     if can_move or os.environ.get("COLUMNS", "").isdigit():
         return None
     try:
@@ -143,31 +140,31 @@ def print_result(console: Console, table: "ResultTable") -> None:
 
 
 def make_printable(text: str) -> str:
-    """Return a text without what would move the cursor: names may come from anywhere."""
+    """Return a text without characters that would move the cursor."""
     return "".join(letter if letter.isprintable() or letter == "\n" else "�" for letter in text)
 
 
 def print_text(console: Console, text: str | Text, style: str = "") -> None:
-    """Print a paragraph, in lines that are easily read."""
+    """Print a paragraph in lines of a readable length."""
     shown = Text(text, style) if isinstance(text, str) else text
     console.print(shown, width=min(console.width, EASY_LINE))
 
 
 def print_warning(text: str) -> None:
-    """Print on standard error what a person must know, in one line."""
+    """Print a warning on standard error, in one line."""
     console = make_console(stderr=True)
     console.print(Text.assemble(("warning: ", ALARM), text), soft_wrap=True)
 
 
 def print_item(console: Console, text: str) -> None:
-    """Print an item of a list, its lines below each other."""
+    """Print an item of a list, indented."""
     table = Table.grid(padding=(0, 1, 0, 0))
     table.add_row("-", Text(make_printable(text), overflow="fold"))
     console.print(table, width=min(console.width, EASY_LINE))
 
 
 def print_facts(console: Console, rows: Iterable[Sequence[str | Text]]) -> None:
-    """Print rows without a header, and an empty line; what is too long for its row is folded."""
+    """Print rows without a header, and an empty line; long texts are folded."""
     table = Table.grid(padding=(0, len(COLUMN_GAP), 0, 0))
     for row in rows:
         cells = [item if isinstance(item, Text) else Text(make_printable(item)) for item in row]
@@ -192,7 +189,7 @@ def _make_table(columns: "Sequence[Column]", widths: Sequence[int]) -> Table:
 
 
 def _print_rows(console: Console, columns: "Sequence[Column]") -> None:
-    """Print the rows one below the other: each cell has a line of its own."""
+    """Print each cell in a line, row by row."""
     names, *others = map(_make_cells, columns)
     for name, *cells in zip(names, *others, strict=True):
         if name:
@@ -231,17 +228,10 @@ def _list_texts(column: "Column") -> list[str]:
 def _choose_columns(
     columns: "Sequence[Column]", width: int
 ) -> "tuple[list[Column], list[Column]]":
-    """Return the columns that are shown, and those that there is no room for.
+    """Return the columns that are shown, and those that do not fit.
 
-    Optional columns without a single number are in neither. Further ones are left out from the
-    right until the others fit.
-
-    Parameters
-    ----------
-    columns : sequence of Column
-        All.
-    width : int
-        Of the terminal [characters].
+    Optional columns without a number are in neither. Others are left out from the right until the
+    rest fits into `width` [characters].
     """
     shown = [
         column
@@ -259,9 +249,9 @@ def _choose_columns(
 
 
 def _share_width(columns: "Sequence[Column]", width: int) -> list[int] | None:
-    """Return the widths of columns side by side [characters]: words share what numbers leave.
+    """Return the widths of columns side by side [characters]; numbers go first.
 
-    None: there is no room for them side by side.
+    None: they do not fit.
     """
     for text_width in range(max(map(_measure_width, columns)), 0, -1):
         widths = _compute_widths(columns, text_width)
@@ -271,7 +261,7 @@ def _share_width(columns: "Sequence[Column]", width: int) -> list[int] | None:
 
 
 def _compute_widths(columns: "Sequence[Column]", text_width: int) -> list[int]:
-    """Return the widths where texts take so much, as far as they can do with it."""
+    """Return the widths of columns whose texts wrap at `text_width`."""
     return [
         min(_measure_width(column), max(text_width, _measure_narrowest(column)))
         if column.is_text

@@ -1,4 +1,4 @@
-"""What was found, in a terminal: a campaign, many of them, hits from plain traces."""
+"""Results in a terminal: a campaign, several campaigns, hits of plain traces."""
 
 import textwrap
 from collections.abc import Sequence
@@ -27,22 +27,22 @@ from impact_rig.results.tables import tabulate_results, tabulate_summary
 from impact_rig.results.trace_series import tabulate_hits
 
 MOST_REMARKS = 5
-"""Remarks on the screen [-]: what matters most."""
+"""Remarks on the screen: the most important ones."""
 LONGEST_REMARK = 150
 """Characters of a remark on the screen [-], two lines of 80 columns; --full shows all."""
 
 
 def print_screen(console: Console, results: Results, reading: Sequence[str] = ()) -> None:
-    """Print what a campaign found on one screen: origin, one table, what needs attention.
+    """Print a campaign on one screen: origin, one table, remarks.
 
     Parameters
     ----------
     console : Console
         See `make_console`.
     results : Results
-        What was found, and the set-up that the expected values come from.
+        Results with their set-up, which gives the expected values.
     reading : sequence of str
-        What was found wrong with the file while it was read.
+        Warnings from reading the file.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def print_screen(console: Console, results: Results, reading: Sequence[str] = ()
 
 
 def print_full(console: Console, results: Results, reading: Sequence[str] = ()) -> None:
-    """Print everything that a campaign found; parameters as `print_screen`.
+    """Print all results of a campaign; parameters as `print_screen`.
 
     The list of rejected hits, which may be long, comes first: the results stay in sight.
     """
@@ -87,7 +87,7 @@ def print_full(console: Console, results: Results, reading: Sequence[str] = ()) 
 
 
 def print_origin(console: Console, hits: Sequence[HitResults]) -> None:
-    """Print where the numbers of hits come from, and an empty line."""
+    """Print the origin of hits, and an empty line."""
     origins = [hit.origin for hit in hits]
     style = TITLE if join_origins(origins).kind in (MEASURED, IMPORTED) else ALARM
     print_text(console, describe_origin(origins), style)
@@ -95,7 +95,7 @@ def print_origin(console: Console, hits: Sequence[HitResults]) -> None:
 
 
 def print_batch(console: Console, campaigns: Sequence[BatchCampaign]) -> None:
-    """Print many campaigns below each other, or of two the changes from the first."""
+    """Print campaigns below each other, or the changes between two."""
     print_origin(console, [hit for campaign in campaigns for hit in campaign.results.hits])
     changes = tabulate_changes(*campaigns) if len(campaigns) == 2 else []  # noqa: PLR2004 - a pair
     for table in changes or tabulate_batch(campaigns):

@@ -8,7 +8,7 @@ STAMP = 1_700_000_000_000_000_000
 
 
 def make_health(second, level, gaps):
-    node = NodeHealth("estimator", level, "active", (("gaps", str(gaps)), ("waiting for", "")))
+    node = NodeHealth("estimator", level, "active", (("gaps", str(gaps)), ("size", "31250000000")))
     return Health((node,), STAMP + second)
 
 
@@ -30,7 +30,7 @@ def test_the_newest_state_is_in_words(record):
     view = record(lambda log: log.log_health(make_health(0, Level.WARNING, 5)))
 
     (text,) = view.find_static("/health/now", "TextDocument:text")
-    assert text == "## ⚠ estimator: warning\n\nactive\n\ngaps **5**"
+    assert text == "## ⚠ estimator: warning\n\nactive\n\ngaps **5** · size **31.250 GB**"
 
 
 def test_who_is_not_well_stands_first():
@@ -41,17 +41,6 @@ def test_who_is_not_well_stands_first():
     assert text.index("b: error") < text.index("a: ok") < text.index("c\\_d: ok")
 
 
-def test_bytes_are_read_as_gigabytes(record):
-    node = NodeHealth("recorder", values=(("free space", "31250000000"), ("file", "a.mcap")))
-
-    view = record(lambda log: log.log_health(Health((node,), STAMP)))
-
-    (row,) = view.read_rows("/health/history/disk/recorder/free\\ space")
-    assert row["Scalars:scalars"] == pytest.approx([31.25])
-    (text,) = view.find_static("/health/now", "TextDocument:text")
-    assert "free space **31.250 GB**" in text
-
-
 @pytest.mark.parametrize(
     ("name", "kind"),
     [
@@ -60,7 +49,6 @@ def test_bytes_are_read_as_gigabytes(record):
         ("missing points", "losses"),
         ("views dropped", "losses"),
         ("impacts rejected", "losses"),
-        ("free space", "disk"),
         ("record", ""),
         ("file", ""),
     ],

@@ -58,7 +58,7 @@ def test_a_rejected_hit_names_every_reason_and_no_figure_that_is_not_there():
     assert "## Rejected" in text
     assert "- **double hit**: a second pulse of 40 % of the first" in text
     assert "- **weak**: hammer peak 12 m/s^2" in text
-    assert "on purpose by the virtual rig: double hit." in text
+    assert "Fault of the virtual rig, on purpose: double hit." in text
     assert "nan" not in text
     assert "Contact time" not in text
 

@@ -135,7 +135,7 @@ def viewer(campaign, contacts, write_view, tmp_path_factory):
     nodes = (
         NodeHealth("hammer", Level.OK, "active", (("armed", "True"),)),
         NodeHealth("estimator", Level.WARNING, "gaps", (("gaps", "3"), ("hits/s", "1.5"))),
-        NodeHealth("recorder", Level.ERROR, "disk full", (("free space", "31000000000"),)),
+        NodeHealth("recorder", Level.ERROR, "disk full", (("size", "31000000000"),)),
     )
     start = campaign.hits[0].stamp
     path = tmp_path_factory.mktemp("view") / "view.rrd"
@@ -201,8 +201,8 @@ EACH_HIT = f"of each hit (timeline {HIT} or {WALL_CLOCK}, chosen below)"
                 "hammer of steel medium [m/s²]": (palette.HAMMER, palette.CONTACT),
                 "sample of steel medium [m/s²]": (palette.SPECIMEN, *MODELS, palette.CONTACT),
                 "Force on the hammer of steel medium [N]": (palette.BLUE, palette.VERMILION),
-                "What law and versed-sine leave of steel medium [N]": (palette.VERMILION,),
-                "What was found": (None,),
+                "Residual of law and versed-sine of steel medium [N]": (palette.VERMILION,),
+                "Results": (None,),
             },
         ),
         (

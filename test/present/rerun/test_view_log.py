@@ -148,7 +148,7 @@ def test_samples_without_a_hit_have_no_place_in_the_view_of_a_file_unless_none_h
     assert empty.find_static("/results", "TextDocument:text") == ["Nothing is measured yet."]
     assert empty.find_static("/verdict", "TextDocument:text") == ["No hit yet."]
     (text,) = empty.find_static("/health/now", "TextDocument:text")
-    assert "No node has said how it is doing." in text
+    assert "No node has published its state." in text
 
 
 def test_the_blueprint_has_a_place_for_every_sample(record):
