@@ -124,9 +124,9 @@ def make_law_picture(sample: SampleEstimate, curves: LawCurves) -> Picture:
     exponent, restitution = format_quantity(law.exponent, 3), format_quantity(law.restitution, 3)
     return make_picture(
         f"{sample.name}: contact law, n = {exponent}, e = {restitution}",
-        "Law and versed-sine, of τp and the measured height, have been through the low-pass. The"
-        " measured loop follows from both traces and the law's impact speed; its area is the"
-        " energy lost.",
+        "Law and versed-sine are filtered like the measured pulse; the versed-sine has its height"
+        " and lasts τp. The measured loop follows from both traces and the law's impact speed; its"
+        " area is the energy lost.",
         [partial(draw_law_pulse, curves), partial(draw_law_loop, curves)],
     )
 
