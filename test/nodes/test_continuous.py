@@ -1,19 +1,19 @@
 """Continuous mode: the stream runs all the time, and the estimator finds the impacts in it."""
 
+from functools import partial
+
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, HammerRelease
 from impact_rig_msgs.srv import Arm
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from rclpy.serialization import deserialize_message
 
 from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP, RigSetup
+from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
@@ -23,7 +23,6 @@ from impact_rig.nodes.replayer_recording import RecordingToReplay
 from impact_rig.recordings.reader import read_recording
 
 SAMPLE = "steel small"
-DIAGNOSTICS = interfaces.Topic("diagnostics", DiagnosticArray, interfaces.ACCELERATION.qos)
 # Gentle on a busy machine: fifty blocks a second.
 GENTLE = {"mode": "continuous", "stream_block_size": 50_000, "stream_depth": 500}
 
@@ -73,23 +72,15 @@ def strike(harness):
     return run
 
 
-def read_status(collector, node):
-    """Return the newest diagnostics of a node, or None."""
-    for array in reversed(collector.messages):
-        for status in array.status:
-            if status.name == node:
-                return status
-    return None
+def wait_for_losses(collector, node, figure):
+    """Wait until a figure of a node's diagnostics is above 0; return the diagnostics."""
 
+    def find(arrays):
+        newest = [array.status[0] for array in arrays if array.status[0].name == node][-1:]
+        values = {item.key: item.value for status in newest for item in status.values}
+        return newest if int(values.get(figure, 0)) > 0 else []
 
-def wait_for_status(harness, collector, node, condition):
-    harness.wait_until(
-        lambda: (
-            (status := read_status(collector, node)) is not None
-            and condition(status, {item.key: item.value for item in status.values})
-        )
-    )
-    return read_status(collector, node)
+    return find(collector.wait(find))[0]
 
 
 def test_a_hit_is_found_in_the_stream_as_the_virtual_rig_struck_it(harness, start_rig, strike):
@@ -116,27 +107,6 @@ def test_a_hit_is_found_in_the_stream_as_the_virtual_rig_struck_it(harness, star
     assert verdict.contact_time == pytest.approx(truth.contact_time, rel=2e-3)
 
 
-def test_a_campaign_gives_contact_times_within_their_uncertainties(harness, start_rig, strike):
-    start_rig()
-    estimates = harness.listen(interfaces.ESTIMATE)
-    truths = harness.listen(interfaces.VIRTUAL_IMPACT)
-    for sample in (SAMPLE, CONTROL_SAMPLE):
-        for impact in range(1, 6):
-            verdict = strike(sample, impact)
-            assert verdict.accepted, verdict.reasons
-    for sample in (SAMPLE, CONTROL_SAMPLE):
-        found = estimates.wait(
-            lambda got, name=sample: any(
-                item.name == name and item.impacts_accepted == 5 and item.stiffness.value > 0.0
-                for item in got
-            )
-        )
-        estimate = next(item for item in reversed(found) if item.name == sample)
-        true = np.mean([hit.contact_time for hit in truths.messages if hit.sample == sample])
-        # Three standard uncertainties: the seed is fixed, and the samples are two.
-        assert abs(estimate.contact_time.value - true) < 3 * estimate.contact_time.standard
-
-
 @pytest.mark.parametrize(
     ("fault", "reason"), [("missed_trigger", "no_trigger"), ("lost_block", "gap")]
 )
@@ -153,24 +123,18 @@ def test_a_rate_that_cannot_be_held_is_counted_named_and_spoils_no_estimate(
 ):
     # Twelve blocks of 0.4 ms at a time, in a buffer that holds one.
     start_rig(stream_block_size=1000, stream_depth=1)
-    seen = harness.listen(DIAGNOSTICS)
+    seen = harness.listen(interfaces.DIAGNOSTICS)
     states = harness.listen(interfaces.ACQUISITION_STATE)
     verdict = strike()
     assert not verdict.accepted
     assert verdict.reasons[0].startswith("gap:")
-    status = wait_for_status(
-        harness, seen, "/accelerometer", lambda _, values: int(values["points lost"]) > 0
-    )
+    status = wait_for_losses(seen, "/accelerometer", "points lost")
     assert status.level == DiagnosticStatus.WARN
     assert "does not hold its rate" in status.message
     assert "points of the source were lost so far" in states.messages[-1].message
-    status = wait_for_status(
-        harness, seen, "/estimator", lambda _, values: int(values["stream points missing"]) > 0
-    )
+    status = wait_for_losses(seen, "/estimator", "stream points missing")
     assert status.level == DiagnosticStatus.WARN
     assert "points of the stream were lost" in status.message
-    values = {item.key: int(item.value) for item in status.values if item.key.startswith("stream")}
-    assert values["stream gaps"] > 0
 
 
 def test_arming_waits_for_someone_who_finds_impacts(harness):
@@ -178,14 +142,9 @@ def test_arming_waits_for_someone_who_finds_impacts(harness):
     harness.tell_setup()
     request = Arm.Request(sample=SAMPLE, impact=1, attempt=1)
     expected = "nobody finds impacts in /acceleration/stream"
-    answers = [harness.call(Arm, interfaces.ARM_ACCELEROMETER, request)]
-    harness.wait_until(
-        lambda: (
-            expected in answers[-1].message
-            or answers.append(harness.call(Arm, interfaces.ARM_ACCELEROMETER, request))
-        )
-    )
-    assert answers[-1].message.startswith(interfaces.NOT_YET)
+    ask = partial(harness.call, Arm, interfaces.ARM_ACCELEROMETER, request)
+    answer = harness.ask_until(expected, ask)[-1]
+    assert answer.message.startswith(interfaces.NOT_YET)
 
 
 def test_a_recording_of_the_stream_alone_holds_the_same_hits(harness, start_rig, strike, tmp_path):
@@ -196,8 +155,7 @@ def test_a_recording_of_the_stream_alone_holds_the_same_hits(harness, start_rig,
     start_rig(subscribers="estimator, recorder")
     for impact in (1, 2):
         assert strike(impact=impact).accepted
-    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
-    assert harness.call(ChangeState, "recorder/change_state", request).success
+    harness.change_state("recorder", "deactivate")
     leave_out(path, stream_alone, "/acceleration")
     expected, found = judge(path), judge(stream_alone)
     assert len(expected) == 2

@@ -12,7 +12,6 @@ from pathlib import Path
 import mcap.reader
 import numpy as np
 import yaml
-from diagnostic_msgs.msg import DiagnosticStatus
 from impact_rig_msgs.msg import AccelerationBlock
 from mcap.exceptions import McapError
 from mcap.records import Metadata
@@ -23,7 +22,6 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
 
 from impact_rig import __version__
-from impact_rig.core.errors import FileError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.recorder import RecorderNode
@@ -224,44 +222,6 @@ def test_what_cannot_be_recorded_is_refused_in_one_sentence(harness):
         node = harness.add(RecorderNode, namespace=f"/rig{number}", **parameters)
         assert not node.is_active
         assert told in node.fault
-
-
-def test_a_failing_disk_is_told_to_everybody_and_keeps_what_was_written(
-    harness, recorder, tmp_path, monkeypatch
-):
-    states, _, node = recorder(compression="none")
-    diagnostics = harness.listen(interfaces.DIAGNOSTICS)
-    publisher = harness.advertise(interfaces.ACCELERATION)
-    publish(harness, publisher, make_block(1))
-    harness.wait_until(lambda: node.count_messages("/acceleration") == 1)
-
-    def fail(self, length):
-        raise FileError("disk full")
-
-    monkeypatch.setattr("impact_rig.recordings.new_file.DiskFile.plan", fail)
-    publish(harness, publisher, make_block(2))
-
-    state = states.wait(lambda got: not got[-1].recording)[-1]
-    assert "disk full" in state.message
-    errors = diagnostics.wait(
-        lambda messages: any(item.status[0].level == DiagnosticStatus.ERROR for item in messages)
-    )
-    assert "disk full" in errors[-1].status[0].message
-    blocks = read_by_rosbags(tmp_path / "session.mcap")["/acceleration"]
-    assert [block.record for block in blocks] == [1]
-
-
-def test_a_recording_that_somebody_deletes_is_missed_with_the_next_hit(
-    harness, recorder, tmp_path
-):
-    states, _, node = recorder()
-    publisher = harness.advertise(interfaces.ACCELERATION)
-    publish(harness, publisher, make_block(1))
-    harness.wait_until(lambda: node.count_messages("/acceleration") == 1)
-    (tmp_path / "session.mcap").unlink()
-    publish(harness, publisher, make_block(2))
-    state = states.wait(lambda got: not got[-1].recording)[-1]
-    assert "session.mcap was deleted while it was written" in state.message
 
 
 def test_a_signal_leaves_a_sound_recording(harness, start_process, tmp_path):

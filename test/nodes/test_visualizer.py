@@ -107,42 +107,6 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
     assert len({name for name in drawn if "/hammer/hits/" in name}) == 1
 
 
-def strike_under(harness, setups, blocks, number):
-    """Begin a campaign and strike its only hit; return when all of it has been told."""
-    told = [
-        harness.listen(topic)
-        for topic in (interfaces.IMPACT, interfaces.HAMMER_ESTIMATE, interfaces.COMPARISON)
-    ]
-    identity = Identity(make_id())
-    setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(number))
-    identity.fill(setup)
-    setups.publish(setup)
-    for block in strike(number, 1).split(5000, 10**18):
-        blocks.publish(block_to_msg(block, identity))
-    for collector in told:
-        collector.wait(lambda got: got[-1:] and got[-1].campaign_id == setup.campaign_id)
-
-
-def test_who_comes_late_sees_nothing_of_the_campaign_before(harness, tmp_path):
-    harness.add(EstimatorNode)
-    setups, blocks = map(harness.advertise, (interfaces.SETUP, interfaces.ACCELERATION))
-    harness.wait_until(lambda: blocks.get_subscription_count() == 1)
-    for number in (1, 2):
-        strike_under(harness, setups, blocks, number)
-    node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
-    # Set-up, two verdicts, two estimates or more, a hammer, and comparisons: the topics keep all.
-    harness.wait_until(lambda: node.messages_handled >= 8 and node.diagnose()["comparisons"] > 0)
-
-    def has_come():
-        results = node._campaign.make_results()
-        return results.hits and results.samples
-
-    harness.wait_until(has_come)
-    results = node._campaign.make_results()
-    assert [hit.record for hit in results.hits] == [2]
-    assert [sample.impacts_accepted for sample in results.samples] == [1]
-
-
 def test_what_comes_before_its_set_up_waits_for_it(harness, tmp_path):
     node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
     setups, impacts = map(harness.advertise, (interfaces.SETUP, interfaces.IMPACT))
@@ -171,8 +135,6 @@ def test_what_comes_before_its_set_up_waits_for_it(harness, tmp_path):
 NOWHERE = (
     ({}, "set output to the path of an .rrd file"),
     ({"output": "view.txt"}, "must end in .rrd"),
-    ({"connect": "nowhere"}, "rerun+http://127.0.0.1:9876/proxy"),
-    ({"connect": "rerun+http://127.0.0.1:1/proxy"}, "start one there with rerun --port 1"),
 )
 
 

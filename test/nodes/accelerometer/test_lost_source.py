@@ -4,7 +4,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from impact_rig_msgs.msg import AcquisitionState
 
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.estimator import EstimatorNode
 
 from .desk_rig import arm, make_record, wait_for_release, wait_for_state
 
@@ -50,27 +49,6 @@ def test_a_device_that_is_lost_while_the_hammer_swings_leaves_one_empty_block(
     harness.change_state("accelerometer", "configure", "activate")
     release(arm(harness).record)
     assert [item.record for item in blocks.wait_for_count(2)] == [record, record + 1]
-
-
-def test_a_device_that_is_lost_within_a_record_closes_it(
-    harness, desk, rig, blocks, states, release
-):
-    impacts = harness.listen(interfaces.IMPACT)
-    harness.add(EstimatorNode)
-    node = rig(required_subscribers="estimator, peer", trigger_timeout=60.0)
-    record = arm(harness).record
-    release(record)
-    desk.deliver(make_record().cut(0, 700))
-    blocks.wait_for_count(1)
-    desk.unplug()
-    (verdict,) = impacts.wait_for_count(1)
-    assert verdict.reasons[0].startswith("gap:")
-    wait_for_state(states, AcquisitionState.FAULT)
-    desk.plug()
-    harness.wait_until(lambda: node.is_active)
-    release(arm(harness).record)
-    desk.deliver(make_record())
-    assert [item.record for item in impacts.wait_for_count(2)] == [record, record + 1]
 
 
 def test_a_device_that_goes_while_nothing_is_armed_is_missed_and_comes_back(
