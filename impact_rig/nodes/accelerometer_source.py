@@ -34,8 +34,6 @@ from impact_rig.nodes.identity import Membership
 from impact_rig.nodes.messages import block_to_msg, fill_block
 from impact_rig.nodes.rig_node import RateMeter
 
-NANO = 1e-9
-
 
 @dataclass(frozen=True)
 class OpenSource:
@@ -97,8 +95,6 @@ class Flow:
     blocks: int = 0
     points: int = 0  # per channel
     missing_points: int = 0  # that the source has lost, per channel
-    overloads: int = 0  # blocks in which the source reports an overload
-    delay: float = 0.0  # [s], from the last point of the newest block to its publication
 
 
 @dataclass(eq=False)
@@ -220,8 +216,6 @@ class SourceThread:
             "blocks sent": flow.blocks,
             "points lost": flow.missing_points,
             "points per second": round(self._rate.measure(flow.points)),
-            "delay [s]": round(flow.delay, 4),
-            "overloads": flow.overloads,
         }
 
     # Called in the thread.
@@ -321,10 +315,6 @@ class SourceThread:
             flow.blocks += 1
         flow.points += size
         flow.missing_points += max(block.first_sample - self._next_sample, 0)
-        flow.overloads += block.hammer.overloaded or block.specimen.overloaded
-        if block.stamp:
-            age = NANO * (time.time_ns() - block.stamp)
-            flow.delay = max(age - size / block.sampling_rate, 0.0)
         self._next_sample = block.first_sample + size
         self._newest = block
 
@@ -339,7 +329,7 @@ class SourceThread:
         return replace(
             block,
             label=self._arming.label if self._arming else NOT_ARMED,
-            stamp=block.stamp or time.time_ns() - round(duration / NANO),
+            stamp=block.stamp or time.time_ns() - round(1e9 * duration),
             origin=self._origin if block.origin == UNSTATED else block.origin,
             triggered=self._has_begun,
         )

@@ -1,16 +1,20 @@
 """The running stream: received in its own thread, its impacts published as if triggered."""
 
+import contextlib
+import threading
 from collections.abc import Callable
 from typing import Any
 
 from impact_rig_msgs.msg import StreamBlock
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.task import Future
 
 from impact_rig.core.errors import RigError
 from impact_rig.core.setup import AnalysisSettings
 from impact_rig.core.stream import StreamCutter, StreamFlow
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.executor import SpinningThread
+from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.identity import identity_from_msg
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import block_to_msg
@@ -104,18 +108,27 @@ class StreamListener:
         # Resolved by the node: it knows what is remapped.
         name = node.resolve_topic_name(topic.name)
         self._listener.create_subscription(topic.type, name, self._on_message, topic.qos)
-        self._is_stopped = False  # the thread may call back before the next line is done
-        self._spinning = SpinningThread(self._listener, "stream")
+        self._executor = make_executor(node.context)
+        self._executor.add_node(self._listener)
+        self._stop: Future = Future()
+        self._thread = threading.Thread(target=self._spin, name="stream", daemon=True)
+        self._thread.start()
 
     def stop(self) -> None:
         """Take no more; safe to call twice."""
-        if not self._is_stopped:
-            self._is_stopped = True
-            self._spinning.stop()
+        if not self._stop.done():
+            # The executor is shut down after its thread: rclpy would take it apart while it spins.
+            self._stop.set_result(None)
+            self._thread.join()
+            self._executor.shutdown(timeout_sec=1.0)
             self._listener.destroy_node()
 
+    def _spin(self) -> None:
+        with contextlib.suppress(ExternalShutdownException):
+            spin_until(self._executor, self._stop)
+
     def _on_message(self, message: Any) -> None:
-        if self._is_stopped or self._node.membership.is_foreign(message, self._topic.name):
+        if self._stop.done() or self._node.membership.is_foreign(message, self._topic.name):
             return
         if not self._node.message_check.accepts(self._topic, message):
             return

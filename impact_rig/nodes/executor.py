@@ -3,13 +3,11 @@
 import contextlib
 import inspect
 import sys
-import threading
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.context import Context
-from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.task import Future
 
 try:
@@ -41,42 +39,6 @@ def spin_until(executor: Executor, stop: Future) -> None:
     """
     while executor.context.ok() and not stop.done():
         executor.spin_until_future_complete(stop, timeout_sec=LONGEST_SPIN)
-
-
-class SpinningThread:
-    """Runs the callbacks of a node by an executor of its own, in a thread of its own.
-
-    Parameters
-    ----------
-    node : Node
-        In no other executor.
-    name : str
-        Of the thread.
-    """
-
-    def __init__(self, node: Node, name: str) -> None:
-        self._executor = make_executor(node.context)
-        self._executor.add_node(node)
-        self._stop: Future = Future()
-        self._thread = threading.Thread(target=self._spin, name=name, daemon=True)
-        self._thread.start()
-
-    @property
-    def is_stopped(self) -> bool:
-        """Whether it has been told to stop."""
-        return bool(self._stop.done())
-
-    def stop(self) -> None:
-        """End the thread, before the node is destroyed; safe to call twice."""
-        if not self.is_stopped:
-            # Not shut down while it spins: rclpy would take it to pieces under its thread.
-            self._stop.set_result(None)
-            self._thread.join()
-            self._executor.shutdown(timeout_sec=1.0)
-
-    def _spin(self) -> None:
-        with contextlib.suppress(ExternalShutdownException):
-            spin_until(self._executor, self._stop)
 
 
 def accept_message_info(

@@ -14,22 +14,19 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
 from impact_rig.core.errors import FileError, RigError
-from impact_rig.core.records import Origin
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.executor import accept_message_info
 from impact_rig.nodes.identity import Identity
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.recorder_node_parameters import NodeParameters
-from impact_rig.nodes.rig_node import RateMeter, RigNode
+from impact_rig.nodes.rig_node import RigNode
 from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, make_qos, name_type
 from impact_rig.recordings.hits import BlockCount, RecordCount, RecordWatch
 from impact_rig.recordings.messages import head_from_msg
 from impact_rig.recordings.provenance import (
-    ORIGIN_RECORD,
     PARAMETERS_RECORD,
     PROVENANCE_RECORD,
-    describe_origins,
     describe_provenance,
 )
 from impact_rig.recordings.qos import OfferedQos
@@ -88,16 +85,12 @@ class RecordingRun:
         self._on_failed = on_failed
         self._subscriptions: dict[str, Any] = {}
         self._skipped: dict[str, str] = {}  # topics that are not recorded, and why
-        self._origins: dict[Origin, None] = {}
-        # From sending to writing [s]; between two computers with the difference of their clocks.
-        self._longest_lag = self._longest_stream_lag = 0.0
-        self._stream_rate = RateMeter()
         self._stream_depth = stream_depth
         self._parameters = NodeParameters(node, self._write_parameters)
-        self._on_written: dict[str, Callable[[Any, int], None]] = {
+        self._on_written: dict[str, Callable[[Any], None]] = {
             node.resolve_topic_name(interfaces.ACCELERATION.name): self._on_block,
             node.resolve_topic_name(interfaces.STREAM.name): self._on_stream_block,
-            PARAMETER_EVENTS: lambda message, _: self._parameters.ask_again(message.node),
+            PARAMETER_EVENTS: lambda message: self._parameters.ask_again(message.node),
         }
         try:
             # All of several states in quick succession are wanted, not only the last.
@@ -160,22 +153,18 @@ class RecordingRun:
             "stream_blocks": stream.blocks,
             "stream_gaps": stream.gaps,
             "stream_missing_points": stream.missing_points,
-            "stream_longest_lag": f"{self._longest_stream_lag:.6f}",
             "messages_lost": self.messages_lost,
-            "longest_lag": f"{self._longest_lag:.6f}",
             "topics_not_recorded": ", ".join(self._skipped),
         }
 
     def diagnose(self) -> dict[str, Any]:
-        """Return figures for the diagnostics, with the stream's rate since the last call."""
-        writer, rate = self.writer, self._stream_rate.measure(self.stream.points)
+        """Return figures for the diagnostics."""
         return {
-            "file": writer.path,
-            "messages": writer.messages,
-            "size": writer.size,
+            "file": self.writer.path,
+            "messages": self.writer.messages,
+            "size": self.writer.size,
             "topics": len(self._subscriptions),
             **{name.replace("_", " "): value for name, value in self.describe_health().items()},
-            **({"stream rate [Hz]": f"{rate:.4g}"} if self._stream_depth else {}),
         }
 
     def close(self, reason: str) -> None:
@@ -248,7 +237,7 @@ class RecordingRun:
             try:
                 self.writer.add_message(channel, data, received, sent)
                 if on_written is not None:
-                    on_written(message or deserialize_message(data, kind), sent)
+                    on_written(message or deserialize_message(data, kind))
             except FileError as error:
                 self._on_failed(error)
 
@@ -267,28 +256,16 @@ class RecordingRun:
         if self._subscriptions[topic].get_publisher_count() == 1:
             self.messages_lost += count
 
-    def _on_block(self, message: AccelerationBlock, sent: int) -> None:
+    def _on_block(self, message: AccelerationBlock) -> None:
         """Count a block that was written; the end of its record puts that on the disk."""
-        head = head_from_msg(message)
-        self._write_origin(head.origin)
-        if ended := self.records.add(head):
+        if ended := self.records.add(head_from_msg(message)):
             self.writer.sync()
             for count in ended:
                 self._publish_stored(count)
-        self._longest_lag = max(self._longest_lag, (time.time_ns() - sent) / 1e9)
 
-    def _on_stream_block(self, message: StreamBlock, sent: int) -> None:
+    def _on_stream_block(self, message: StreamBlock) -> None:
         head = head_from_msg(message)
-        self._write_origin(head.origin)
         self.stream.add(head.first_sample, head.points)
-        self._longest_stream_lag = max(self._longest_stream_lag, (time.time_ns() - sent) / 1e9)
-
-    def _write_origin(self, origin: Origin) -> None:
-        """Write where the blocks come from, when another source is met."""
-        source = Origin(origin.kind, origin.source)
-        if source not in self._origins:
-            self._origins[source] = None
-            self.writer.add_metadata(ORIGIN_RECORD, describe_origins(self._origins))
 
     def _publish_stored(self, count: RecordCount) -> None:
         label = count.label

@@ -162,8 +162,6 @@ def test_the_running_stream_is_recorded_when_asked_for_and_its_gaps_are_counted(
     (health,) = read_metadata(path, "impact_rig/health")
     assert (health["stream_blocks"], health["stream_gaps"]) == ("4", "2")
     assert (health["stream_missing_points"], health["gaps"]) == ("4000", "0")
-    assert 0.0 < float(health["stream_longest_lag"]) < 60.0
-    assert float(health["longest_lag"]) == 0.0
 
 
 def test_the_running_stream_is_left_alone_unless_asked_for(harness, recorder, tmp_path):
