@@ -215,9 +215,7 @@ class CampaignNode(RigNode):
         )
         if not missing:
             return State.COMPLETE
-        if campaign.failures >= (
-            plan.attempts_per_impact or self.get_value("attempts_per_impact")
-        ):
+        if campaign.failures >= (plan.attempts_per_impact or ATTEMPTS):
             raise EndError(
                 f"{sample}: {campaign.failures} hits in a row were rejected or got no verdict, the"
                 f" last one: {campaign.failure}"
