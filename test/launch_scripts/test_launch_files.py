@@ -56,23 +56,6 @@ def test_every_argument_is_described_and_used(path):
     assert list_read_arguments(path) == set(arguments)
 
 
-def test_only_the_recording_to_replay_must_be_given():
-    needed = {
-        (path.name, name)
-        for path in LAUNCH_FILES
-        for name, keywords in list_arguments(path).items()
-        if "default_value" not in keywords
-    }
-    assert needed == {("replay.launch.py", "file")}
-
-
-def test_the_rig_takes_what_a_person_at_it_may_want_to_choose():
-    assert set(list_arguments(FOLDER / "rig.launch.py")) >= {
-        "rig_file", "impacts", "plant", "seed", "faults", "output", "visualizer", "viewer", "only",
-        "namespace", "params_file",
-    }  # fmt: skip
-
-
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_with_ros_installed_the_description_is_made(path):
     pytest.importorskip("launch_ros", reason="launch is part of a ROS 2 installation")

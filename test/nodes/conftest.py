@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
-from types import ModuleType, TracebackType
+from types import TracebackType
 from typing import Any, Self
 
 import pytest
@@ -305,25 +305,3 @@ def recorder(
         return states, stored, node
 
     return start
-
-
-class Clock:
-    """A clock that only moves when it is told to."""
-
-    now = 100.0
-
-    def monotonic(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def move_clock(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Clock]:
-    """Return a function that gives modules a clock of the test's."""
-
-    def give(*modules: ModuleType) -> Clock:
-        clock = Clock()
-        for module in modules:
-            monkeypatch.setattr(module, "time", clock)
-        return clock
-
-    return give

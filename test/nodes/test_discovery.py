@@ -212,12 +212,3 @@ def test_without_shared_memory_to_spare_no_node_is_made(monkeypatch, tmp_path):
         offer_profile(),
     ):
         pass
-
-
-def test_the_one_that_has_just_become_free_is_rarely_the_next():
-    numbers = []
-    for _ in range(20):
-        with reserve_domain() as number:
-            numbers.append(number)
-    # All alike by chance: once in a hundred to the nineteenth.
-    assert len(set(numbers)) > 1

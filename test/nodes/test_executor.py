@@ -86,14 +86,6 @@ def test_a_callback_may_ask_what_is_known_of_its_message(node, executor):
     assert all(before <= info["source_timestamp"] <= time.time_ns() for _, info in heard)
 
 
-def test_work_of_another_thread_is_done_where_callbacks_run(node, executor):
-    threads: list[int] = []
-    work = lambda: threads.append(threading.get_ident())  # noqa: E731
-    threading.Timer(0.05, lambda: node.run_soon(work)).start()
-    run_until(executor, lambda: bool(threads))
-    assert threads == [threading.get_ident()]
-
-
 def test_an_error_in_such_work_is_a_fault_and_an_unexpected_one_ends_the_process(node, executor):
     def fail(error: Exception) -> None:
         raise error
@@ -105,11 +97,3 @@ def test_an_error_in_such_work_is_a_fault_and_an_unexpected_one_ends_the_process
     spin_until(executor, node.stop_requested)
     with pytest.raises(ValueError, match="not foreseen"):
         node.stop_requested.result()
-
-
-def test_a_pause_lasts_as_long_as_asked(node, executor):
-    began = time.monotonic()
-    task = executor.create_task(node.pause(0.05))
-    executor.spin_until_future_complete(task, timeout_sec=PATIENCE)
-    assert task.done()
-    assert time.monotonic() - began >= 0.05

@@ -1,10 +1,11 @@
 """The recorder writes every message of every topic, and always leaves a sound file.
 
-It tells where it comes from: versions, notes, parameters, attached files.
+It publishes when a record is on the disk, what the recording lacks, and why it ends.
 """
 
 import json
 import signal
+import threading
 from array import array
 from contextlib import suppress
 from pathlib import Path
@@ -12,14 +13,15 @@ from pathlib import Path
 import mcap.reader
 import numpy as np
 import yaml
-from impact_rig_msgs.msg import AccelerationBlock
+from diagnostic_msgs.msg import DiagnosticStatus
+from impact_rig_msgs.msg import AccelerationBlock, StreamBlock
 from mcap.exceptions import McapError
 from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
-from std_msgs.msg import String
+from std_msgs.msg import Empty, String
 
 from impact_rig import __version__
 from impact_rig.nodes import interfaces
@@ -30,9 +32,9 @@ from impact_rig.recordings.scan import Scan
 from ..recordings.text_recordings import read_by_stream
 
 COUNT = 20
+POINTS = 1000
 PARAMETERS = "impact_rig/parameters"
 OWN_TOPICS = (interfaces.RECORDER_STATE, interfaces.RECORD_STORED)
-"""What the recorder itself has to say."""
 
 
 def read_by_mcap_ros2(path: Path) -> dict[str, list]:
@@ -56,39 +58,6 @@ def read_by_rosbags(path: Path) -> dict[str, list]:
     return messages
 
 
-def make_block(record: int, points: int = 5000) -> AccelerationBlock:
-    block = AccelerationBlock(record=record, sample="brass", sampling_rate=2.5e6, last=True)
-    block.hammer.scale = block.specimen.scale = 1.0
-    block.hammer.counts = array("i", range(record, record + points))
-    block.specimen.counts = array("i", range(points))
-    return block
-
-
-def test_it_calls_itself_recording_once_the_required_topics_are_connected(harness, tmp_path):
-    states = harness.listen(interfaces.RECORDER_STATE)
-    harness.add(
-        RecorderNode,
-        output=str(tmp_path / "session.mcap"),
-        required_topics="acceleration, impact",
-    )
-    state = states.wait(lambda got: "acceleration, impact" in got[-1].message)[-1]
-    assert not state.recording
-    harness.advertise(interfaces.ACCELERATION)
-    harness.advertise(interfaces.IMPACT)
-    states.wait(lambda got: got[-1].recording)
-
-
-def publish(harness, publisher, *messages, acknowledged: bool = True) -> None:
-    """Publish once the recorder is connected; return when everything has reached it.
-
-    Between processes, an acknowledgement may take the 3 s of a heartbeat.
-    """
-    harness.wait_until(lambda: publisher.get_subscription_count() > 0)
-    for message in messages:
-        publisher.publish(message)
-    assert not acknowledged or publisher.wait_for_all_acked()
-
-
 def count_whole_messages(path: Path, topic: str) -> int:
     """Return how many messages of a topic are in an unfinished file, by another library."""
     return sum(name == topic for name, _ in read_by_stream(path))
@@ -106,18 +75,77 @@ def read_metadata(path: Path, name: str) -> list[dict[str, str]]:
     return found
 
 
+def make_blocks(record, count=3, *, without=()):
+    """Return the blocks of a record, some of them missing."""
+    blocks = []
+    for i in set(range(count)) - set(without):
+        block = AccelerationBlock(
+            record=record, sample="brass", impact=record, attempt=1, first_sample=i * POINTS,
+            sampling_rate=2.5e6, last=i == count - 1,
+        )  # fmt: skip
+        block.header.stamp.sec = 1000 * record + i
+        block.hammer.scale = block.specimen.scale = 1.0
+        block.hammer.counts = array("i", range(record, record + POINTS))
+        block.specimen.counts = array("i", range(POINTS))
+        blocks.append(block)
+    return blocks
+
+
+def connect(harness, topic=interfaces.ACCELERATION):
+    """Return a publisher to which the recorder has subscribed."""
+    publisher = harness.advertise(topic)
+    harness.wait_until(lambda: publisher.get_subscription_count() > 0)
+    return publisher
+
+
+def publish(publisher, messages):
+    for message in messages:
+        publisher.publish(message)
+
+
+def list_values(diagnostics):
+    return [(item.key, item.value) for item in diagnostics.status[0].values]
+
+
+def test_it_calls_itself_recording_once_the_required_topics_are_connected(harness, tmp_path):
+    states = harness.listen(interfaces.RECORDER_STATE)
+    harness.add(
+        RecorderNode,
+        output=str(tmp_path / "session.mcap"),
+        required_topics="acceleration, impact",
+    )
+    state = states.wait(lambda got: "acceleration, impact" in got[-1].message)[-1]
+    assert not state.recording
+    harness.advertise(interfaces.ACCELERATION)
+    harness.advertise(interfaces.IMPACT)
+    states.wait(lambda got: got[-1].recording)
+
+
+def test_a_recorder_that_is_not_started_says_so_to_those_who_would_wait_for_it(harness):
+    states = harness.listen(interfaces.RECORDER_STATE)
+    harness.add(RecorderNode, autostart=False)
+    (state,) = states.wait_for_count(1)
+    assert (state.recording, state.waiting) == (False, False)
+    assert "not active" in state.message
+
+
 def test_other_libraries_read_all_messages_of_all_topics(harness, recorder, tmp_path):
     # Latched before the recorder starts.
     harness.tell_setup()
-    _, _, node = recorder()
-    blocks = [make_block(record) for record in range(COUNT)]
-    publish(harness, harness.advertise(interfaces.ACCELERATION), *blocks)
+    _, stored, node = recorder()
+    blocks = connect(harness)
+    before = harness.peer.get_clock().now().nanoseconds
+    publish(blocks, [block for record in range(COUNT) for block in make_blocks(record, 1)])
     for topic in interfaces.RECORDED_TOPICS:
         if topic not in (interfaces.ACCELERATION, interfaces.SETUP, *OWN_TOPICS):
             sound = {"sampling_rate": 1e6} if topic is interfaces.COMPARISON else {}
-            publish(harness, harness.advertise(topic), topic.type(**sound))
+            publisher = connect(harness, topic)
+            publisher.publish(topic.type(**sound))
+            assert publisher.wait_for_all_acked()
+    stored.wait_for_count(COUNT)
     harness.wait_until(lambda: node.count_messages("/recorder/stored") == COUNT)
     harness.wait_until(lambda: node.count_messages("/setup") == 1)
+    after = harness.peer.get_clock().now().nanoseconds
     harness.change_state("recorder", "deactivate")
 
     path = tmp_path / "session.mcap"
@@ -125,12 +153,18 @@ def test_other_libraries_read_all_messages_of_all_topics(harness, recorder, tmp_
     for messages in (read_by_mcap_ros2(path), read_by_rosbags(path)):
         assert names <= set(messages)
         assert [item.record for item in messages["/acceleration"]] == list(range(COUNT))
-        assert list(messages["/acceleration"][7].hammer.counts) == list(range(7, 5007))
+        assert list(messages["/acceleration"][7].hammer.counts) == list(range(7, 7 + POINTS))
         own = {f"/{topic.name}" for topic in OWN_TOPICS}
         assert {len(messages[name]) for name in names - {"/acceleration"} - own} == {1}
         assert messages["/setup"][0].name == "paper"
         assert messages["/recorder/state"][0].recording
         assert [item.record for item in messages["/recorder/stored"]] == list(range(COUNT))
+    with path.open("rb") as file:
+        reader = mcap.reader.make_reader(file)
+        for number, (_, _, item) in enumerate(reader.iter_messages(["/acceleration"])):
+            # Times are those of the middleware.
+            assert before <= item.publish_time <= item.log_time <= after
+            assert item.sequence == number
 
 
 def test_further_topics_below_the_namespace_are_discovered(harness, recorder, tmp_path):
@@ -146,12 +180,11 @@ def test_further_topics_below_the_namespace_are_discovered(harness, recorder, tm
         String, "/hall/name", QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     )
     latched.publish(String(data="bench 3"))
-    publish(harness, inside, String(data="hello"))
-    publish(harness, latched)
-    harness.wait_until(lambda: best_effort.get_subscription_count() > 0)
-    harness.peer.get_logger().info("to be found in the recording")
+    for publisher in (inside, latched, best_effort):
+        harness.wait_until(lambda publisher=publisher: publisher.get_subscription_count() > 0)
+    inside.publish(String(data="hello"))
     assert outside.get_subscription_count() == hidden.get_subscription_count() == 0
-    for topic in ("/hall/notes", "/hall/name", "/rosout"):
+    for topic in ("/hall/notes", "/hall/name"):
         harness.wait_until(lambda topic=topic: node.count_messages(topic) > 0)
     harness.change_state("/hall/recorder", "deactivate")
 
@@ -159,7 +192,6 @@ def test_further_topics_below_the_namespace_are_discovered(harness, recorder, tm
     messages = read_by_rosbags(path)
     assert [item.data for item in messages["/hall/notes"]] == ["hello"]
     assert [item.data for item in messages["/hall/name"]] == ["bench 3"]
-    assert messages["/hall/recorder/state"][0].recording
     with path.open("rb") as file:
         channels = mcap.reader.make_reader(file).get_summary().channels.values()
     metadata = {channel.topic: channel.metadata for channel in channels}
@@ -169,22 +201,6 @@ def test_further_topics_below_the_namespace_are_discovered(harness, recorder, tm
     assert "transient_local" in metadata["/hall/name"]["offered_qos_profiles"]
     (info,) = harness.peer.get_publishers_info_by_topic("/hall/notes")
     assert metadata["/hall/notes"]["topic_type_hash"] == str(info.topic_type_hash)
-
-
-def test_times_are_those_of_the_middleware(harness, recorder, tmp_path):
-    recorder()
-    publisher = harness.advertise(interfaces.ACCELERATION)
-    before = harness.peer.get_clock().now().nanoseconds
-    publish(harness, publisher, make_block(1), make_block(2))
-    after = harness.peer.get_clock().now().nanoseconds
-    harness.change_state("recorder", "deactivate")
-    with (tmp_path / "session.mcap").open("rb") as file:
-        messages = [
-            item for *_, item in mcap.reader.make_reader(file).iter_messages(["/acceleration"])
-        ]
-    for item in messages:
-        assert before <= item.publish_time <= item.log_time <= after
-    assert [item.sequence for item in messages] == [0, 1]
 
 
 def test_every_activation_gets_a_file_of_its_own(harness, recorder, tmp_path):
@@ -213,7 +229,6 @@ REFUSED = (
     ({"output": "/tmp/session"}, "output is '/tmp/session': the name must end in .mcap"),
     ({"attachments": "/absent.toml"}, "attachment /absent.toml cannot be read"),
     ({"output": "/proc/nowhere/session.mcap"}, "cannot be made"),
-    ({"output": "/dev/null/session.mcap"}, "cannot be made"),
 )
 
 
@@ -229,8 +244,7 @@ def test_a_signal_leaves_a_sound_recording(harness, start_process, tmp_path):
     path = tmp_path / "session.mcap"
     process = start_process("recorder", output=str(path), required_topics="''")
     states.wait(lambda got: got[-1].recording)
-    blocks = [make_block(record) for record in range(COUNT)]
-    publish(harness, harness.advertise(interfaces.ACCELERATION), *blocks, acknowledged=False)
+    publish(connect(harness), [make_blocks(record, 1)[0] for record in range(COUNT)])
     harness.wait_until(lambda: count_whole_messages(path, "/acceleration") == COUNT)
     process.send_signal(signal.SIGTERM)
     assert process.wait() == 0
@@ -241,13 +255,25 @@ def test_a_signal_leaves_a_sound_recording(harness, start_process, tmp_path):
     assert "Traceback" not in process.output
 
 
-def test_software_and_notes_go_into_the_file(harness, recorder, tmp_path):
-    recorder(notes="bench 3, 21 °C")
+def test_software_notes_and_files_go_into_the_recording(harness, recorder, tmp_path):
+    rig_file = tmp_path / "my, own rig.toml"
+    rig_file.write_text("name = 'bench 3'", "utf-8")
+    recorder(notes="bench 3, 21 °C", attachments=str(rig_file))
+    notes = connect(harness, interfaces.NOTE)
+    notes.publish(String(data="the tip is loose"))
+    assert notes.wait_for_all_acked()
     harness.change_state("recorder", "deactivate")
-    (found,) = read_metadata(tmp_path / "session.mcap", "impact_rig")
+    path = tmp_path / "session.mcap"
+    (found,) = read_metadata(path, "impact_rig")
     assert found["software_version"] == __version__
     assert json.loads(found["libraries"])["numpy"] == np.__version__
     assert found["notes"] == "bench 3, 21 °C"
+    with path.open("rb") as stream:
+        (attachment,) = mcap.reader.make_reader(stream).iter_attachments()
+    assert (attachment.name, attachment.media_type) == (rig_file.name, "application/toml")
+    assert attachment.data == rig_file.read_bytes()
+    (note,) = read_by_rosbags(path)["/note"]
+    assert note.data == "the tip is loose"
 
 
 def test_the_parameters_of_all_nodes_go_into_the_file_and_again_when_they_change(
@@ -266,30 +292,128 @@ def test_the_parameters_of_all_nodes_go_into_the_file_and_again_when_they_change
     harness.wait_until(lambda: find_swing_time() == 0.4)
     newest = read_metadata(path, PARAMETERS)[-1]
     assert yaml.safe_load(newest["/recorder"])["compression"] == "lz4"
-    # Not of who is no node of the rig, as the node of this test.
+    # The node of this test is no node of the rig.
     assert "/peer" not in newest
 
 
-def test_files_are_attached_and_what_an_operator_says_is_recorded(harness, recorder, tmp_path):
-    rig_file = tmp_path / "my, own rig.toml"
-    rig_file.write_text("name = 'bench 3'", "utf-8")
-    recorder(attachments=str(rig_file))
-    notes = harness.advertise(interfaces.NOTE)
-    harness.wait_until(lambda: notes.get_subscription_count() > 0)
-    notes.publish(String(data="the tip is loose"))
-    assert notes.wait_for_all_acked()
-    harness.change_state("recorder", "deactivate")
-    with (tmp_path / "session.mcap").open("rb") as stream:
-        (attachment,) = mcap.reader.make_reader(stream).iter_attachments()
-    assert (attachment.name, attachment.media_type) == (rig_file.name, "application/toml")
-    assert attachment.data == rig_file.read_bytes()
-    (said,) = read_by_rosbags(tmp_path / "session.mcap")["/note"]
-    assert said.data == "the tip is loose"
+def test_every_record_is_on_the_disk_when_the_recorder_says_so(harness, recorder, tmp_path):
+    _, stored, _ = recorder()
+    publisher = connect(harness)
+    for record in (1, 2, 3):
+        publish(publisher, make_blocks(record))
+        found = stored.wait_for_count(record)[-1]
+        assert count_whole_messages(tmp_path / "session.mcap", "/acceleration") == 3 * record
+        assert (found.record, found.sample, found.impact, found.attempt) == (
+            record, "brass", record, 1,
+        )  # fmt: skip
+        assert (found.blocks, found.gaps, found.missing_points) == (3, 0, 0)
+        assert found.header.stamp.sec == 1000 * record + 2
 
 
-def test_a_recorder_that_is_not_started_says_so_to_those_who_would_wait_for_it(harness):
-    states = harness.listen(interfaces.RECORDER_STATE)
-    harness.add(RecorderNode, autostart=False)
-    (state,) = states.wait_for_count(1)
-    assert (state.recording, state.waiting) == (False, False)
-    assert "not active" in state.message
+def test_what_records_lack_is_told_counted_and_kept_in_the_file(harness, recorder):
+    states, stored, _ = recorder()
+    diagnostics = harness.listen(interfaces.DIAGNOSTICS)
+    publisher = connect(harness)
+    publish(publisher, [*make_blocks(1, 5, without={1, 3}), *make_blocks(2)])
+    first, second = stored.wait_for_count(2)
+    assert (first.blocks, first.gaps, first.missing_points) == (3, 2, 2 * POINTS)
+    assert (second.blocks, second.gaps) == (3, 0)
+    warned = states.wait(lambda messages: messages[-1].message.startswith("warning:"))[-1]
+    assert warned.recording
+    assert (warned.gaps, warned.missing_points) == (2, 2 * POINTS)
+    found = diagnostics.wait(lambda got: got[-1].status[0].level == DiagnosticStatus.WARN)[-1]
+    assert "2 gaps, 2000 points are missing" in found.status[0].message
+    assert ("gaps", "2") in list_values(found)
+
+
+def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder, monkeypatch):
+    depth = interfaces.ACCELERATION.qos.depth
+    monkeypatch.setattr("impact_rig.nodes.recorder_run.QUEUE_DEPTH", depth)
+    states, stored, _ = recorder()
+    publisher = connect(harness)
+    publish(publisher, make_blocks(1))
+    stored.wait_for_count(1)
+    standing, go_on = threading.Event(), threading.Event()
+
+    def stand_still():
+        standing.set()
+        go_on.wait(20.0)
+
+    busy = threading.Thread(target=lambda: harness.run(stand_still))
+    busy.start()
+    assert standing.wait(20.0)
+    publish(publisher, make_blocks(2, 230))
+    go_on.set()
+    busy.join()
+    found = stored.wait_for_count(2)[-1]
+    assert (found.blocks, found.gaps, found.missing_points) == (depth, 1, (230 - depth) * POINTS)
+    state = states.wait(lambda messages: messages[-1].messages_lost > 0)[-1]
+    assert state.messages_lost == 230 - depth
+
+
+def test_a_full_disk_ends_the_recording_cleanly_and_says_so(
+    harness, recorder, tmp_path, monkeypatch
+):
+    states, stored, _ = recorder()
+    diagnostics = harness.listen(interfaces.DIAGNOSTICS)
+    publisher = connect(harness)
+    publish(publisher, make_blocks(1))
+    stored.wait_for_count(1)
+    monkeypatch.setattr("impact_rig.recordings.new_file.DiskFile._measure_room", lambda _: 1000)
+    # The writer asks for the room on the disk less often than for each message.
+    for record in range(2, 100):
+        publish(publisher, make_blocks(record, 100))
+        harness.wait_until(
+            lambda record=record: (
+                len(stored.messages) >= record or not states.messages[-1].recording
+            )
+        )
+        if not states.messages[-1].recording:
+            break
+    assert "full" in states.messages[-1].message
+    diagnostics.wait(lambda got: got[-1].status[0].level == DiagnosticStatus.ERROR)
+    path = tmp_path / "session.mcap"
+    records = [block.record for block in read_by_rosbags(path)["/acceleration"]]
+    whole = {record for record in records if records.count(record) in (3, 100)}
+    assert {message.record for message in stored.messages} <= whole
+    (health,) = read_metadata(path, "impact_rig/health")
+    assert health["reason"] == "disk full"
+
+
+def make_stream(*starts):
+    """Return blocks of the running stream that begin at given points."""
+    blocks = [StreamBlock(first_sample=start, sampling_rate=2.5e6) for start in starts]
+    for block in blocks:
+        block.hammer.scale = block.specimen.scale = 1.0
+        block.hammer.counts = block.specimen.counts = array("i", range(POINTS))
+    return blocks
+
+
+def test_the_running_stream_is_recorded_when_asked_for_and_its_gaps_are_counted(
+    harness, recorder, tmp_path
+):
+    states, _, node = recorder(record_stream=True)
+    starts = [0, POINTS, 4 * POINTS, 7 * POINTS]
+    publish(connect(harness, interfaces.STREAM), make_stream(*starts))
+    warned = states.wait(lambda messages: messages[-1].message.startswith("warning:"))[-1]
+    assert (warned.gaps, warned.missing_points) == (2, 4 * POINTS)
+    assert "the stream has 2 gaps, 4000 points are missing" in warned.message
+    harness.close(node)
+    path = tmp_path / "session.mcap"
+    stream = read_by_rosbags(path)["/acceleration/stream"]
+    assert [block.first_sample for block in stream] == starts
+    (health,) = read_metadata(path, "impact_rig/health")
+    assert (health["stream_blocks"], health["stream_gaps"]) == ("4", "2")
+    assert (health["stream_missing_points"], health["gaps"]) == ("4000", "0")
+
+
+def test_the_running_stream_is_left_alone_unless_asked_for(harness, recorder):
+    recorder()
+    streams = [
+        harness.peer.create_publisher(StreamBlock, name, 10)
+        for name in ("/acceleration/stream", "/hall/acceleration/stream")
+    ]
+    other = harness.peer.create_publisher(Empty, "/later", 1)
+    # A topic that is published after the streams is discovered, they are not.
+    harness.wait_until(lambda: other.get_subscription_count() > 0)
+    assert [stream.get_subscription_count() for stream in streams] == [0, 0]

@@ -1,5 +1,7 @@
 """The visualizer shows what the rig says over real DDS."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -147,8 +149,12 @@ def test_a_view_that_goes_nowhere_fails_to_configure_and_says_what_to_set(harnes
 
 
 @pytest.fixture
-def clock(move_clock):
-    return move_clock(visualizer, rig_node)
+def clock(monkeypatch):
+    """Return a clock that moves when its `now` is set."""
+    clock = SimpleNamespace(now=100.0)
+    for module in (visualizer, rig_node):
+        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    return clock
 
 
 def say(name, message="active", level=DiagnosticStatus.OK, **values):
