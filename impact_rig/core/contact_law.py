@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-import scipy
 
 from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.hits import MeanHit
@@ -64,6 +63,7 @@ class Limits:
     near: float = 2.0  # [-] of the least residual: what is worth another look
     tolerance: float = 1e-6  # [-] change of sum of squares and parameters that ends a fit
     evaluations: int = 40  # [-] a pulse of the family needs five to ten
+    rough_evaluations: int = 5  # [-] the same for a first look
     shortest_time: float = 0.05  # [w50] T: no pulse of the family is so wide
     finest: float = 1.0 / 64.0  # [w50] over which the force is averaged
     margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
@@ -74,7 +74,6 @@ class Limits:
     table: float = 1e-5  # [-] of the peak: below, the tables of pulses tell no difference
     criterion: float = 10.0  # [-] difference of BIC: very strong evidence (Kass and Raftery 1995)
     correlation: float = 0.95  # [-] of n and B: fixing one makes the other thrice as certain
-    second_top: float = 0.05  # [-] of the peak: over the valley before it
     crushed: float = 0.01  # [-] e above 1 from which the pulse clearly falls faster than it rises
     elastic: float = 1e-3  # [-] what e may lie above 1 by the fit's own error
 
@@ -88,26 +87,21 @@ class LawFit(WindowFit):
 
     form: LossForm
     parameters: FloatArray  # start and T [w50], height and offset over the peak, B and n [-]
-    jacobian: FloatArray  # of the fitted trace in the varied parameters, shape (varied, n)
-    varied: list[int]  # places of these
+    jacobian: FloatArray  # of the fitted trace in the parameters, shape (6, n), 0 in a given n
+    varied: int  # how many of them were fitted
 
     def move_to(self, window: PulseWindow) -> "LawFit":
         """Return the same pulse on another window of the same trace, not fitted again."""
-        evaluation = evaluate_law(window, self.form, self.parameters, len(self.varied))
-        return _describe_fit(
-            window, self.form, self.parameters, self.varied, evaluation, is_inside=self.is_inside
-        )
+        evaluation = evaluate_law(window, self.form, self.parameters)
+        return _describe_fit(self.form, self.parameters, self.varied, window, evaluation)
 
     def project(self, changes: FloatArray) -> FloatArray:
-        """Return what changes of the trace, shape (n, k), do to the parameters, shape (6, k)."""
-        moved = np.zeros((self.parameters.size, changes.shape[1]))
-        moved[self.varied] = self._inverse @ changes
-        return moved
+        """Return what changes of the trace, shape (n, ...), do to the parameters."""
+        return np.asarray(self._inverse @ changes)
 
     def find_rest(self, change: FloatArray) -> float:
         """Return the RMS of what no parameter can make of a change of the trace, shape (n,)."""
-        moved = self.project(change[:, np.newaxis])[self.varied, 0]
-        return float(np.std(change - self.jacobian.T @ moved))
+        return float(np.std(change - self.jacobian.T @ self.project(change)))
 
     def compute_covariance(self, correlation: FloatArray) -> FloatArray:
         """Return what noise of variance 1 does to the parameters, shape (6, 6).
@@ -121,56 +115,65 @@ class LawFit(WindowFit):
         inverse = self._inverse
         reach = correlation.size - 1
         correlated = [np.convolve(row, both_ways)[reach : reach + row.size] for row in inverse]
-        covariance = np.zeros((self.parameters.size, self.parameters.size))
-        covariance[np.ix_(self.varied, self.varied)] = inverse @ np.stack(correlated, axis=1)
-        return covariance
+        return np.asarray(inverse @ np.stack(correlated, axis=1))
 
     @cached_property
     def _inverse(self) -> FloatArray:
-        """Changes of the trace to those of the varied parameters, shape (varied, n)."""
+        """Changes of the trace to those of the parameters, shape (6, n)."""
         return np.asarray(np.linalg.pinv(self.jacobian.T))
 
 
 def fit_law(
-    window: PulseWindow, form: LossForm, start: FloatArray, varied: list[int], tolerance: float
+    window: PulseWindow,
+    form: LossForm,
+    start: FloatArray,
+    varied: int,
+    *,
+    is_rough: bool = False,
 ) -> LawFit:
-    """Fit one form until the sum of squares changes by no more than `tolerance`."""
+    """Fit the first parameters of one form, or look roughly how near it comes."""
 
     def complete(parameters: FloatArray) -> FloatArray:
-        return _complete(np.append(parameters, start[len(varied) :]), form)
+        return _complete(np.append(parameters, start[varied:]), form)
 
-    found, evaluation, converged = minimise(
-        lambda parameters: evaluate_law(window, form, complete(parameters), len(varied)),
-        start[varied],
-        tolerance,
-        LIMITS.evaluations,
+    def evaluate(parameters: FloatArray) -> Evaluation:
+        residual, jacobian = evaluate_law(window, form, complete(parameters))
+        return residual, jacobian[:varied]
+
+    found, (residual, jacobian), converged = minimise(
+        evaluate,
+        start[:varied],
+        LIMITS.rough if is_rough else LIMITS.tolerance,
+        LIMITS.rough_evaluations if is_rough else LIMITS.evaluations,
     )
-    parameters = complete(found)
-    (least, most), (weakest, strongest) = TABLES.exponents, LOSSES[form]
-    inside = EXPONENT not in varied or least < parameters[EXPONENT] < most
-    inside = inside and weakest < parameters[LOSS] < strongest
-    inside = inside and parameters[TIME] > LIMITS.shortest_time and converged
-    return _describe_fit(window, form, parameters, varied, evaluation, is_inside=bool(inside))
+    fit = _describe_fit(form, complete(found), varied, window, (residual, jacobian))
+    return fit if converged else replace(fit, is_inside=False)
 
 
 def _describe_fit(
-    window: PulseWindow,
     form: LossForm,
     parameters: FloatArray,
-    varied: list[int],
+    varied: int,
+    window: PulseWindow,
     evaluation: Evaluation,
-    *,
-    is_inside: bool,
 ) -> LawFit:
-    residual, jacobian = evaluation
+    residual, derivatives = evaluation
+    jacobian = np.zeros((COUNT, residual.size))
+    jacobian[:varied] = derivatives[:varied]
+    limits = (TABLES.exponents, LOSSES[form])
+    inside = [
+        least < parameters[place] < most
+        for place, (least, most) in zip((EXPONENT, LOSS), limits, strict=True)
+        if place < varied
+    ]
     return LawFit(
         form=form,
         parameters=parameters,
         jacobian=jacobian,
         varied=varied,
-        residual=float(np.sqrt(residual @ residual / (residual.size - len(varied)))),
+        residual=float(np.sqrt(residual @ residual / (residual.size - varied))),
         fitted=window.measured + residual,
-        is_inside=is_inside,
+        is_inside=all(inside) and bool(parameters[TIME] > LIMITS.shortest_time),
     )
 
 
@@ -196,10 +199,8 @@ def _estimate_start(exponent: float) -> FloatArray:
     return make_read_only(np.array([-middle * time, time, 1.0 / force.max(), 0.0, loss, exponent]))
 
 
-def evaluate_law(
-    window: PulseWindow, form: LossForm, parameters: FloatArray, varied: int = COUNT
-) -> Evaluation:
-    """Return fitted minus measured, and its derivatives in the first `varied` parameters.
+def evaluate_law(window: PulseWindow, form: LossForm, parameters: FloatArray) -> Evaluation:
+    """Return fitted minus measured, and its derivatives in the parameters.
 
     The force is averaged over a point of the model's, from its impulse: it may jump, and what is
     fitted must not go in steps when the start moves from one point to the next.
@@ -224,7 +225,7 @@ def evaluate_law(
     rows[EXPONENT] = height / more * (force[2] - force[0])
     shown = window.show(rows, part)
     shown[OFFSET] = 1.0
-    return height * shown[HEIGHT] + offset - window.measured, shown[:varied]
+    return height * shown[HEIGHT] + offset - window.measured, shown
 
 
 def fit_forms(
@@ -254,17 +255,17 @@ def fit_forms(
     begin = start[START] + (1.0 - LIMITS.shorter) * 1.6 * start[TIME]
     shorter = np.concatenate(([begin, LIMITS.shorter * start[TIME]], start[HEIGHT:]))
     starts = [start, shorter] if is_ringing else [start]
-    varied = list(range(COUNT) if exponent is None else range(COUNT - 1))
+    varied = COUNT if exponent is None else COUNT - 1
     rough = [
         min(
-            (fit_law(window, form, one, varied, LIMITS.rough) for one in starts),
+            (fit_law(window, form, one, varied, is_rough=True) for one in starts),
             key=lambda fit: fit.residual,
         )
         for form in LossForm
     ]
     least = min(fit.residual for fit in rough)
     fits = [
-        fit_law(window, fit.form, fit.parameters, varied, LIMITS.tolerance)
+        fit_law(window, fit.form, fit.parameters, varied)
         for fit in rough
         if fit.residual < LIMITS.near * least
     ]
@@ -428,11 +429,13 @@ def estimate_contact_law(
         ),
         warnings=_check_hits(restored, leaves),
     )
-    versed = _compare_with_versed_sine(fit, cut_window(mean.traces[0], pulse, *seen), white, noise)
+    is_worse, excludes_versed_sine = _compare_with_versed_sine(
+        fit, cut_window(mean.traces[0], pulse, *seen), white, noise
+    )
     changes = _change_sensor(mean, pulse, fit, sensors[0], seen[:2])
     largest = max(LIMITS.residual, LIMITS.residual_over_noise * noise)
     largest += 2.0 * max((fit.find_rest(change) for _, change in changes), default=0.0)
-    reason = _find_misfit(fit, largest, window, is_worse=versed.is_better)
+    reason = _find_misfit(fit, largest, is_worse=is_worse)
     if reason:
         return _check_speed(replace(without, notes=(reason,)), impact_speed)
     scales = np.array([1.0, width / mean.sampling_rate, peak, 1.0, 1.0, 1.0])
@@ -447,11 +450,11 @@ def estimate_contact_law(
     ]
     if mean.zero_uncertainty[0]:
         moved = _move_step(mean, pulse)[window.points] / pulse.peak
-        change = fit.project(moved[:, np.newaxis])
-        sources.append((ZERO_AFTER, change @ change.T, math.inf))
+        change = fit.project(moved)
+        sources.append((ZERO_AFTER, np.outer(change, change), math.inf))
     total = sources[0][1] + sources[1][1]
     sources += [
-        (source, np.outer(*2 * (fit.project(change[:, None])[:, 0],)), math.inf)
+        (source, np.outer(fit.project(change), fit.project(change)), math.inf)
         for source, change in changes
     ]
     spread = math.sqrt(total[EXPONENT, EXPONENT] * total[LOSS, LOSS])
@@ -479,12 +482,12 @@ def estimate_contact_law(
         own_covariances=own,
         notes=_list_notes(told, exponent, masses) + _describe_rest(fits, noise),
         warnings=check_momenta(ratio) + check_hit_momenta(restored, contact) + without.warnings,
-        excludes_versed_sine=versed.is_excluded,
+        excludes_versed_sine=excludes_versed_sine,
     )
     return _check_speed(law, impact_speed)
 
 
-def _find_misfit(fit: LawFit, largest: float, window: PulseWindow, *, is_worse: bool) -> str:
+def _find_misfit(fit: LawFit, largest: float, *, is_worse: bool) -> str:
     """Say why no law describes the pulse; empty: one does.
 
     Parameters
@@ -494,17 +497,17 @@ def _find_misfit(fit: LawFit, largest: float, window: PulseWindow, *, is_worse: 
     is_worse : bool
         The law leaves more than a versed-sine does, chance apart.
     """
+    loss, exponent = fit.parameters[LOSS:, np.newaxis]
+    e = compute_pulses(exponent, loss, fit.form).restitution[0]
+    crushed = CRUSHED if e > 1.0 + LIMITS.crushed else ""
     if not fit.is_inside:
-        return f"{LIKE_CONTACT}: no fit ends{_describe_pulse(window.measured, fit, largest)}"
+        return f"{LIKE_CONTACT}: no fit ends{crushed}"
     if fit.residual > largest:
         return (
             f"{LIKE_CONTACT}: the best leaves {100.0 * fit.residual:.2g} % of the peak, where"
-            f" noise and sensor explain {100.0 * largest:.2g} %"
-            f"{_describe_pulse(window.measured, fit, largest)}"
+            f" noise and sensor explain {100.0 * largest:.2g} %{crushed}"
         )
-    if is_worse:
-        return f"{LIKE_CONTACT}: a versed-sine comes nearer to it than the best of them"
-    return ""
+    return f"{LIKE_CONTACT}: a versed-sine comes nearer to it than the best of them" * is_worse
 
 
 def _describe_rest(fits: list[LawFit], noise: float) -> tuple[str, ...]:
@@ -586,18 +589,12 @@ def _change_sensor(
     return changes
 
 
-@dataclass(frozen=True)
-class _VersedSine:
-    """What a versed-sine makes of the pulse beside a law."""
-
-    is_better: bool
-    is_excluded: bool
-
-
 def _compare_with_versed_sine(
     law: LawFit, window: PulseWindow, white: float, noise: float
-) -> _VersedSine:
-    """Compare law and versed-sine on the pulse alone: ringing behind it belongs to neither.
+) -> tuple[bool, bool]:
+    """Return whether a versed-sine comes nearer than the law, and whether the data exclude it.
+
+    On the pulse alone: ringing behind it belongs to neither.
 
     Parameters
     ----------
@@ -609,20 +606,8 @@ def _compare_with_versed_sine(
     ours, versed = law.move_to(window), fit_pulse(window, VERSED_SINE)
     least = min(ours.residual, versed.residual)
     level = white / math.sqrt(window.step) * max(1.0, least / noise) if noise > 0.0 else least
-    return _VersedSine(
-        is_better=ours.is_worse(versed, level),
-        is_excluded=versed.is_worse(ours, level) and versed.residual > LIMITS.versed_residual,
-    )
-
-
-def _describe_pulse(measured: FloatArray, fit: LawFit, largest: float) -> str:
-    """Say what a pulse that is of no law looks like; empty: nothing can be told."""
-    tops, _ = scipy.signal.find_peaks(measured, prominence=max(LIMITS.second_top, largest))
-    if len(tops) > 1:
-        return f"; the pulse has {len(tops)} tops, as of so many contacts or of a body that rings"
-    loss, exponent = fit.parameters[LOSS:, np.newaxis]
-    pulse = compute_pulses(exponent, loss, fit.form)
-    return CRUSHED if pulse.restitution[0] > 1.0 + LIMITS.crushed else ""
+    is_excluded = versed.is_worse(ours, level) and versed.residual > LIMITS.versed_residual
+    return ours.is_worse(versed, level), is_excluded
 
 
 def _compute_scatter(
@@ -637,7 +622,7 @@ def _compute_scatter(
     cuts = [hit[0, window.points] / peak - window.measured for hit in mean.cut_hits()]
     changes = np.stack(cuts, axis=1)
     moved = fit.project(changes)
-    left = changes - fit.jacobian.T @ moved[fit.varied]
+    left = changes - fit.jacobian.T @ moved
     return np.asarray(np.cov(moved)), np.asarray(left.std(axis=0))
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from impact_rig.core.arithmetic import (
     Number,
@@ -15,6 +14,7 @@ from impact_rig.core.arithmetic import (
 )
 from impact_rig.core.errors import NotDeterminedError, check_not_negative, check_positive
 from impact_rig.core.hits import MeanHit
+from impact_rig.core.pulse_shape import Evaluation, minimise
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import FloatArray
 
@@ -133,18 +133,11 @@ def estimate_damping_ratio_from_coefficient(
 TRIED_DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """Decay over the whole tail, a T, of the spectrum's weights [-], our choice: from nearly undamped
 to gone after a few per cent of it."""
-TRIED_PARTS = (1.0, 0.3, 0.1, 0.03)
-"""Parts of the tail over which the integral equation is solved [-], our choice."""
 PADDING = 2
 """Length of the spectrum over that of the tail [-], our choice: half a line is near enough."""
 LEAST_PERIODS = 0.5
 """Slowest oscillation looked for in the spectrum, in periods of the tail [-]: slower ones are
 offset."""
-UNKNOWNS = 5
-"""Of the integral equation."""
-ENOUGH_POINTS = 400
-"""On about so many points of a longer tail the fit is found, before it is finished on all [-], our
-choice."""
 TOLERANCE = 1e-6
 """Relative change of sum of squares and of parameters that ends the fit [-], our choice: of some
 hundred points, a hundredth of what noise makes of the parameters."""
@@ -152,138 +145,64 @@ MOST_EVALUATIONS = 50
 """Of the model [-], our choice: a decay needs fewer than ten, noise never comes to rest."""
 
 
+@dataclass(frozen=True)
 class DecayFit:
-    """The least-squares problem of one tail in (a, omega), both per point.
+    """The damped oscillation and offset that come nearest to a tail, for a decay and a frequency.
+
+    Arrays of shape (n,), but the jacobian's (2, n).
+    """
+
+    residual: FloatArray  # measured minus fitted
+    jacobian: FloatArray  # of the residual, in a and omega per point
+    oscillation: FloatArray  # the fit without its offset
+    amplitude: float  # of the envelope at the first point
+
+
+def fit_amplitudes(measured: FloatArray, parameters: FloatArray) -> DecayFit:
+    """Fit cosine, sine and offset to a tail, shape (n,), for a and omega per point."""
+    points = np.arange(measured.size)
+    # A growing trial step must not overflow.
+    decay = max(float(parameters[0]), -1.0 / measured.size)
+    wave = np.exp((-decay + 1j * parameters[1]) * points)
+    basis = np.stack((np.ones(measured.size), wave.real, wave.imag), axis=1)
+    orthonormal, triangle = np.linalg.qr(basis)
+    onto = measured @ orthonormal
+    _, cosine, sine = np.linalg.lstsq(triangle, onto, rcond=None)[0].tolist()
+    swing = (cosine - 1j * sine) * wave
+    slopes = points * np.stack((swing.real, swing.imag))
+    return DecayFit(
+        residual=measured - orthonormal @ onto,
+        jacobian=slopes - (slopes @ orthonormal) @ orthonormal.T,
+        oscillation=swing.real,
+        amplitude=math.hypot(cosine, sine),
+    )
+
+
+def fit_decay(measured: FloatArray, relative_cutoff: float) -> tuple[FloatArray, DecayFit]:
+    """Return the best decay rate and angular frequency per point, and the fit there.
 
     Parameters
     ----------
     measured : ndarray, shape (n,)
-        The tail, equidistant.
-    stride : int
-        Fit every so many points only; a and omega stay per point of `measured`.
-
-    Attributes
-    ----------
-    residual : ndarray, shape (n,)
-        Measured minus fitted, where last evaluated.
-    oscillation : ndarray, shape (n,)
-        The fit without its offset.
-    amplitude : float
-        Of the envelope at the first point.
-    """
-
-    def __init__(self, measured: FloatArray, stride: int = 1) -> None:
-        self._measured = measured = measured[::stride]
-        self._points = stride * np.arange(measured.size, dtype=np.float64)
-        self._at: tuple[float, float] | None = None
-        self.residual = measured
-        self.oscillation = self._quadrature = np.zeros_like(measured)
-        self._orthonormal = np.zeros((measured.size, 3))
-        self.amplitude = 0.0
-
-    def solve(self, relative_cutoff: float) -> FloatArray:
-        """Return the best (a, omega), and stay there; see `find_decay_candidates`."""
-        candidates = find_decay_candidates(self._measured, relative_cutoff)
-        stride = max(1, self._measured.size // ENOUGH_POINTS)
-        sparse = DecayFit(self._measured, stride) if stride > 1 else self
-        solution = sparse.descend(candidates[int(np.argmin(sparse.compute_errors(candidates)))])
-        return self.descend(solution) if stride > 1 else solution
-
-    def descend(self, start: FloatArray) -> FloatArray:
-        """Return the least-squares (a, omega) next to `start`, and stay there."""
-        found = scipy.optimize.least_squares(
-            self.compute_residual,
-            start,
-            jac=self.compute_jacobian,
-            method="lm",
-            x_scale=np.abs(start) + np.finfo(float).tiny,
-            ftol=TOLERANCE,
-            xtol=TOLERANCE,
-            gtol=1e-12,
-            max_nfev=MOST_EVALUATIONS,
-        ).x
-        solution = np.array([found[0], abs(found[1])])
-        self._evaluate(solution)
-        return solution
-
-    def compute_errors(self, candidates: FloatArray) -> FloatArray:
-        """Return the sums of squares, shape (m,), that pairs (a, omega), shape (m, 2), leave."""
-        orthonormal, _ = np.linalg.qr(_make_basis(self._compute_wave(candidates)))
-        onto = np.tensordot(self._measured, orthonormal, axes=(0, 1))
-        return np.asarray(self._measured @ self._measured - np.square(onto).sum(axis=1))
-
-    def compute_residual(self, parameters: FloatArray) -> FloatArray:
-        """Return measured minus fitted, shape (n,)."""
-        self._evaluate(parameters)
-        return self.residual
-
-    def compute_jacobian(self, parameters: FloatArray) -> FloatArray:
-        """Return the derivatives of the residual in a and omega, shape (n, 2)."""
-        self._evaluate(parameters)
-        slopes = self._points[:, np.newaxis] * np.stack(
-            (self.oscillation, self._quadrature), axis=1
-        )
-        return np.asarray(slopes - self._orthonormal @ (self._orthonormal.T @ slopes))
-
-    def _compute_wave(self, parameters: FloatArray) -> NDArray[np.complex128]:
-        """Return e^((-a + i omega) t), shape (..., n), of pairs (a, omega), shape (..., 2)."""
-        # A growing trial step must not overflow.
-        decay = np.maximum(parameters[..., 0], -1.0 / (self._points[-1] + 1.0))
-        rates = -decay + 1j * parameters[..., 1]
-        return np.asarray(np.exp(rates[..., np.newaxis] * self._points))
-
-    def _evaluate(self, parameters: FloatArray) -> None:
-        decay, frequency = parameters.tolist()
-        if self._at == (decay, frequency):
-            return
-        self._at = decay, frequency
-        wave = self._compute_wave(parameters)
-        self._orthonormal, triangle = np.linalg.qr(_make_basis(wave))
-        onto = self._measured @ self._orthonormal
-        cosine, sine = _find_amplitudes(triangle.tolist(), onto.tolist())
-        self.residual = self._measured - self._orthonormal @ onto
-        self.oscillation = cosine * wave.real + sine * wave.imag
-        self._quadrature = cosine * wave.imag - sine * wave.real
-        self.amplitude = math.hypot(cosine, sine)
-
-
-def _make_basis(wave: NDArray[np.complex128]) -> FloatArray:
-    """Return cosine, sine and offset as columns, shape (..., n, 3), offset first."""
-    return np.stack((np.ones(wave.shape), wave.real, wave.imag), axis=-1)
-
-
-def _find_amplitudes(triangle: list[list[float]], onto: list[float]) -> tuple[float, float]:
-    """Solve for cosine and sine; 0 for what cannot be told from the columns before it."""
-    least = np.finfo(float).eps * len(onto) * max(abs(triangle[i][i]) for i in range(3))
-    sine = onto[2] / triangle[2][2] if abs(triangle[2][2]) > least else 0.0
-    rest = onto[1] - triangle[1][2] * sine
-    return rest / triangle[1][1] if abs(triangle[1][1]) > least else 0.0, sine
-
-
-def find_decay_candidates(tail: FloatArray, relative_cutoff: float) -> FloatArray:
-    """Find candidates for decay rate and angular frequency.
-
-    Parameters
-    ----------
-    tail : ndarray, shape (n,)
         Damped oscillation, offset and noise, equidistant.
     relative_cutoff : float
         Highest frequency that can be there, over the sampling rate [-]; 0: one half.
-
-    Returns
-    -------
-    ndarray, shape (m, 2)
-        a and omega, per point.
     """
-    candidates = _search_spectrum(tail, relative_cutoff or 0.5)
-    for part in TRIED_PARTS:
-        count = round(part * tail.size)
-        if count > 2 * UNKNOWNS:
-            candidates += _solve_integral_equation(tail[:count])
-    return np.array(candidates)
+
+    def evaluate(parameters: FloatArray) -> Evaluation:
+        fit = fit_amplitudes(measured, parameters * scale)
+        return fit.residual, fit.jacobian * scale[:, np.newaxis]
+
+    candidates = _search_spectrum(measured, relative_cutoff or 0.5)
+    fits = [fit_amplitudes(measured, candidate).residual for candidate in candidates]
+    scale = candidates[int(np.argmin([float(left @ left) for left in fits]))]
+    found, _, _ = minimise(evaluate, np.ones(2), TOLERANCE, MOST_EVALUATIONS)
+    solution = np.array([1.0, np.sign(found[1])]) * found * scale
+    return solution, fit_amplitudes(measured, solution)
 
 
-def _search_spectrum(tail: FloatArray, highest: float) -> list[tuple[float, float]]:
+def _search_spectrum(tail: FloatArray, highest: float) -> FloatArray:
+    """Return a and omega of the strongest line for each weight of the tail, shape (m, 2)."""
     count = tail.size
     # What the oscillation has come down to is the offset.
     signal = tail - tail[count // 2 :].mean()
@@ -294,36 +213,7 @@ def _search_spectrum(tail: FloatArray, highest: float) -> list[tuple[float, floa
     last = max(first + 1, int(min(highest, 0.5) * length))
     spectra = np.abs(scipy.fft.rfft(weights * signal, length))
     lines = np.argmax(spectra[:, first:last], axis=1) + first
-    return [
-        (float(decay), float(2.0 * np.pi * line / length))
-        for decay, line in zip(decays, lines, strict=True)
-    ]
-
-
-def _solve_integral_equation(tail: FloatArray) -> list[tuple[float, float]]:
-    """Return one pair, or none where the solution is no decay.
-
-    y'' + 2 a y' + w^2 (y - offset) = 0, integrated twice: y = -2 a I y - w^2 I^2 y + a quadratic
-    in t. Nothing is differentiated, so that noise matters little.
-    """
-    count = tail.size
-    time = np.arange(count) / count
-    once = _integrate(tail)
-    columns = np.stack((once, _integrate(once), np.ones(count), time, time**2), axis=1)
-    some = slice(None, None, max(1, count // ENOUGH_POINTS))
-    solution = np.linalg.lstsq(columns[some], tail[some], rcond=None)[0]
-    decay, stiffness = -solution[0] / 2.0, -solution[1]
-    if decay <= 0.0 or stiffness <= 0.0:
-        return []
-    # Over-critical: the fit shall start, and find out, near critical damping.
-    frequency = np.sqrt(max(stiffness - decay**2, 0.01 * stiffness))
-    return [(float(decay) / count, float(frequency) / count)]
-
-
-def _integrate(values: FloatArray) -> FloatArray:
-    integral = np.zeros_like(values)
-    np.cumsum((values[1:] + values[:-1]) / (2.0 * values.size), out=integral[1:])
-    return integral
+    return np.stack((decays, 2.0 * np.pi * lines / length), axis=1)
 
 
 FILTER_GUARD = 1.0
@@ -438,9 +328,8 @@ def estimate_free_decay(
     spread = float(measured.std())
     if spread <= np.finfo(float).eps * float(np.abs(mean.traces[channel]).max()):
         raise NotDeterminedError("free decay: the tail after the contact is flat")
-    fit = DecayFit(measured)
-    solution = fit.solve(cutoff_frequency / rate)
-    jacobian = fit.compute_jacobian(solution)
+    solution, fit = fit_decay(measured, cutoff_frequency / rate)
+    jacobian = fit.jacobian.T
     noise = float(mean.noise[channel])
     left = float(np.sqrt(np.sum(fit.residual**2) / (measured.size - FITTED)))
     excess = left / noise if noise > 0.0 else math.nan

@@ -183,18 +183,6 @@ def test_one_hit_determines_no_uncertainty_and_says_so():
         assert "one accepted hit shows no scatter" in found.notes[0]
 
 
-def test_one_hit_on_the_control_sample_leaves_every_k2_without_uncertainty():
-    hammer = estimate_hammer(make_mean(CONTROL, 1), SETUP)
-    assert "one accepted hit" in hammer.stiffness.notes[0]
-    found = estimate_numbers("steel medium", make_mean("steel medium"), math.nan, 0, hammer, SETUP)
-    assert found.contact_time.is_known
-    assert math.isfinite(found.equivalent_stiffness.standard)
-    assert math.isfinite(found.stiffness.value)
-    assert found.stiffness.notes == hammer.stiffness.notes
-    assert math.isnan(found.damping_coefficient.standard)
-    assert math.isfinite(found.damping_ratio.standard)
-
-
 def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact():
     given = BodyEstimate(Quantity(22e6))
     found = estimate_numbers("steel medium", make_mean("steel medium"), math.nan, 0, given, SETUP)

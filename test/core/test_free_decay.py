@@ -146,13 +146,6 @@ def test_in_noise_the_bias_is_small(ratio):
     assert np.mean([item.residual_over_noise for item in found]) == pytest.approx(1.0, abs=0.1)
 
 
-def test_the_values_of_the_hits_average_to_the_value_of_the_mean():
-    found = fit(make_mean(swing(Oscillation(0.3)), noise=5.0, hits=7))
-    assert found.hit_values.shape == (7, 2)
-    expected = (found.decay_rate, found.angular_frequency)
-    np.testing.assert_allclose(found.hit_values.mean(axis=0), expected, rtol=1e-6)
-
-
 def test_student_intervals_from_the_hits_cover_the_truth():
     runs, hits, ratio = 150, 4, 0.3
     true = swing(Oscillation(ratio), 3000)
@@ -164,18 +157,6 @@ def test_student_intervals_from_the_hits_cover_the_truth():
         covered += abs(found.decay_rate - ratio * NATURAL) < half
     # 95 % of 150, within three of the binomial's standard deviations of 1.8 %.
     assert covered / runs == pytest.approx(0.95, abs=0.054)
-
-
-def test_periods_count_while_the_envelope_stands_out():
-    quiet = fit(make_mean(swing(Oscillation(0.05)), noise=0.5))
-    loud = fit(make_mean(swing(Oscillation(0.15)), noise=20.0))
-    # The tail without what the low-pass disturbs at both of its ends.
-    first = 0.55 * TAU + 1.0 / CUTOFF
-    tail = (COUNT - ORIGIN) / RATE - 1.0 / CUTOFF - first
-    assert quiet.periods == pytest.approx(tail * quiet.frequency, abs=0.05)
-    level = 2 * 20.0 * np.sqrt(2 * CUTOFF / RATE)
-    last = np.log(PEAK / level) / (0.15 * NATURAL)
-    assert loud.periods == pytest.approx((last - first) * loud.frequency, abs=0.5)
 
 
 def test_a_real_ringing_gives_the_decrement_of_its_peaks():
