@@ -31,7 +31,7 @@ CASES = 3  # samples that the paper shows in Fig. 5
 
 def make_contact_pictures(results: Results) -> list[Picture]:
     """Return Figs. 3 and 4; without data, neither."""
-    rows = [row for row in make_figure_rows(results) if math.isfinite(row.contact_time)]
+    rows = [row for row in make_figure_rows(results) if row.estimate.contact_time.is_known]
     weighed = [row for row in rows if math.isfinite(row.relative_mass)]
     found = []
     if weighed:
@@ -64,7 +64,9 @@ def make_model_pictures(results: Results, samples: Sequence[SampleTraces]) -> li
     """
     modelled = {sample.name: sample for sample in samples if sample.find_model(DRIVEN)}
     cases = [modelled[name] for name in sort_as_figure_5(tuple(modelled))[:CASES]]
-    rows = [row for row in make_figure_rows(results) if math.isfinite(row.mse_hammer_percent)]
+    rows = [
+        row for row in make_figure_rows(results) if math.isfinite(row.estimate.mse_hammer_percent)
+    ]
     found = []
     if cases:
         title = "Fig. 5. Model and measured response"
@@ -101,8 +103,8 @@ def draw_widths(rows: Sequence[FigureRow]) -> "Figure":
         axes,
         rows,
         x=[row.relative_mass * GRAM for row in rows],
-        y=[row.contact_time * MICRO for row in rows],
-        expanded=[row.contact_time_expanded * MICRO for row in rows],
+        y=[row.estimate.contact_time.value * MICRO for row in rows],
+        expanded=[row.estimate.contact_time.expanded * MICRO for row in rows],
     )
     expected = [row for row in rows if math.isfinite(row.reference.contact_time)]
     if expected:
@@ -128,8 +130,8 @@ def draw_peaks(rows: Sequence[FigureRow], body: str) -> "Figure":
     _plot_materials(
         axes,
         rows,
-        x=[row.contact_time * MICRO for row in rows],
-        y=[getattr(row, PEAKS[body]) for row in rows],
+        x=[row.estimate.contact_time.value * MICRO for row in rows],
+        y=[getattr(row.estimate, PEAKS[body]) for row in rows],
     )
     axes.set_ylim(bottom=0.0)
     axes.set(
@@ -199,10 +201,10 @@ def draw_errors(rows: Sequence[FigureRow], body: str) -> "Figure":
     """Draw the mean square error of the force-driven model, and the paper's largest."""
     panel = make_panel(1.4 + 0.22 * len(rows), left=1.5)
     (axes,) = panel.axes
-    values = [getattr(row, ERRORS[body]) for row in rows]
+    values = [getattr(row.estimate, ERRORS[body]) for row in rows]
     bars = axes.barh(range(len(rows)), values, color=format_hex(VERMILION))
     axes.bar_label(bars, [f" {format_percent(value)}" for value in values], fontsize="small")
-    axes.set_yticks(range(len(rows)), [shorten_name(row.name) for row in rows])
+    axes.set_yticks(range(len(rows)), [shorten_name(row.estimate.name) for row in rows])
     axes.invert_yaxis()
     bound = LARGEST_ERRORS_PERCENT[body]
     axes.axvline(bound, color="black", linestyle="--", label=f"largest of the paper, {bound:g} %")

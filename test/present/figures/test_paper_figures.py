@@ -83,8 +83,8 @@ def test_figure_3_has_every_hit_the_means_and_the_paper_s_points_the_misprint_co
 def test_figure_4_shows_amplitudes_over_pulse_widths(rows, body, field):
     lines = read_lines(draw_peaks(rows, body).axes[0])
     points = np.concatenate([lines[name] for name in ("aluminium", "steel", "bronze", "brass")])
-    assert points[:, 0] == pytest.approx([1e6 * row.contact_time for row in rows])
-    assert points[:, 1] == pytest.approx([getattr(row, field) for row in rows])
+    assert points[:, 0] == pytest.approx([1e6 * row.estimate.contact_time.value for row in rows])
+    assert points[:, 1] == pytest.approx([getattr(row.estimate, field) for row in rows])
 
 
 @pytest.mark.parametrize("channel", [0, 1])
@@ -99,9 +99,12 @@ def test_figure_5_lays_the_solid_model_over_the_dashed_measurement(struck, chann
 def test_figure_6_has_bars_as_long_as_their_values_and_the_paper_s_bound(rows):
     errors = (1.0, 2.0, 4.0)
     loud = [
-        replace(row, mse_sample_percent=value) for row, value in zip(rows[:3], errors, strict=True)
+        replace(row, estimate=replace(row.estimate, mse_sample_percent=value))
+        for row, value in zip(rows[:3], errors, strict=True)
     ]
     (axes,) = draw_errors(loud, "sample").axes
     assert [bar.get_width() for bar in axes.patches] == list(errors)
     assert axes.lines[0].get_xdata() == [2.8, 2.8]
-    assert [text.get_text() for text in axes.get_yticklabels()] == [row.name for row in loud]
+    assert [text.get_text() for text in axes.get_yticklabels()] == [
+        row.estimate.name for row in loud
+    ]
