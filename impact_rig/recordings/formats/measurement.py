@@ -442,7 +442,7 @@ def read_described(path: Path, text: str, variables: Mapping[str, Any]) -> Measu
     channels = []
     for row in json.loads(text):
         values = keep_values(np.ravel(variables[row["variable"]]), f"{path}, {row['name']}")
-        stated = {name: row[name] for name in DESCRIBED if row.get(name) is not None}
+        stated = {name: row[name] for name in DESCRIBED if row[name] is not None}
         stated["recorded_at"] = int(stated.get("recorded_at", 0))  # MATLAB writes it as 1.6e18
         channels.append(MeasuredChannel(values=values, **stated))
     return Measurement(path, tuple(channels))
