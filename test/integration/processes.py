@@ -2,7 +2,6 @@
 
 import codecs
 import contextlib
-import json
 import os
 import re
 import signal
@@ -10,15 +9,12 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 PATIENCE = 60.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""
 COMMAND_LINE = "impact_rig.cli.main"
-RIG_BENCH = "fakes.rig_bench"
-TESTS = Path(__file__).resolve().parents[1]
 
 
 class TalkingProcess:
@@ -116,21 +112,3 @@ class TalkingProcess:
         with self._changed:
             self._has_ended = True
             self._changed.notify_all()
-
-
-class Bench(TalkingProcess):
-    """Relay and digitizer that are not there, and the rig file that names them."""
-
-    def __init__(self, rig_file: Path, *arguments: Any, environment: dict[str, str]) -> None:
-        paths = (str(TESTS), environment.get("PYTHONPATH", ""))
-        places = {"PYTHONPATH": os.pathsep.join(path for path in paths if path)}
-        super().__init__(
-            RIG_BENCH, "--write", rig_file, *arguments, environment=environment | places
-        )
-        self.wait_for('"scpi"')
-
-    def do(self, command: str) -> None:
-        """Have something done, and wait until it is."""
-        start = len(self.output)
-        self.tell(command)
-        self.wait_for(re.escape(json.dumps({"done": command})), start)

@@ -3,7 +3,9 @@
 import json
 import math
 from collections import Counter
+from contextlib import closing
 
+from fakes.rig_bench import RigBench
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -12,7 +14,7 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 
-from .processes import COMMAND_LINE, Bench, TalkingProcess
+from .processes import COMMAND_LINE, TalkingProcess
 
 SAMPLES = ("steel small", "aluminium large")
 IMPACTS = 8
@@ -36,7 +38,7 @@ def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virt
 ):
     environment = make_environment()
     with (
-        Bench(tmp_path / "bench.toml", "--seed", SEED, environment=environment) as bench,
+        closing(RigBench(tmp_path / "bench.toml", SEED)) as bench,
         TalkingProcess(
             COMMAND_LINE, "up", "--output", tmp_path, "--no-visualizer", "--stop-with-input",
             "--set", "hammer.swing_time=0.02", "--set", "hammer.reconnect_period=0.1",
@@ -52,9 +54,9 @@ def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virt
         mount(campaign, bench, SAMPLES[0], 0)
         unplug_each(campaign, bench, environment)
         mount(campaign, bench, SAMPLES[1], 0)
-        assert campaign.wait() == 0, campaign.output
+        assert campaign.wait() == 0, campaign.output + rig.output
         rig.stop()
-        strikes = bench.output.count('"triggered": true')
+        strikes = bench.triggered
     results = json.loads((tmp_path / "results.json").read_text("utf-8"))
     check_hits(results["hits"], strikes)
     check_records(tmp_path / "session.mcap", {hit["record"] for hit in results["hits"]})
@@ -63,7 +65,7 @@ def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virt
 
 def mount(campaign, bench, sample, start):
     campaign.wait_for(f"Mount {sample} and press Enter", start)
-    bench.do(f"mount {sample}")
+    bench.sample = sample
     campaign.tell("")
 
 
@@ -73,12 +75,13 @@ def unplug_each(campaign, bench, environment):
     Whatever disarmed the hammer, a person arms it, as soon as the rig allows it.
     """
     struck = told = 0
-    for device, reason in REASONS.items():
-        bench.wait_for('"triggered": true', struck)
-        bench.do(f"unplug {device}")
+    for name, reason in REASONS.items():
+        device = getattr(bench, name)
+        bench.wait_for_strike(struck)
+        device.unplug()
         told = campaign.wait_for(reason, told)
-        struck = len(bench.output)
-        bench.do(f"plug {device}")
+        struck = bench.triggered
+        device.plug()
         for _ in range(TRIES):
             with TalkingProcess(COMMAND_LINE, "hammer", "arm", environment=environment) as person:
                 if person.wait() == 0:
