@@ -48,7 +48,7 @@ class FilteredHit:
     raw_noise: FloatArray  # the same before the low-pass
     resolution: FloatArray  # (channels,), acceleration of one count; 0: not known
     baseline_points: int  # of the baseline that was removed
-    zero_uncertainty: tuple[float, ...] = (0.0, 0.0)  # of each zero under the pulse, standard
+    zero_uncertainty: tuple[float, float] = (0.0, 0.0)  # of each zero under the pulse, standard
     label: HitLabel | None = None
     origin: int = 0  # point of the pulse's middle, once the hit is shifted
 
@@ -179,7 +179,7 @@ def _correct_zero(
     unsure: list[Rejection] = []
     traces = hit.traces.copy()
     peaks = np.abs(traces).max(axis=1)
-    left = [0.0] * len(traces)
+    left = list(hit.zero_uncertainty)
     for channel, (name, shift) in enumerate(zip(CHANNELS, shifts, strict=False)):
         is_stated = channel < len(low_corners) and low_corners[channel] > 0.0
         if shift is None or (is_stated and shift.reason is Reason.DROOP):
@@ -194,12 +194,12 @@ def _correct_zero(
         if shift.correction is None:
             # Of the sample it is in the uncertainty of its momentum.
             (corrected if channel else unsure).append(Rejection(shift.reason, text))
-            left[channel] = shift.uncertainty
+            left[channel] = math.hypot(left[channel], shift.uncertainty)
             continue
         corrected.append(Rejection(shift.reason, text))
         traces[channel] -= shift.correction
-        left[channel] = shift.uncertainty
-        if not channel and len(left) > 1 and shifts[1] is None:
+        left[channel] = math.hypot(left[channel], shift.uncertainty)
+        if not channel and len(traces) > 1 and shifts[1] is None:
             # What is corrected on one channel may be unseen on the other.
             middle = round(hit.pulse.middle)
             left[1] = float(np.abs(shift.correction[middle:]).max() * peaks[1] / peaks[0])
@@ -209,7 +209,7 @@ def _correct_zero(
         return hit, (), tuple(unsure), tops
     traces.setflags(write=False)
     better = replace(
-        hit, traces=traces, pulse=measure_pulse(traces[0]), zero_uncertainty=tuple(left)
+        hit, traces=traces, pulse=measure_pulse(traces[0]), zero_uncertainty=(left[0], left[1])
     )
     return better, tuple(corrected), tuple(unsure), tops
 
@@ -227,10 +227,15 @@ def _filter_record(
         channels.append(record.specimen)
     raw = np.stack([channel.acceleration for channel in channels])
     quiet, findings = slice(0, baseline_stop), []
+    zero_uncertainty = (0.0, 0.0)
     if _begins_within_pulse(raw[0], baseline_stop):
         quiet = slice(-baseline_stop, None)
         text = "the record begins within the pulse: its zero is that of the record's end"
         findings.append(Rejection(Reason.TRUNCATED, text))
+        # The zero before the impact lies anywhere between that and the beginning's.
+        apart = raw[:, :baseline_stop].mean(axis=1) - raw[:, quiet].mean(axis=1)
+        hammer, *others = (np.abs(apart) / math.sqrt(12.0)).tolist()
+        zero_uncertainty = (hammer, others[0] if others else 0.0)
     raw -= raw[:, quiet].mean(axis=1, keepdims=True)
     traces = low_pass(raw, settings.cutoff_frequency, record.sampling_rate)
     traces.setflags(write=False)
@@ -242,6 +247,7 @@ def _filter_record(
         raw_noise=np.sqrt(np.square(raw[:, quiet]).sum(axis=1) / (baseline_stop - 1)),
         resolution=np.array([channel.resolution for channel in channels]),
         baseline_points=baseline_stop,
+        zero_uncertainty=zero_uncertainty,
         label=record.label,
     )
     return raw, hit, tuple(findings)

@@ -193,3 +193,5 @@ class TestRealHits:
         assert hit.accepted
         assert [item.reason for item in hit.findings] == [Reason.TRUNCATED]
         assert hit.hammer_peak == pytest.approx(table.max() - table[-20:].mean(), rel=1e-9)
+        # The zero before the impact lies between that and the foot, 2.3 % of the peak above it.
+        assert hit.filtered.zero_uncertainty[0] > 0.006 * hit.hammer_peak

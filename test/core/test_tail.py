@@ -114,6 +114,18 @@ def test_where_in_the_shock_the_step_came_is_in_the_budgets():
     assert "zero after the impact" not in {line.source for line in sound.contact_time.budget}
 
 
+def test_of_the_hammer_alone_some_hits_may_be_corrected():
+    session = Session(SETUP)
+    for record, shift in ((1, 0.0), (2, 0.03)):
+        block = replace(SOUND, zero_shift=shift, seed=record).make_block(
+            HitLabel("struck", record, record)
+        )
+        nothing = replace(block.specimen, output=block.specimen.output[:0])
+        (hit,) = session.feed(replace(block, specimen=nothing))
+        assert hit.accepted
+    assert session.estimate_sample("struck").contact_time.is_known
+
+
 def test_a_step_too_large_to_be_sure_of_rejects_the_hit():
     (hit,) = judge(replace(SOUND, zero_shift=0.2), 1)[1]
     assert Reason.ZERO_SHIFT in {item.reason for item in hit.rejections}
