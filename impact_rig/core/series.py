@@ -1,8 +1,7 @@
 """All hits of one sample: which are averaged, and which disagree with the others."""
 
 import math
-from array import array
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -44,25 +43,13 @@ Values = TypeVar("Values", float, FloatArray)
 
 @dataclass(frozen=True)
 class Measure:
-    """What hits are compared by.
-
-    Attributes
-    ----------
-    name, unit : str
-        For people.
-    attribute : str
-        Of `JudgedHit`.
-    unit_scale : float
-        Printed unit over SI unit [-].
-    floor : float
-        Least standard deviation that is taken seriously, part of the median [-]; our choice.
-    """
+    """What hits are compared by."""
 
     name: str
     unit: str
-    attribute: str
-    unit_scale: float
-    floor: float
+    attribute: str  # of `JudgedHit`
+    unit_scale: float  # printed unit over SI unit
+    floor: float  # [median] least standard deviation that counts, our choice
 
 
 MEASURES = (
@@ -81,28 +68,14 @@ def compute_threshold(count: int) -> float:
 
 @dataclass(frozen=True)
 class Criterion:
-    """What makes an outlier in one quantity.
-
-    Attributes
-    ----------
-    measure : Measure
-        Which.
-    column : int
-        Of the figures.
-    count : int
-        Hits that have it.
-    median, spread : float
-        Median, and robust standard deviation or its floor [SI units].
-    threshold : float
-        Deviation from the median that makes an outlier, over the spread [-].
-    """
+    """What makes an outlier in one quantity."""
 
     measure: Measure
-    column: int
-    count: int
+    column: int  # of the figures
+    count: int  # hits that have it
     median: float
-    spread: float
-    threshold: float
+    spread: float  # robust standard deviation, or its floor
+    threshold: float  # deviation from the median that makes an outlier, over the spread
 
     def compute_deviation(self, values: Values) -> Values:
         """Return how far a value, or each of several, is from the median, over the spread [-]."""
@@ -213,35 +186,14 @@ LEFT_AS_IT_IS = (Reason.SMOOTHED, Reason.TRUNCATED)
 LEAST_LIKENESS = 0.5
 """Correlation with the hits before over the contact, signs apart, from which on a channel tells
 its polarity [-], our choice: good hits have 0.95 and more."""
-Numbers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Selection:
-    """What became of the hits of one sample; without their traces.
+    """What became of the hits of one sample, in the order of arrival; without their traces."""
 
-    Attributes
-    ----------
-    kept : tuple of JudgedHit
-        Those that are averaged, in the order of arrival.
-    left_out : tuple of JudgedHit
-        All others with their reasons, in the order of arrival.
-    """
-
-    kept: tuple[JudgedHit, ...]
-    left_out: tuple[JudgedHit, ...]
-
-
-@dataclass(frozen=True)
-class _LeftOut:
-    """Accepted hits that are left out of the mean, by number."""
-
-    outliers: frozenset[int] = frozenset()
-    surplus: frozenset[int] = frozenset()
-
-    @property
-    def numbers(self) -> frozenset[int]:
-        return self.outliers | self.surplus
+    kept: tuple[JudgedHit, ...]  # those that are averaged
+    left_out: tuple[JudgedHit, ...]  # all others, with their reasons
 
 
 class HitSeries:
@@ -260,18 +212,17 @@ class HitSeries:
         # Accepted hits have numbers, counted from 0: of each its row in the list of all hits,
         # its figures and its traces.
         self._rows: list[int] = []
-        self._figures = array("d")
+        self._figures: list[tuple[float, ...]] = []
         self._traces: list[FilteredHit] = []
-        self._by_hand: list[int] = []
-        self._findings: dict[int, tuple[Rejection, ...]] = {}
         self._criteria: tuple[Criterion, ...] = ()
-        self._left_out = _LeftOut()
+        self._outliers: frozenset[int] = frozenset()
+        self._surplus: frozenset[int] = frozenset()
         self._sum: TraceSum | None = None
         self._mean: MeanHit | None = None
         self._alone: FilteredHit | None = None  # the only accepted hit so far
 
     def __len__(self) -> int:
-        """Return the number of hits, whatever became of them."""
+        """Return the number of hits, accepted or not."""
         return len(self._hits)
 
     @property
@@ -282,21 +233,21 @@ class HitSeries:
     @property
     def contact_time_spread(self) -> float:
         """Standard deviation of tau_p over the hits in the mean [s]; NaN: fewer than two."""
-        times = self._copy_figures()[self._list_kept(), 0]
-        return float(np.std(times, ddof=1)) if times.size > 1 else math.nan
+        times = [self._figures[number][0] for number in self._list_kept()]
+        return float(np.std(times, ddof=1)) if len(times) > 1 else math.nan
 
     @property
     def overruled(self) -> tuple[JudgedHit, ...]:
         """Hits in the mean by hand, with all that is against them."""
-        return tuple(self._complete(self._hits[self._rows[number]]) for number in self._by_hand)
+        return tuple(hit for hit in self.select().kept if hit.overruled)
 
     def describe_findings(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Say what was corrected in the hits in the mean, and what could not be told."""
-        kept = len(self._rows) - len(self._left_out.numbers)
+        kept = [self._hits[self._rows[number]] for number in self._list_kept()]
         found: dict[Reason, dict[int, str]] = {}
-        for number in sorted(self._findings.keys() - self._left_out.numbers):
-            for item in self._findings[number]:
-                found.setdefault(item.reason, {})[number] = item.explanation
+        for place, hit in enumerate(kept):
+            for item in hit.findings:
+                found.setdefault(item.reason, {})[place] = item.explanation
         corrected: list[str] = []
         doubtful: list[str] = []
         for reason, texts in found.items():
@@ -304,7 +255,7 @@ class HitSeries:
             what = "in" if is_doubt or reason in LEFT_AS_IT_IS else "corrected in"
             last = texts[max(texts)]
             (doubtful if is_doubt else corrected).append(
-                f"{reason.value} {what} {len(texts)} of {kept} hits, in the last: {last}"
+                f"{reason.value} {what} {len(texts)} of {len(kept)} hits, in the last: {last}"
             )
         return tuple(corrected), tuple(doubtful)
 
@@ -342,16 +293,10 @@ class HitSeries:
         )
 
     def check(self, hit: JudgedHit) -> tuple[Rejection, ...]:
-        """Compare an accepted hit with all accepted hits so far, and itself.
-
-        Returns
-        -------
-        tuple of Rejection
-            One for each quantity in which the hit is an outlier.
-        """
+        """Return a reason for each quantity in which an accepted hit is an outlier so far."""
         figures = read_figures(hit)
-        others = self._copy_figures()[self._list_without(self._by_hand)]
-        return explain_outlier(figures, compute_criteria(np.vstack((others, figures))))
+        others = [self._figures[number] for number in self._list_compared()]
+        return explain_outlier(figures, compute_criteria(np.array([*others, figures])))
 
     def add(self, hit: JudgedHit) -> None:
         """Take in a hit with its verdict; one accepted by hand stays in the mean."""
@@ -360,19 +305,16 @@ class HitSeries:
             return
         number, traces = len(self._rows), shift_hit(hit.filtered)
         self._rows.append(len(self._hits) - 1)
-        self._figures.extend(read_figures(hit))
+        self._figures.append(read_figures(hit))
         self._traces.append(traces)
         self._alone = hit.filtered if number == 0 else None
         self._mean = None
-        if hit.findings:
-            self._findings[number] = hit.findings
-        if hit.overruled:
-            self._by_hand.append(number)
-        before, now = self._left_out.numbers, self._choose()
-        if now == before and self._sum is not None:
+        before = self._left_out
+        self._choose()
+        if self._left_out == before and self._sum is not None:
             self._sum = self._sum.add(traces)
-        elif now != before | {number}:
-            self._sum = sum_up([self._traces[kept] for kept in self._list_kept().tolist()])
+        elif self._left_out != before | {number}:
+            self._sum = sum_up([self._traces[kept] for kept in self._list_kept()])
 
     def compute_mean(self) -> MeanHit | None:
         """Return the mean hit; None: there is none in it.
@@ -383,33 +325,31 @@ class HitSeries:
             If the hits do not belong together.
         """
         if self._mean is None and self._sum is not None:
-            kept = [self._traces[number] for number in self._list_kept().tolist()]
+            kept = [self._traces[number] for number in self._list_kept()]
             # Every one, every other, every fourth ...: a new hit seldom changes the others.
             step = 1 << max(math.ceil(len(kept) / SCATTER_HITS) - 1, 0).bit_length()
             self._mean = make_mean(self._sum, kept, step, self._alone)
         return self._mean
 
     def select(self) -> Selection:
-        """Return which hits are in the mean as things stand, and why others are not."""
-        final = dict(enumerate(self._hits))
-        left_out = {row for row, hit in final.items() if not hit.accepted}
-        for number in self._by_hand:
-            row = self._rows[number]
-            final[row] = self._complete(final[row])
-        for number in self._left_out.numbers:
-            row = self._rows[number]
-            final[row] = replace(final[row], rejections=self._explain(number))
-            left_out.add(row)
-        return Selection(
-            kept=tuple(hit for row, hit in final.items() if row not in left_out),
-            left_out=tuple(hit for row, hit in final.items() if row in left_out),
-        )
+        """Return which hits are in the mean so far, and why others are not."""
+        kept, left_out = [], []
+        numbers = {row: number for number, row in enumerate(self._rows)}
+        for row, hit in enumerate(self._hits):
+            number = numbers.get(row)
+            if number is None:
+                left_out.append(hit)
+            elif number in self._left_out:
+                left_out.append(replace(hit, rejections=self._explain(number)))
+            else:
+                kept.append(self._complete(hit) if hit.overruled else hit)
+        return Selection(tuple(kept), tuple(left_out))
 
     def _explain(self, number: int) -> tuple[Rejection, ...]:
         """Return why an accepted hit is left out."""
-        if number in self._left_out.outliers:
-            return explain_outlier(self._copy_figures()[number].tolist(), self._criteria)
-        count = len(self._rows) - len(self._left_out.outliers)
+        if number in self._outliers:
+            return explain_outlier(self._figures[number], self._criteria)
+        count = len(self._rows) - len(self._outliers)
         why = f"not among the {self._keep} most consistent of {count}"
         return (Rejection(Reason.SURPLUS, why),)
 
@@ -419,33 +359,33 @@ class HitSeries:
             return hit
         return replace(hit, overruled=(*self.check(hit), *hit.overruled))
 
-    def _copy_figures(self) -> FloatArray:
-        """Return the figures of all accepted hits, shape (hits, quantities)."""
-        return np.array(self._figures).reshape(-1, len(MEASURES))
+    @property
+    def _left_out(self) -> frozenset[int]:
+        """Numbers of accepted hits that are not in the mean."""
+        return self._outliers | self._surplus
 
-    def _list_kept(self) -> Numbers:
+    def _list_kept(self) -> list[int]:
         """Return the numbers of the hits in the mean, ascending."""
-        return self._list_without(self._left_out.numbers)
+        left_out = self._left_out
+        return [number for number in range(len(self._rows)) if number not in left_out]
 
-    def _list_without(self, numbers: Collection[int]) -> Numbers:
-        return np.delete(np.arange(len(self._rows)), list(numbers))
+    def _list_compared(self) -> list[int]:
+        """Return the numbers of the hits that were not accepted by hand, ascending."""
+        return [number for number, row in enumerate(self._rows) if not self._hits[row].overruled]
 
-    def _choose(self) -> frozenset[int]:
-        """Leave out the outliers, then all but the most consistent; return whom."""
-        figures, compared = self._copy_figures(), self._list_without(self._by_hand)
-        self._criteria = compute_criteria(figures[compared])
-        outlying = find_outliers(figures[compared], self._criteria)
-        surplus = self._choose_surplus(compared[~outlying]) if self._keep else frozenset()
-        self._left_out = _LeftOut(frozenset(compared[outlying].tolist()), surplus)
-        return self._left_out.numbers
-
-    def _choose_surplus(self, candidates: Numbers) -> frozenset[int]:
-        """Return which candidates are too many: those farthest from the medians."""
-        wanted = max(self._keep - len(self._by_hand), 0)
-        # Of equal ones the earlier stay.
-        distances = compute_distances(self._copy_figures()[candidates])
-        order = np.argsort(distances, kind="stable")
-        return frozenset(candidates[order[wanted:]].tolist())
+    def _choose(self) -> None:
+        """Leave out the outliers, then all but the most consistent."""
+        compared = np.array(self._list_compared(), dtype=np.int64)
+        figures = np.array(self._figures)[compared]
+        self._criteria = compute_criteria(figures)
+        outlying = find_outliers(figures, self._criteria)
+        self._outliers = frozenset(compared[outlying].tolist())
+        self._surplus = frozenset()
+        if self._keep:
+            wanted = max(self._keep - len(self._rows) + compared.size, 0)
+            # Of equal ones the earlier stay.
+            order = np.argsort(compute_distances(figures[~outlying]), kind="stable")
+            self._surplus = frozenset(compared[~outlying][order[wanted:]].tolist())
 
 
 def _find_turned(hit: FilteredHit, before: TraceSum) -> list[int]:
