@@ -203,10 +203,10 @@ def _correct_zero(
             # What is corrected on one channel may be unseen on the other.
             middle = round(hit.pulse.middle)
             left[1] = float(np.abs(shift.correction[middle:]).max() * peaks[1] / peaks[0])
+    if not corrected:
+        return hit, (), tuple(unsure), check_tops(hit.traces)
     # What comes after a flat top may tilt it.
     tops = check_tops(traces) or check_tops(hit.traces)
-    if not corrected:
-        return hit, (), tuple(unsure), tops
     traces.setflags(write=False)
     better = replace(
         hit, traces=traces, pulse=measure_pulse(traces[0]), zero_uncertainty=(left[0], left[1])

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum, auto
+from enum import Enum
 from itertools import pairwise
 
 import numpy as np
@@ -291,21 +291,13 @@ def is_flat(trace: FloatArray) -> bool:
     return half > LIMITS.fewest_top_points and high > LIMITS.flat_top * (low - high)
 
 
-class Kind(Enum):
-    """What a bump beside the largest pulse is."""
-
-    CONTACT = auto()
-    RINGING = auto()
-    WANDER = auto()
-
-
 @dataclass(frozen=True)
 class SecondPulse:
     """A bump in the record of a hit, beside its pulse."""
 
     height: float  # over the height of the largest pulse [-]
     delay: float  # middle to middle [points]; negative: it comes before the largest pulse
-    kind: Kind = Kind.CONTACT  # or what it cannot be told from
+    reason: Reason = Reason.DOUBLE_HIT  # or what a contact cannot be told from
 
 
 def estimate_duration(pulse: PulseWidth) -> float:
@@ -351,13 +343,6 @@ def find_second_pulse(
     least = max(LIMITS.level_margin * level * abs(pulse.peak), LIMITS.noise_margin * noise)
     duration = estimate_duration(pulse)
     apart = LIMITS.delay_margin * LIMITS.second_pulse_delay * duration
-    # Around the middle of a bump the trace is above half the bump's height.
-    before, after = (
-        upright[: int(max(pulse.middle - apart, 0.0))],
-        upright[math.ceil(pulse.middle + apart) :],
-    )
-    if max(before.max(initial=0.0), after.max(initial=0.0)) < least / 2.0:
-        return None
     peaks, _ = scipy.signal.find_peaks(np.append(upright, -math.inf), height=least)
     if peaks.size <= 1:
         return None
@@ -375,13 +360,13 @@ def find_second_pulse(
         if not is_apart or fall - rise < shortest:
             continue
         height = float(upright[index])
-        kind = Kind.CONTACT
+        reason = Reason.DOUBLE_HIT
         if _find_swing(upright, pulse, index, duration) >= LIMITS.ringing_swing * height:
-            kind = Kind.RINGING
+            reason = Reason.RINGING
         elif _find_wander(upright, pulse, rise, fall, duration) > LIMITS.wander * height:
-            kind = Kind.WANDER
-        found = SecondPulse(height / abs(pulse.peak), delay, kind)
-        if kind is Kind.CONTACT:
+            reason = Reason.UNSTEADY_ZERO
+        found = SecondPulse(height / abs(pulse.peak), delay, reason)
+        if reason is Reason.DOUBLE_HIT:
             return found
         doubtful = doubtful or found
     return doubtful
@@ -588,10 +573,10 @@ def check_pulse(
         )
         counts = f"from {level * 100:g} % on"
         counts += f" within {window * 1e6:g} µs one counts" if window else " one counts"
-        if second.kind is Kind.CONTACT:
+        if second.reason is Reason.DOUBLE_HIT:
             text = f"a second pulse of {height} {place}; {counts}"
             against.append(Rejection(Reason.DOUBLE_HIT, text))
-        elif second.kind is Kind.RINGING:
+        elif second.reason is Reason.RINGING:
             text = f"a bump of {height} {place}: ringing, or a second contact in it"
             doubtful.append(Rejection(Reason.RINGING, text))
         else:
@@ -649,15 +634,8 @@ def check_low_pass(
 
 def _is_dead(trace: Trace, quiet_count: int) -> bool:
     values, quiet = trace.acceleration, trace.acceleration[:quiet_count]
-    level = LIMITS.dead_level * trace.full_scale
-    # No deviation is less than half the range of all, no standard deviation more than half the
-    # range of the quiet part: a good hit is told from a dead channel by these alone.
-    low, high = trace.extremes
-    if high - low > max(
-        2.0 * level, LIMITS.dead_noise * (float(quiet.max()) - float(quiet.min()))
-    ):
-        return False
     largest = float(np.max(np.abs(values - np.median(quiet))))
+    level = LIMITS.dead_level * trace.full_scale
     return largest <= max(level, LIMITS.dead_noise * float(np.std(quiet)))
 
 
