@@ -6,26 +6,21 @@ from functools import partial
 import pytest
 from impact_rig_msgs.msg import AccelerationBlock, ReplayerState
 from impact_rig_msgs.srv import GetResults
-from lifecycle_msgs.msg import State
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from impact_rig.core.quantity import drop_internals
-from impact_rig.core.records import Block
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.session import Session
+from impact_rig.core.errors import FileError
 from impact_rig.core.setup import CONTROL_SAMPLE
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.replayer import ReplayerNode
-from impact_rig.recordings.reader import read_recording
+from impact_rig.nodes.replayer_recording import RecordingToReplay
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import MessageDefinition, find_message_definition
 from impact_rig.recordings.writer import RecordingWriter
-from impact_rig.results.wire import from_message
 
 from .replays import PEER, make_events, make_hits, wait_for_end, write_recording
 
@@ -58,38 +53,14 @@ def test_the_bytes_come_back_unchanged_in_order(harness, tmp_path):
     assert setups.wait_for_count(1) == originals["/setup"]
 
 
-def test_a_fresh_estimator_gives_the_numbers_of_the_analysis_bit_for_bit(harness, tmp_path):
-    hits = make_hits({CONTROL_SAMPLE: 3, "steel small": 3})
-    path = write_recording(tmp_path / "session.mcap", hits, namespace="/lab")
-    harness.add(EstimatorNode)
-    impacts = harness.listen(interfaces.IMPACT)
-    harness.add(ReplayerNode, file=str(path), rate=1000.0)
-    impacts.wait_for_count(6)
-    answer = harness.call(GetResults, interfaces.GET_RESULTS)
-
-    recording = read_recording(path)
-    session = Session(recording.setup)
-    for event in recording.events():
-        if isinstance(event, Block):
-            session.feed(event)
-    expected = {item.name: item for item in session.estimate_all().samples}
-    assert [item.name for item in answer.samples] == [CONTROL_SAMPLE, "steel small"]
-    for item in answer.samples:
-        # As text, where every digit counts and NaN equals itself.
-        found = from_message(SampleEstimate, item)
-        assert repr(found) == repr(drop_internals(expected[item.name]))
-
-
 def test_the_original_timing_and_multiples_of_it_are_kept(harness, tmp_path):
     path = write_recording(tmp_path / "session.mcap", make_events(10, pause=0.04))
     arrivals = []
-    collector = harness.listen(interfaces.ACCELERATION)
     harness.peer.create_subscription(
         AccelerationBlock, "acceleration", lambda _: arrivals.append(time.monotonic()),
         interfaces.ACCELERATION.qos,
     )  # fmt: skip
-    harness.add(ReplayerNode, required_subscribers=PEER, file=str(path), rate=2.0)
-    collector.wait_for_count(10)
+    play(harness, path, rate=2.0)
     harness.wait_until(lambda: len(arrivals) == 10)
     # Never early; a busy machine may be late, with the first one too.
     assert arrivals[-1] - arrivals[0] > 9 * 0.04 / 2 - 0.06
@@ -120,29 +91,14 @@ def test_it_replays_in_its_own_namespace_with_the_recorded_quality(harness, tmp_
     assert not harness.peer.get_publishers_info_by_topic("/there/setup")
 
 
-REFUSED = (
-    (None, {}, "there is no file"),
-    (b"", {}, "is empty"),
-    (b"time,hammer", {}, "is no MCAP recording"),
-    (None, {"file": ""}, "it must be the path of a recording"),
-)
+def test_what_cannot_be_replayed_leaves_the_node_unconfigured(harness, tmp_path):
+    path = write_recording(tmp_path / "notes.mcap", [(0.0, NOTES, String(data="a"))])
+    node = harness.add(ReplayerNode, file=str(path))
+    assert "holds nothing to replay" in node.fault
+    assert not node.is_configured
 
 
-def test_what_cannot_be_replayed_is_refused_in_one_sentence(harness, tmp_path):
-    for number, (content, parameters, told) in enumerate(REFUSED):
-        path = tmp_path / f"session_{number}.mcap"
-        if content is not None:
-            path.write_bytes(content)
-        node = harness.add(
-            ReplayerNode, namespace=f"/rig{number}", **{"file": str(path), **parameters}
-        )
-        assert told in node.fault
-        assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
-    notes = write_recording(tmp_path / "notes.mcap", [(0.0, NOTES, String(data="a"))])
-    assert "holds nothing to replay" in harness.add(ReplayerNode, file=str(notes)).fault
-
-
-def test_a_recording_of_another_version_is_refused(harness, tmp_path):
+def test_a_recording_of_another_version_is_refused(tmp_path):
     path = tmp_path / "old.mcap"
     definition = find_message_definition("impact_rig_msgs/msg/AccelerationBlock")
     text = definition.text.replace("uint32 attempt", "uint8 attempt")
@@ -151,8 +107,8 @@ def test_a_recording_of_another_version_is_refused(harness, tmp_path):
             "/acceleration", MessageDefinition(definition.type_name, text), ()
         )
         writer.add_message(channel, serialize_message(AccelerationBlock()), 1, 1)
-    node = harness.add(ReplayerNode, required_subscribers=PEER, file=str(path))
-    assert "another version of impact_rig_msgs/msg/AccelerationBlock" in node.fault
+    with pytest.raises(FileError, match="another version of impact_rig_msgs/msg/Acceleration"):
+        RecordingToReplay(path)
 
 
 def test_damage_within_ends_the_replay_with_an_error(harness, tmp_path):
