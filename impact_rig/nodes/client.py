@@ -437,6 +437,7 @@ class CampaignClient(RigClient):
 
         self._node.create_subscription(Log, "/rosout", on_log, interfaces.IMPACT.qos)
         self.spin_until(lambda: bool(reasons), LOOK_TIMEOUT)
+        self.spin_until(lambda: False, LOOK_PERIOD)  # the newest comes behind earlier ones
         return reasons[-1] if reasons else "see the log of the campaign node"
 
     def _check_rig(self) -> None:
