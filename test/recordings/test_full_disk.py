@@ -13,8 +13,6 @@ from impact_rig.recordings.new_file import ROOM_FOR_ENDING, DiskFullError
 from impact_rig.recordings.schemas import MessageDefinition
 from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 
-from .text_recordings import read_by_stream
-
 BLOCK = bytes(20_000)
 TEXT = MessageDefinition("std_msgs/msg/String", "string data\n")
 DISK_SIZE = ROOM_FOR_ENDING + (3 << 20)
@@ -83,23 +81,6 @@ def test_what_does_not_fit_is_refused_in_time_for_a_good_end(disk):
     with writer.path.open("rb") as file:
         names = [item.name for item in mcap.reader.make_reader(file).iter_metadata()]
     assert names == [HEALTH_RECORD]
-
-
-def test_a_disk_filled_by_others_in_mid_chunk_costs_that_chunk_alone(disk):
-    writer, channel = begin(disk / "session.mcap")
-    for number in range(12):
-        writer.add_message(channel, BLOCK, number, number)
-    take_all_space(disk)
-    error = add_until_refused(writer, channel)
-    assert isinstance(error, DiskFullError)
-    with pytest.raises(FileError, match="No space left"):
-        writer.add_message(channel, BLOCK, 99, 99)
-    with pytest.raises(FileError, match="No space left"):
-        writer.add_metadata(HEALTH_RECORD, {})
-    writer.close()
-    assert writer.closed
-
-    assert [message.log_time for _, message in read_by_stream(writer.path)] == list(range(10))
 
 
 def test_a_disk_that_is_full_at_the_beginning_is_said_so(disk):

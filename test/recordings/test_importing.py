@@ -82,18 +82,36 @@ def test_three_columns_are_time_hammer_and_sample():
     ]
 
 
-def test_a_given_rate_stands_in_for_time():
-    given = plan(sampling_rate=51_200.0)
-    assert map_one(columns(HAMMER), given).sampling_rate == 51_200.0
-    both = map_one(columns(HAMMER, SPECIMEN), given)
-    assert np.array_equal(both.specimen.output, SPECIMEN)
-
-
-def test_roles_pick_columns_in_any_order():
-    roles = plan(columns=("specimen", "skip", "time", "skip", "hammer"))
-    found = map_one(columns(SPECIMEN, HAMMER * np.nan, TIME, TIME, HAMMER), roles)
-    assert np.array_equal(found.hammer.output, HAMMER)
-    assert np.array_equal(found.specimen.output, SPECIMEN)
+@pytest.mark.parametrize(
+    ("file", "given", "names"),
+    [
+        (columns(HAMMER), {"sampling_rate": 1e6}, ("column 1",)),
+        (columns(HAMMER, SPECIMEN), {"sampling_rate": 1e6}, ("column 1", "column 2")),
+        (
+            columns(SPECIMEN, HAMMER * np.nan, TIME, TIME, HAMMER),
+            {"columns": ("specimen", "skip", "time", "skip", "hammer")},
+            ("column 5", "column 1"),
+        ),
+        (
+            columns(TIME, SPECIMEN, HAMMER, HAMMER),
+            {"hammer": ChannelUse("column 3"), "specimen": ChannelUse("2")},
+            ("column 3", "column 2"),
+        ),
+        (
+            stated(channel("a"), channel("b")),
+            {"hammer": ChannelUse("b"), "specimen": ChannelUse("a")},
+            ("b", "a"),
+        ),
+        (stated(channel("a"), channel("b")), {"hammer": ChannelUse("b")}, ("b",)),
+    ],
+)
+def test_hammer_and_sample_are_found_by_place_role_name_or_number(file, given, names):
+    found = map_one(file, plan(**given))
+    assert found.names == names
+    values = {channel.name: channel.values for channel in file.channels}
+    for block, name in zip((found.hammer, found.specimen), names, strict=False):
+        assert np.array_equal(block.output, values[name])
+    assert found.specimen.output.size == (HAMMER.size if len(names) > 1 else 0)
 
 
 def test_where_files_state_rates_the_first_two_channels_are_hammer_and_sample():
@@ -103,28 +121,6 @@ def test_where_files_state_rates_the_first_two_channels_are_hammer_and_sample():
     assert found.names == ("force", "response")
     assert (found.hammer.scale, found.specimen.scale) == (2.0, 9.80665)
     assert (found.remarks, found.unit) == ((), "N")
-
-
-@pytest.mark.parametrize(("hammer", "specimen"), [("b", "a"), ("2", "1")])
-def test_channels_are_told_by_name_or_number(hammer, specimen):
-    file = stated(channel("a", SPECIMEN), channel("b", HAMMER))
-    named = plan(hammer=ChannelUse(hammer), specimen=ChannelUse(specimen))
-    found = map_one(file, named)
-    assert found.names == ("b", "a")
-    assert np.array_equal(found.hammer.output, HAMMER)
-
-
-def test_with_the_hammers_channel_alone_the_sample_is_not_measured():
-    found = map_one(stated(channel("a"), channel("b")), plan(hammer=ChannelUse("b")))
-    assert found.names == ("b",)
-    assert found.specimen.output.size == 0
-
-
-def test_beside_named_columns_the_first_one_is_time():
-    named = plan(hammer=ChannelUse("column 3"), specimen=ChannelUse("2"))
-    found = map_one(columns(TIME, SPECIMEN, HAMMER, HAMMER), named)
-    assert found.sampling_rate == pytest.approx(2.5e6, rel=1e-8)
-    assert np.array_equal(found.hammer.output, HAMMER)
 
 
 def test_times_may_be_stated_in_other_units():
