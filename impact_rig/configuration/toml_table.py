@@ -173,7 +173,7 @@ class TomlTable(Mapping[str, Any]):
 
         The line is that of the longest key that the error names, else that of the table.
         """
-        subject = str(error).partition(" is ")[0].replace("_", " ")
+        subject = str(error).partition(" is ")[0].replace("_", " ").replace("-", " ")
         named = [key for key in self._values if key.replace("_", " ") in subject]
         return self.make_error(max(named, key=len, default=""), str(error))
 

@@ -8,7 +8,7 @@ from impact_rig.configuration.rig_file import SENSOR_KEYS
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
 from impact_rig.configuration.units import parse_reading
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.sensors import Sensor, compute_scale
+from impact_rig.core.sensors import compute_scale
 from impact_rig.core.setup import RigSetup
 from impact_rig.devices.drivers import SOURCES, VIRTUAL, make_device
 from impact_rig.devices.protocols import (
@@ -103,22 +103,13 @@ def make_plan(table: TomlTable, setup: RigSetup) -> AcquisitionPlan:
         pre_trigger + analysis.record_duration - analysis.pre_trigger,
         low=0.0,
     )
-    if pre_trigger >= duration:
-        key = "pre_trigger" if "pre_trigger" in table else "record_duration"
-        raise table.make_error(
-            key,
-            f"{table.place} keeps {pre_trigger:g} s before the trigger: that must be less than its"
-            f" record_duration of {duration:g} s",
-        )
     rate = table.take_quantity("sampling_rate", "Hz", "2.5 MHz", low=1.0)
-    return AcquisitionPlan(
-        sampling_rate=rate,
-        record_duration=duration,
-        pre_trigger=pre_trigger,
-        trigger_level=_take_level(table, hammer, setup),
-        hammer=hammer,
-        specimen=_make_channel(table, "specimen", setup),
-    )
+    level = _take_level(table, hammer, setup)
+    specimen = _make_channel(table, "specimen", setup)
+    try:
+        return AcquisitionPlan(rate, duration, pre_trigger, level, hammer, specimen)
+    except ParameterError as error:
+        raise table.locate(error) from None
 
 
 def _make_channel(table: TomlTable, name: str, setup: RigSetup) -> SourceChannel | None:
@@ -132,32 +123,24 @@ def _make_channel(table: TomlTable, name: str, setup: RigSetup) -> SourceChannel
     return SourceChannel(
         str(key),
         sensors[0],
-        _get_moving_mass(sensors[0], setup),
+        setup.hammer_mass if sensors[0].quantity == "force" else math.nan,
         channel.without("channel", *SENSOR_KEYS),
     )
 
 
-def _get_moving_mass(sensor: Sensor, setup: RigSetup) -> float:
-    return setup.hammer_mass if sensor.quantity == "force" else math.nan
-
-
 def _take_level(table: TomlTable, hammer: SourceChannel, setup: RigSetup) -> float:
     """Return the acceleration that triggers [m/s^2]."""
+    full_scale = hammer.sensor.compute_full_scale(hammer.moving_mass)
+    if "trigger_level" not in table and full_scale:
+        return setup.analysis.detection_level * full_scale
     if "trigger_level" not in table:
-        full_scale = hammer.sensor.compute_full_scale(hammer.moving_mass)
-        if full_scale:
-            return setup.analysis.detection_level * full_scale
-    else:
-        try:
-            value, unit = parse_reading("trigger_level of [source]", table["trigger_level"])
-            level = value * compute_scale(unit, hammer.moving_mass)
-        except ParameterError as error:
-            raise table.make_error("trigger_level", str(error)) from None
-        if not 0.0 < level < math.inf:
-            raise table.refuse("trigger_level", "above zero")
-        return level
-    raise table.make_error(
-        "trigger_level",
-        f'{table.place} lacks trigger_level: give it, for example trigger_level = "5 g", or the'
-        " hammer sensor's full_scale",
-    )
+        raise table.make_error(
+            "trigger_level",
+            f'{table.place} lacks trigger_level: give it, for example trigger_level = "5 g", or'
+            " the hammer sensor's full_scale",
+        )
+    try:
+        value, unit = parse_reading("trigger_level of [source]", table["trigger_level"])
+        return value * compute_scale(unit, hammer.moving_mass)
+    except ParameterError as error:
+        raise table.make_error("trigger_level", str(error)) from None

@@ -79,25 +79,15 @@ def test_keys_of_a_channel_that_no_sheet_has_are_the_drivers():
         ("", r"line 7: \[source\] has no \[source.hammer\]"),
         (HAMMER.replace("channel = 1", "channel = true"), "line 11: channel .*in quotes, or a"),
         ('pre_trigger = "3 ms"\nrecord_duration = "2 ms"\n' + HAMMER,
-         "line 10: .*keeps 0.003 s before .*less than its record_duration of 0.002 s"),
-        ('record_duration = "0.2 ms"\n' + HAMMER, "line 10: .*keeps 0.0003 s before"),
-        ('pre_trigger = "-1 ms"\n' + HAMMER, "line 10: pre_trigger .*0 s or more"),
+         "line 10: pre-trigger is 0.003: it must lie between 0 and 0.002"),
         ('trigger_level = "5 V"\n' + HAMMER, "line 10: .*sensitivity"),
-        ('trigger_level = 5\n' + HAMMER, "line 10: trigger_level .*with a unit"),
-        ('trigger_level = "-5 g"\n' + HAMMER, "line 10: trigger_level .*above zero"),
+        ('trigger_level = "-5 g"\n' + HAMMER, "line 10: trigger level .*above zero"),
         (HAMMER.replace('full_scale = "500 g"\n', ""), r"line 7: \[source\] lacks trigger_level"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_meant_is_named_with_its_line(text, told):
     with pytest.raises(ParameterError, match=told):
         plan_rig(text)
-
-
-@pytest.mark.parametrize("rate", ['"0 Hz"', '"2 s"', "2", '"-1 MHz"'])
-def test_a_rate_that_is_none_is_refused(rate):
-    rig = parse_rig_file(RIG.replace('"2 MHz"', rate) + HAMMER)
-    with pytest.raises(ParameterError, match=r"line 9: sampling_rate of \[source\] is"):
-        make_plan(rig.source, rig.setup)
 
 
 def test_settings_go_before_the_table_of_the_file():
@@ -123,7 +113,7 @@ def test_settings_without_a_table_are_those_of_the_virtual_rig():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("seed: 4", "parameter source: this is no TOML"),
+        ("seed: 4", "parameter source: this is not TOML"),
         ("hammer.channel = 2", "'hammer': sensors are described in the rig file only"),
     ],
 )

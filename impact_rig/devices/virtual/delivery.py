@@ -8,7 +8,6 @@ from zlib import crc32
 
 import numpy as np
 
-from impact_rig.core.errors import check_between
 from impact_rig.core.records import Block, ChannelBlock, RawArray
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import (
@@ -53,15 +52,9 @@ class VirtualStream:
         Points per block.
     seed : int
         Of the noise.
-
-    Raises
-    ------
-    ParameterError
-        If the block size is below one point.
     """
 
     def __init__(self, settings: DigitizerSettings, block_size: int, seed: int) -> None:
-        check_between("stream block size", block_size, 1, 10_000_000)
         self.block_size = block_size
         self._settings = replace(settings, drift=0.0)
         fitting = max(MOST_NOISE_POINTS // block_size, FEWEST_NOISE_BLOCKS)

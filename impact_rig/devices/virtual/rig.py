@@ -266,14 +266,7 @@ class VirtualHit:
         -------
         tuple of Block
             A missed trigger gives one empty block; a lost block is missing in the middle.
-
-        Raises
-        ------
-        ParameterError
-            If the block size is below one point.
         """
-        if block_size < 1:
-            raise ParameterError(f"block size is {block_size} points: it must be 1 or more")
         whole = Block(
             0,
             self.sampling_rate,

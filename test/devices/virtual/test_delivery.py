@@ -36,8 +36,8 @@ def read(stream: VirtualStream, count: int) -> np.ndarray:
     return np.hstack([[channel.output for channel in block] for block in blocks])
 
 
-@pytest.mark.parametrize("block_size", [700, 1000, 25_000])
-@pytest.mark.parametrize("point", [0, 1234, 3000])
+@pytest.mark.parametrize("block_size", [700, 25_000])
+@pytest.mark.parametrize("point", [0, 1234])
 def test_a_hit_lies_where_it_was_laid_and_changes_nothing_else(block_size, point):
     hit = strike()
     count = -(-10_000 // block_size)
@@ -71,12 +71,6 @@ def test_long_blocks_take_no_more_memory():
     assert len(stream.noise) * 500_000 <= MOST_NOISE_POINTS
 
 
-def test_a_hit_without_a_trigger_does_not_come():
-    stream = VirtualStream(DIGITIZER, 1000, seed=1)
-    stream.lay(strike(Fault.MISSED_TRIGGER), 1000)
-    assert not any(stream.has_hit(number) for number in range(10))
-
-
 def test_a_lost_block_is_the_one_in_the_middle_of_its_hit():
     stream = VirtualStream(DIGITIZER, 1000, seed=1)
     stream.lay(strike(Fault.LOST_BLOCK), 1000)
@@ -85,9 +79,10 @@ def test_a_lost_block_is_the_one_in_the_middle_of_its_hit():
     ] == [3]
 
 
-def test_a_hit_is_forgotten_when_the_stream_has_passed_it():
+def test_a_hit_is_forgotten_when_the_stream_has_passed_it_and_one_without_a_trigger_never_comes():
     stream = VirtualStream(DIGITIZER, 1000, seed=1)
     stream.lay(strike(), 500)
+    stream.lay(strike(Fault.MISSED_TRIGGER), 8500)
     assert [number for number in range(10) if stream.has_hit(number)] == [0, 1, 2, 3, 4, 5]
     assert not stream.has_hit(0)
 

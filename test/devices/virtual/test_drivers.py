@@ -58,29 +58,21 @@ def read_until(source, condition):
     return blocks
 
 
-def test_a_record_is_that_of_the_seed():
+def test_a_record_is_that_of_the_seed_and_comes_when_the_swing_is_over():
     source = make_source()
     source.configure(make_plan())
     source.arm()
-    truth = source.strike(LABEL, 0.0)
+    begin = time.monotonic()
+    truth = source.strike(LABEL, 0.1)
+    assert source.read(0.0) is None
     blocks = read_until(source, lambda got: got[-1].last)
+    assert time.monotonic() - begin >= 0.1
     expected = VirtualRig(PAPER_SETUP, SETTINGS).strike(LABEL)
     assert truth.model == expected.model
     for channel in ("hammer", "specimen"):
         counts = np.concatenate([getattr(block, channel).output for block in blocks])
         np.testing.assert_array_equal(counts, getattr(expected, channel).output)
         assert getattr(blocks[0], channel).scale == getattr(expected, channel).scale
-
-
-def test_a_record_comes_when_the_swing_is_over():
-    source = make_source()
-    source.configure(make_plan())
-    source.arm()
-    begin = time.monotonic()
-    source.strike(LABEL, 0.1)
-    assert source.read(0.0) is None
-    read_until(source, lambda got: got[-1].last)
-    assert time.monotonic() - begin >= 0.1
 
 
 def test_the_same_hit_lies_in_a_stream():
@@ -175,7 +167,7 @@ def test_all_that_a_rig_file_says_of_it_is_taken():
     assert (plan.sampling_rate, plan.points) == (1e6, 4000)
 
 
-def test_an_empty_table_is_the_rig_of_the_paper():
+def test_an_empty_table_is_the_virtual_rig_by_default():
     assert read_virtual_rig(NO_OPTIONS) == VirtualRigSettings()
 
 
@@ -184,10 +176,7 @@ def test_an_empty_table_is_the_rig_of_the_paper():
     [
         ('colour = "red"', r"unknown key 'colour'"),
         ('plant = "jelly"', r"plant of \[source\] is 'jelly': it must be one of published, "),
-        ("seed = -1", "seed of .* is -1: it must be a whole number between 0"),
         ("noise = 2", "noise is 2.0: it must lie between 0 and 1"),
-        ('noise = "much"', "noise of .* is 'much': it must be a plain number"),
-        ("trigger_jitter = 1e-6", "has no unit"),
         ('scheduled_faults = "3"', "scheduled fault '3': write IMPACT:FAULT"),
         (
             'plant = "dynamics_printed"\npulse_shape = "half-sine"',
