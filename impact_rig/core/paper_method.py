@@ -322,16 +322,27 @@ class ContactEstimate(Comparable):
     )
 
 
+def _state(
+    value: float,
+    number: UncertainNumber | None,
+    reasons: tuple[str, ...],
+    notes: tuple[str, ...] = (),
+) -> Quantity:
+    """Return a value with the uncertainty of a number; without a number, why there is none."""
+    if number is None:
+        return Quantity(value, notes=reasons)
+    return compute_quantity(value, number, notes)
+
+
 def _estimate_contact(series: MeanReading, setup: RigSetup, sample: str) -> ContactEstimate:
-    rig, numbers = series.rig, series.numbers
+    rig, reasons = series.rig, (series.reason,)
+    time_number = None if series.numbers is None else series.numbers.contact_time
     width = series.pulse.half_amplitude_width / series.mean.sampling_rate
     contact_time = setup.analysis.pulse_factor * width
     contact = ContactEstimate(
         half_amplitude_width=width,
         width_ratio=series.pulse.width_ratio,
-        contact_time=Quantity(contact_time, notes=(series.reason,))
-        if numbers is None
-        else compute_quantity(contact_time, numbers.contact_time),
+        contact_time=_state(contact_time, time_number, reasons),
     )
     if setup.find_unknown_masses(sample):
         return contact
@@ -339,15 +350,13 @@ def _estimate_contact(series: MeanReading, setup: RigSetup, sample: str) -> Cont
         estimate_equivalent_mass(setup.hammer_mass, setup.samples.get_moving_mass(sample)),
         contact_time,
     )
-    if numbers is None:
-        known = Quantity(stiffness, notes=(series.reason,))
-        return replace(contact, equivalent_stiffness=known)
-    number = estimate_equivalent_stiffness(
-        estimate_equivalent_mass(rig.hammer_mass, rig.moving_mass), numbers.contact_time
-    )
+    number = None
+    if time_number is not None:
+        mass_number = estimate_equivalent_mass(rig.hammer_mass, rig.moving_mass)
+        number = estimate_equivalent_stiffness(mass_number, time_number)
     return replace(
         contact,
-        equivalent_stiffness=compute_quantity(stiffness, number, rig.notes),
+        equivalent_stiffness=_state(stiffness, number, reasons, rig.notes),
         equivalent_stiffness_number=number,
     )
 
@@ -378,23 +387,15 @@ def _estimate_body(
     coefficient = (
         estimate_damping_coefficient(ratio, stiffness.value, mass) if stiffness.is_known else NAN
     )
-    if numbers is None or channel in numbers.notes:
-        missing = (series.reason if numbers is None else numbers.notes[channel],)
-        found = Quantity(ratio, notes=missing), Quantity(coefficient, notes=missing)
-    else:
+    reason = series.reason if numbers is None else numbers.notes.get(channel, "")
+    uncertain, damping = None, None
+    if numbers is not None and not reason:
         uncertain = estimate_damping_ratio(numbers.log_decrements[channel])
-        found = (
-            compute_quantity(ratio, uncertain),
-            Quantity(coefficient, notes=stiffness.notes)
-            if number is None
-            else compute_quantity(
-                coefficient,
-                estimate_damping_coefficient(
-                    uncertain, number, rig.moving_mass if channel else rig.hammer_mass
-                ),
-                rig.notes,
-            ),
-        )
+        if number is not None:
+            moving = rig.moving_mass if channel else rig.hammer_mass
+            damping = estimate_damping_coefficient(uncertain, number, moving)
+    reasons = (reason,) if reason else stiffness.notes
+    found = _state(ratio, uncertain, reasons), _state(coefficient, damping, reasons, rig.notes)
     return BodyEstimate(
         stiffness, *found, peaks.log_decrement, peaks=peaks, stiffness_number=number
     )
@@ -411,11 +412,9 @@ def estimate_hammer(
     series = read_mean_hit(control, setup, sample, form)
     contact = _estimate_contact(series, setup, sample)
     stiffness = estimate_hammer_stiffness(contact.equivalent_stiffness.value)
-    if contact.equivalent_stiffness_number is None:
-        number, known = None, Quantity(stiffness, notes=(f"k1: {series.reason}",))
-    else:
-        number = estimate_hammer_stiffness(contact.equivalent_stiffness_number)
-        known = compute_quantity(stiffness, number, series.rig.notes)
+    number = contact.equivalent_stiffness_number
+    number = None if number is None else estimate_hammer_stiffness(number)
+    known = _state(stiffness, number, (f"k1: {series.reason}",), series.rig.notes)
     body = _estimate_body(series, 0, setup.hammer_mass, known, number)
     return HammerEstimate(**vars(body), control_sample=sample)
 

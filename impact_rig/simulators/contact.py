@@ -108,7 +108,6 @@ class Spring:
 
     stiffness: float  # [N/m]
     damping: float  # [N s/m]
-    peak_force: float  # [N]
     bend: Bend
     depth: float  # [m], from which D is 1
 
@@ -116,13 +115,12 @@ class Spring:
 def fit_spring(contact: Contact, bend: Bend) -> Spring:
     """Return the spring whose duration and restitution are those of the contact."""
     coefficient = _fit_damping(contact.restitution, bend)
-    duration, _, peak = _compute_pulse(coefficient, bend)
+    duration, _ = _compute_pulse(coefficient, bend)
     scale = contact.law.duration.value / duration  # T [s]
     mass, speed = contact.equivalent_mass, contact.law.impact_speed.value
     return Spring(
         stiffness=mass / scale**2,
         damping=coefficient * mass / scale,
-        peak_force=peak * mass * speed / scale,
         bend=bend,
         depth=bend.depth * speed * scale,
     )
@@ -141,8 +139,8 @@ def _fit_damping(restitution: float, bend: Bend) -> float:
     return float(brentq(compute_excess, 0.0, highest, xtol=1e-12, rtol=1e-12))
 
 
-def _compute_pulse(coefficient: float, bend: Bend) -> tuple[float, float, float]:
-    """Return duration [T], restitution [-] and largest force [m_eq v / T] of a scaled pulse."""
+def _compute_pulse(coefficient: float, bend: Bend) -> tuple[float, float]:
+    """Return duration [T] and restitution [-] of a scaled pulse."""
 
     def compute_force(compression: float, speed: float) -> float:
         compression = max(compression, 0.0)
@@ -168,9 +166,5 @@ def _compute_pulse(coefficient: float, bend: Bend) -> tuple[float, float, float]
         events=(is_over, is_apart),
         rtol=1e-10,
         atol=1e-10,
-        dense_output=True,
     )
-    duration = float(found.t[-1])
-    states = found.sol(np.linspace(0.0, duration, 201)).T
-    peak = max(compute_force(compression, speed) for compression, speed in states)
-    return duration, float(-found.y[1, -1]), peak
+    return float(found.t[-1]), float(-found.y[1, -1])

@@ -12,7 +12,7 @@ import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from impact_rig.results.numbers import MICRO, format_difference, format_quantity
+from impact_rig.results.numbers import MICRO, format_quantity
 from impact_rig.simulators.contact import STRAIGHT, Bend, Contact, Spring, fit_bend, fit_spring
 
 IMPEDANCE = 0.001  # [-], dwidth of MuJoCo's solimp: the impact does not depend on it
@@ -52,15 +52,12 @@ def format_contact(engine: Engine, contact: Contact) -> str:
             ("sample", 2.0 * SPHERE_RADIUS, contact.sample_mass),
         )
     )
-    comment = _format_comment(engine, contact, spring, values)
+    comment = _format_comment(engine, contact, values)
     return engine.world.format(comment=comment, bodies=bodies, radius=SPHERE_RADIUS, **texts)
 
 
-def _format_comment(
-    engine: Engine, contact: Contact, spring: Spring, values: Mapping[str, float]
-) -> str:
+def _format_comment(engine: Engine, contact: Contact, values: Mapping[str, float]) -> str:
     law = contact.law
-    peak = law.peak_force.value
     lines = [
         f"Contact of {contact.sample} with the hammer, identified by impact-rig.",
         f"Origin of the hits: {contact.origin}.",
@@ -70,26 +67,21 @@ def _format_comment(
         ),
         f"Contact duration {format_quantity(law.duration, 2, MICRO)} µs.",
         f"Restitution {format_quantity(law.restitution, 4)}.",
-        f"Peak force {peak:.4g} N.",
+        f"Peak force {law.peak_force.value:.4g} N.",
         (
             f"Contact law F = k x^n and a loss by {law.form}, n = {law.exponent.value:.4g},"
             f" k = {law.stiffness.value:.5g} N/m^n."
         ),
         f"{engine.title} has {engine.equation}, never below zero:",
         *(f"{name} = {value:.6g}" for name, value in values.items()),
-        (
-            f"Duration and restitution {contact.restitution:.4g} are met at this speed; the peak"
-            f" force is {spring.peak_force:.4g} N,"
-            f" {format_difference(spring.peak_force, peak, 1)} %."
-        ),
+        f"Duration and restitution {contact.restitution:.4g} are met at this speed.",
     ]
-    wrapped = [part for line in lines for part in textwrap.wrap(_make_printable(line), WIDTH)]
+    printable = [
+        "".join(letter if letter.isprintable() else "?" for letter in line) for line in lines
+    ]
+    wrapped = [part for line in printable for part in textwrap.wrap(line, WIDTH)]
     # Two hyphens would end the comment: a sample may be called so.
     return "\n".join(wrapped).replace("--", "==")
-
-
-def _make_printable(text: str) -> str:
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def _convert_to_mujoco(contact: Contact, spring: Spring) -> Mapping[str, float]:
