@@ -12,10 +12,8 @@ from impact_rig.core.comparison import (
     compare_trace,
     compare_with_model,
     find_best_shift,
-    normalise_trace,
     shift_trace,
 )
-from impact_rig.core.errors import SignalError
 from impact_rig.core.filtering import low_pass
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.model import Body, ImpactModel, ModelVariant, simulate_impact
@@ -26,15 +24,6 @@ MODEL = ImpactModel(Body(0.1, 22.5e6, 1909.0), Body(0.17, 45e6, 1170.0), 203.2e-
 
 def make_bell(middle: float, width: float = 30.0, count: int = 600) -> np.ndarray:
     return np.exp(-(((np.arange(count) - middle) / width) ** 2))
-
-
-class TestNormalise:
-    """To the value of largest magnitude."""
-
-    @pytest.mark.parametrize("trace", [np.zeros(5), np.full(5, np.nan)])
-    def test_refuses_what_has_no_peak(self, trace):
-        with pytest.raises(SignalError, match="cannot be normalised: it has no peak"):
-            normalise_trace(trace)
 
 
 class TestShift:

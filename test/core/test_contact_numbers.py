@@ -220,19 +220,6 @@ def test_a_converters_steps_count_where_no_noise_smooths_them():
     assert "quantisation of the peaks" in {line.source for line in body.damping_ratio.budget}
 
 
-def test_a_second_peak_of_a_few_counts_has_no_uncertainty():
-    # The second peak is some 140 m/s^2: two counts of 70, and no noise.
-    mean = make_mean("steel medium")
-    coarse = replace(mean.summary, largest_step=np.array([1.0, 70.0]))
-    contact, body, _ = estimate("steel medium", mean=replace(mean, summary=coarse))
-    assert math.isfinite(body.damping_coefficient.value)
-    for found in (body.damping_ratio, body.damping_coefficient):
-        assert math.isnan(found.standard)
-        assert "the second peak is 2 counts high" in found.notes[0]
-    assert math.isfinite(contact.contact_time.standard)
-    assert math.isfinite(body.stiffness.standard)
-
-
 def test_a_single_hits_contact_time_has_an_uncertainty_of_its_own():
     hit = replace(make_hit(200e-6, 700.0, RATIO), noise=np.full(2, 2.0), raw_noise=np.full(2, 2.0))
     found = estimate_hit_contact_time(hit, SETUP.analysis, 5.8e-5)

@@ -106,13 +106,6 @@ def test_any_decay_is_found_from_nothing(ratio, frequency, phase, offset):
     assert found.r_squared == pytest.approx(1.0, abs=1e-8)
 
 
-@pytest.mark.parametrize("ratio", [0.01, 0.3, 0.7])
-def test_the_low_pass_does_not_change_what_is_found(ratio):
-    found = fit(make_mean(swing(Oscillation(ratio))))
-    # What the filter smears of the jump at the start falls by e per 3.6 us.
-    assert describe(found) == pytest.approx((ratio, NATURAL), rel=1e-3)
-
-
 def test_a_body_followed_by_integration_gives_its_own_stiffness_and_damping():
     mass, stiffness, damping, force = 0.06, 20e6, 700.0, 150.0
 

@@ -95,41 +95,6 @@ def standard(found: Identification, name: str) -> float:
     return float(np.sqrt(found.covariance[index, index]))
 
 
-def compute_bounds(model: ImpactModel, noise: np.ndarray) -> dict[str, float]:
-    """Return the Cramer-Rao bounds of both traces in white noise, from differences.
-
-    Start, force, the sample's gain and both offsets are unknown, too.
-    """
-    truth = {
-        "tau_p": model.contact_time, "k2": model.specimen.stiffness,
-        "c2": model.specimen.damping_coefficient, "F0": model.peak_force, "t0": START,
-        "sample gain": 1.0, "hammer offset": 0.0, "sample offset": 0.0,
-    }  # fmt: skip
-
-    def simulate(values: dict[str, float]) -> np.ndarray:
-        changed = replace(
-            model,
-            contact_time=values["tau_p"],
-            specimen=Body(model.specimen.mass, values["k2"], values["c2"]),
-            peak_force=values["F0"],
-        )
-        hammer, sample = simulate_impact(
-            changed, RATE, COUNT, start=-values["t0"], variant=ModelVariant.DRIVEN
-        )
-        sample = values["sample gain"] * sample + values["sample offset"]
-        return np.concatenate([(hammer + values["hammer offset"]) / noise[0], sample / noise[1]])
-
-    columns = []
-    for name, value in truth.items():
-        step = 1e-5 * (value or 1.0)
-        up, down = (simulate({**truth, name: value + sign * step}) for sign in (1, -1))
-        columns.append((up - down) / (2 * step))
-    lengths = np.linalg.norm(columns, axis=1)
-    scaled = np.stack(columns, axis=1) / lengths
-    bounds = np.sqrt(np.diag(np.linalg.inv(scaled.T @ scaled))) / lengths
-    return dict(zip(truth, bounds, strict=True))
-
-
 def test_traces_of_an_integrator_give_the_integrated_parameters():
     # An oracle that has nothing of the closed form.
     tau, mass, k, c, force = 200e-6, 0.17, 45e6, 1500.0, 90.0
@@ -258,19 +223,6 @@ def test_what_the_model_does_not_describe_enlarges_the_covariance():
     clean, found = (identify_model(item, PAPER_SETUP, SAMPLE) for item in (mean, disturbed))
     assert standard(found, "k2") > 5 * standard(clean, "k2")
     assert any("the sample's peak" in note and "scaled up" in note for note in found.notes)
-
-
-def test_without_low_pass_the_noise_is_white_and_the_bound_still_holds():
-    setup = replace(PAPER_SETUP, analysis=replace(PAPER_SETUP.analysis, cutoff_frequency=0.0))
-    model = find_truth(SAMPLE)
-    hit = strike(model, 1e-3, 8, setup=setup)
-    found = identify_model(average_hits([hit]), setup, SAMPLE)
-    bounds = compute_bounds(model, hit.raw_noise)
-    for name in MAIN:
-        ratio = standard(found, name) / bounds[name]
-        assert ratio == pytest.approx(1.0, abs=0.06)
-        error = found.find(name) - find_true_values(model)[name]
-        assert abs(error) < 4 * standard(found, name)
 
 
 def test_traces_that_say_nothing_are_named():
