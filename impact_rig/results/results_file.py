@@ -4,11 +4,11 @@ JSON numbers are written as Python's `repr` does, so that they come back bit by 
 determined (NaN) is null.
 """
 
+import contextlib
 import json
 import math
 import os
 import re
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -63,28 +63,16 @@ def write_results(path: Path, results: Results) -> None:
         If the file cannot be written. Nothing half-written is left.
     """
     text = format_json(results_to_json(results))
-    temporary: Path | None = None
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with tempfile.NamedTemporaryFile(
-            "w",
-            encoding="utf-8",
-            dir=path.parent,
-            prefix=f".{path.name}.",
-            suffix=".part",
-            delete=False,
-        ) as file:
-            temporary = Path(file.name)
+        with part.open("w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        # Temporary files are private; results are as readable as any other new file.
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        temporary.replace(path)
+        part.replace(path)
     except OSError as error:
-        if temporary:
-            temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
         reason = error.strerror or error
         raise FileError(
             f"results {path}: cannot be written ({reason}); give a folder that exists and that"
