@@ -96,11 +96,6 @@ class DiskFile:
         """Whether the file is closed."""
         return self._file.closed
 
-    @property
-    def free_space(self) -> int:
-        """Bytes that may still be planned; 0 of a closed file."""
-        return 0 if self.closed else max(0, self._measure_room() - self._planned)
-
     def check(self) -> None:
         """Raise the FileError that tells why nothing can be written any more, if so."""
         if self.failure is not None:
@@ -116,8 +111,7 @@ class DiskFile:
         FileError
             If nothing can be written any more.
         """
-        if self.failure is not None:
-            raise self.failure
+        self.check()
         planned = self._planned + length
         if planned > self._room:
             raise self._make_error(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))

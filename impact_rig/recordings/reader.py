@@ -163,31 +163,28 @@ class Recording:
             ) from None
 
 
-def read_recording(path: Path, namespace: str | None = None) -> Recording:
+def read_recording(path: Path) -> Recording:
     """Open a recording of a rig.
 
     Parameters
     ----------
     path : Path
         As `find_recordings` takes it.
-    namespace : str, optional
-        Of the rig; found in the file by default.
 
     Raises
     ------
     FileError
         If there is no such file, it is no recording of ROS 2, holds no set-up, or holds several
-        rigs of which none was chosen.
+        rigs.
     """
     files = [Scan(found) for found in find_recordings(Path(path))]
-    if namespace is None:
-        namespaces = list_namespaces(files[0])
-        if len(namespaces) > 1:
-            raise FileError(
-                f"{path} holds several rigs, in the namespaces {', '.join(namespaces)}: choose one"
-            )
-        namespace = namespaces[0] if namespaces else "/"
-    return Recording(path, files, "/" + namespace.strip("/"))
+    namespaces = list_namespaces(files[0]) or ("/",)
+    if len(namespaces) > 1:
+        raise FileError(
+            f"{path} holds several rigs, in the namespaces {', '.join(namespaces)}: it should hold"
+            " one"
+        )
+    return Recording(path, files, namespaces[0])
 
 
 def holds_blocks(file: Scan) -> bool:

@@ -56,8 +56,6 @@ class RecordingWriter:
     ) -> None:
         self.path = path
         self.messages = 0  # added so far
-        self.start_time = 0  # earliest reception of a message [ns]; 0: there is none
-        self.end_time = 0  # latest reception of a message [ns]
         self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[str, int] = {}
         self._counts: Counter[int] = Counter()
@@ -84,16 +82,6 @@ class RecordingWriter:
     def closed(self) -> bool:
         """Whether the file is finished."""
         return self._file.closed
-
-    @property
-    def has_failed(self) -> bool:
-        """Whether it takes nothing more, since something could not be written."""
-        return self._file.failure is not None and not self.closed
-
-    @property
-    def free_space(self) -> int:
-        """Bytes that may still be added before the disk counts as full; 0 of a closed file."""
-        return self._file.free_space
 
     def count_messages(self, topic: str) -> int:
         """Return how many messages of a topic were added."""
@@ -179,8 +167,6 @@ class RecordingWriter:
         self._writer.add_message(channel, log_time, data, publish_time, number)
         if file.size != before:
             file.flush()
-        self.start_time = min(self.start_time, log_time) if self.messages else log_time
-        self.end_time = max(self.end_time, log_time)
         self._counts[channel] += 1
         self.messages += 1
 
@@ -255,7 +241,7 @@ class RecordingWriter:
         if self.closed:
             return
         try:
-            if not self.has_failed:
+            if self._file.failure is None:
                 self._writer.finish()
         finally:
             self._file.close()
