@@ -364,8 +364,6 @@ class FitProblem:
 
 def compute_raw_noise(mean: MeanHit) -> FloatArray:
     """Return the mean's raw noise [m/s^2], at least that of the converters' steps, shape (2,)."""
-    if not mean.count:
-        return np.asarray(mean.raw_noise)
     steps = np.sqrt(mean.summary.square_steps / 12.0)
     return np.asarray(np.maximum(mean.raw_noise, steps / mean.count))
 

@@ -15,7 +15,7 @@ from impact_rig.core.comparison import (
     shift_trace,
 )
 from impact_rig.core.filtering import low_pass
-from impact_rig.core.hits import MeanHit
+from impact_rig.core.hits import HitSummary, MeanHit
 from impact_rig.core.model import Body, ImpactModel, ModelVariant, simulate_impact
 
 RATE = 2.5e6
@@ -77,7 +77,10 @@ class TestCompareWithModel:
     def make_mean(self, model: ImpactModel, variant: ModelVariant, origin: int = 754) -> MeanHit:
         start = model.contact_time / 2 - origin / RATE
         traces = np.stack(simulate_impact(model, RATE, 5000, start=start, variant=variant))
-        return MeanHit(low_pass(traces, 50e3, RATE), RATE, origin, np.zeros(2), np.zeros(2), ())
+        nothing = np.zeros(2)
+        summary = HitSummary(1, nothing, nothing, nothing, 0, nothing)
+        filtered = low_pass(traces, 50e3, RATE)
+        return MeanHit(filtered, RATE, origin, nothing, nothing, (), summary)
 
     @pytest.mark.parametrize("variant", ModelVariant)
     def test_of_the_model_itself_is_perfect(self, variant):

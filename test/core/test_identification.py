@@ -11,7 +11,7 @@ from scipy.signal import lsim
 
 from impact_rig.core.errors import NotDeterminedError, SignalError
 from impact_rig.core.filtering import low_pass
-from impact_rig.core.hits import FilteredHit, MeanHit, average_hits, judge_hit
+from impact_rig.core.hits import FilteredHit, HitSummary, MeanHit, average_hits, judge_hit
 from impact_rig.core.identification import (
     MODEL_PARAMETERS,
     NAMES,
@@ -82,6 +82,13 @@ def strike_mean(model: ImpactModel, noise: float = 0.0, seed: int = 0, **how) ->
     return average_hits([strike(model, noise, seed, **how)])
 
 
+def make_mean(traces: np.ndarray, origin: int = 0, noise: float = 0.0) -> MeanHit:
+    """Return a mean hit of which nothing but its traces is known."""
+    levels, nothing = np.full(len(traces), noise), np.zeros(len(traces))
+    summary = HitSummary(1, nothing, nothing, nothing, 0, np.zeros(2))
+    return MeanHit(traces, RATE, origin, levels, levels, (), summary)
+
+
 def check_found(
     found: Identification, model: ImpactModel, rel: float, names: tuple[str, ...] = MAIN
 ) -> None:
@@ -113,7 +120,7 @@ def test_traces_of_an_integrator_give_the_integrated_parameters():
     traces = np.zeros((2, COUNT))
     traces[0] = [-push(t) / 0.1 for t in time]
     traces[1, time >= 0] = [move(t, y)[1] for t, y in zip(path.t, path.y.T, strict=True)]
-    mean = MeanHit(low_pass(traces, 50e3, RATE), RATE, 750, np.zeros(2), np.zeros(2), ())
+    mean = make_mean(low_pass(traces, 50e3, RATE), 750)
     samples = replace(PAPER_SETUP.samples, accelerometer_mass=mass - 0.16691)
     found = identify_model(mean, replace(PAPER_SETUP, samples=samples), SAMPLE)
     expected = {"tau_p": tau, "t0": START, "k2": k, "c2": c, "F0": force, "sample gain": 1.0}
@@ -235,9 +242,8 @@ def test_traces_that_say_nothing_are_named():
         (no_numbers, NotDeterminedError, "a trace is flat or has points that are no"),
         (mean.traces[:, 800:], SignalError, "cut off"),
     ):
-        silent = MeanHit(traces, RATE, 0, np.zeros(len(traces)), np.zeros(len(traces)), ())
         with pytest.raises(error, match=words):
-            identify_model(silent, PAPER_SETUP, SAMPLE)
+            identify_model(make_mean(traces), PAPER_SETUP, SAMPLE)
 
 
 def test_traces_of_something_else_give_a_clear_answer():
@@ -245,7 +251,7 @@ def test_traces_of_something_else_give_a_clear_answer():
     mean = strike_mean(find_truth(SAMPLE))
     nonsense = low_pass(source.standard_normal(mean.traces.shape[1]), 20e3, RATE)
     traces = np.stack([mean.traces[0], 1e3 * nonsense])
-    strange = MeanHit(traces, RATE, mean.origin, np.ones(2), np.ones(2), ())
+    strange = make_mean(traces, mean.origin, 1.0)
     with pytest.raises(NotDeterminedError, match="does not describe both traces"):
         identify_model(strange, PAPER_SETUP, SAMPLE)
 
