@@ -16,6 +16,7 @@ from impact_rig.core.sensors import CHANNELS
 
 FASTEST = 1000.0  # [-], rate of a replay
 SIMULATORS = ("mujoco", "sdf")
+EXPORTED = ("hits", "means", "results")
 HAMMER_ACTIONS = ("state", "arm", "disarm", "stop", "reset", "confirm")
 
 
@@ -481,9 +482,9 @@ def import_(**values: Any) -> None:
 )
 @click.option(
     "--what",
-    type=options.PARTS,
-    metavar="PART,...",
-    help="Of hits, means and results. [results in .json, hits in .csv, else hits,means]",
+    type=click.Choice(EXPORTED),
+    multiple=True,
+    help="Repeatable. [results in .json, hits in .csv, else hits and means]",
 )
 @options.samples_option
 @click.option(

@@ -10,7 +10,7 @@ import click
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.analysis.report_sources import find_run
-from impact_rig.cli.contents import describe_hits
+from impact_rig.cli.info import describe_hits
 from impact_rig.cli.options import refuse_given
 from impact_rig.cli.progress import show_progress
 from impact_rig.core.errors import FileError, ParameterError
@@ -49,7 +49,7 @@ class ExportTask:
     """What to export: the command's options."""
 
     output: Path  # file, or folder of one file for each hit or mean
-    what: frozenset[str] | None = None  # of `EXPORTED`; None: as suits the format
+    what: tuple[str, ...] = ()  # of hits, means and results; empty: as suits the format
     samples: tuple[str, ...] = ()  # empty: all
     hits: tuple[str, ...] = ()  # empty: all
     accepted_only: bool = False
@@ -78,9 +78,8 @@ class ExportTask:
     @property
     def parts(self) -> frozenset[str]:
         """What is exported."""
-        return self.what or frozenset(
-            {"hits"} if self.hits else DEFAULT_PARTS.get(self.kind, OTHER_PARTS)
-        )
+        default = {"hits"} if self.hits else DEFAULT_PARTS.get(self.kind, OTHER_PARTS)
+        return frozenset(self.what or default)
 
 
 def export_recording(path: Path, task: ExportTask) -> str:

@@ -56,20 +56,6 @@ CUTOFF = Parsed(lambda _, text: 0.0 if text == "off" else FREQUENCY.convert(text
 """A frequency [Hz], or ``off``, which is 0."""
 
 
-EXPORTED = ("hits", "means", "results")
-
-
-def _parse_parts(name: str, text: str) -> frozenset[str]:
-    """Return names of `EXPORTED`, separated by commas; raises `ParameterError`."""
-    parts = frozenset(part.strip() for part in text.split(","))
-    for part in parts - {*EXPORTED}:
-        raise ParameterError(f"{name}: {part!r} is not one of {', '.join(EXPORTED)}")
-    return parts
-
-
-PARTS = Parsed(_parse_parts)
-
-
 def parse_angles(name: str, text: str) -> tuple[float, ...]:
     """Return release angles [rad], in degrees between commas; raises `ParameterError`."""
     try:

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from impact_rig.analysis.report_sources import find_run, read_runs
-from impact_rig.cli.contents import (
+from impact_rig.cli.info import (
     describe_losses,
     inspect_with_progress,
     read_fields,

@@ -10,7 +10,7 @@ from typing import Any
 from impact_rig.configuration.rig_file import parse_response, parse_settings
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_text_file
 from impact_rig.configuration.units import parse_reading, parse_sensitivity
-from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.quantity import Comparable
 from impact_rig.core.sensors import ChannelPlan, ChannelUse
 
@@ -149,11 +149,9 @@ def _parse_plan(document: TomlTable, hammer: TomlTable, specimen: TomlTable) -> 
     uses = {"hammer": _parse_use(hammer), "specimen": _parse_use(specimen)}
     columns = _parse_columns(document)
     sampling_rate = document.take_quantity("sampling_rate", "Hz", "25.6 kHz", NAN)
-    try:
-        unit = document.take_text("time_unit")
+    unit = document.take_text("time_unit")
+    with document.locating():
         return ChannelPlan(columns=columns, sampling_rate=sampling_rate, time_unit=unit, **uses)
-    except ParameterError as error:
-        raise document.locate(error) from None
 
 
 def _parse_use(table: TomlTable) -> ChannelUse:
@@ -163,18 +161,15 @@ def _parse_use(table: TomlTable) -> ChannelUse:
     unit = table.take_text("unit")
     full_scale, full_scale_unit = 0.0, "m/s^2"
     sensitivity = None
-    try:
+    response = parse_response(table)
+    with table.locating():
         if "full_scale" in table:
             full_scale, full_scale_unit = parse_reading(
                 f"full_scale of {table.place}", table["full_scale"]
             )
         if "sensitivity" in table:
             sensitivity = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
-        return ChannelUse(
-            str(channel), unit, sensitivity, full_scale, full_scale_unit, parse_response(table)
-        )
-    except ParameterError as error:
-        raise table.locate(error) from None
+        return ChannelUse(str(channel), unit, sensitivity, full_scale, full_scale_unit, response)
 
 
 def _parse_columns(document: TomlTable) -> tuple[str, ...] | None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_text_file
 from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
-from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.quantity import list_stored
 from impact_rig.core.sensors import (
     CHANNELS,
@@ -134,19 +134,15 @@ def parse_response(table: TomlTable) -> SensorResponse:
         damping=table.take_number("resonance_damping", 0.0, 1.0, DEFAULT_RESONANCE_DAMPING),
         low_corner=table.take_quantity("low_corner", "Hz", "0.5 Hz", 0.0, low=0.0),
     )
-    try:
+    with table.locating():
         check_response("sensor", response)
-    except ParameterError as error:
-        raise table.locate(error) from None
     return response
 
 
 def _take_sensitivity(table: TomlTable, quantity: str) -> tuple[float, str]:
     """Return the voltage of one unit [V], and the unit."""
-    try:
+    with table.locating("sensitivity"):
         found = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
-    except ParameterError as error:
-        raise table.make_error("sensitivity", str(error)) from None
     return found.voltage, _check_unit(table, "sensitivity", found.unit, quantity)
 
 
@@ -154,10 +150,8 @@ def _take_full_scale(table: TomlTable, quantity: str, unit: str) -> float:
     """Return the largest value that the sensor takes [unit]; 0: not stated."""
     if "full_scale" not in table:
         return 0.0
-    try:
+    with table.locating("full_scale"):
         value, stated = parse_reading(f"full_scale of {table.place}", table["full_scale"])
-    except ParameterError as error:
-        raise table.make_error("full_scale", str(error)) from None
     stated = _check_unit(table, "full_scale", stated, quantity)
     if not 0.0 < value < math.inf:
         raise table.refuse("full_scale", "above zero, and finite")
@@ -264,7 +258,7 @@ def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
         "release_angle": hammer.take_quantity("release_angle", "rad", "3.7 deg", math.nan),
     }
     name, description = document.take_text("name"), document.take_text("description")
-    try:
+    with hammer.locating():
         return RigSetup(
             samples=samples,
             analysis=analysis,
@@ -274,8 +268,6 @@ def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
             sensors=sensors,
             **masses,
         )
-    except ParameterError as error:
-        raise hammer.locate(error) from None
 
 
 def _parse_angles(hammer: TomlTable, setup: RigSetup) -> tuple[float, ...]:
@@ -283,23 +275,19 @@ def _parse_angles(hammer: TomlTable, setup: RigSetup) -> tuple[float, ...]:
     given = hammer.get("release_angles", [])
     if not isinstance(given, list):
         raise hammer.refuse("release_angles", 'a list like ["5 deg", "10 deg"]')
-    try:
+    with hammer.locating("release_angles"):
         angles = tuple(
             parse_quantity("release_angles of [hammer]", item, "rad", "5 deg") for item in given
         )
         if angles:
             setup.at_angles(angles)
-    except ParameterError as error:
-        raise hammer.make_error("release_angles", str(error)) from None
     return angles
 
 
 def _parse_analysis(document: TomlTable) -> AnalysisSettings:
     settings = parse_settings(document)
-    try:
+    with document.take_table("analysis").locating():
         return AnalysisSettings(**settings)
-    except ParameterError as error:
-        raise document.take_table("analysis").locate(error) from None
 
 
 def _parse_swing(holder: TomlTable) -> dict[str, Any]:
@@ -330,10 +318,8 @@ def _parse_samples(document: TomlTable) -> SampleSet:
             "accelerometer_mass_uncertainty", "kg", "0.29 g", 0.0
         ),
     }
-    try:
+    with common.locating():
         return SampleSet(tuple(samples.values()), control, **masses)
-    except ParameterError as error:
-        raise common.locate(error) from None
 
 
 def _parse_sample(table: TomlTable) -> Sample:
@@ -348,10 +334,8 @@ def _parse_sample(table: TomlTable) -> Sample:
             if key in table
         },
     }
-    try:
+    with table.locating():
         return Sample(name=name, material=material, **numbers)
-    except ParameterError as error:
-        raise table.locate(error) from None
 
 
 def _parse_clock_uncertainty(document: TomlTable) -> float:

@@ -1,5 +1,6 @@
 """A table of a TOML file whose errors name the line, the value and what would be right."""
 
+import contextlib
 import datetime as dt
 import difflib
 import math
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig.configuration.units import parse_quantity
-from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.core.errors import FileError, ParameterError
 
 
 def read_text_file(path: Path, what: str) -> str:
@@ -168,14 +169,20 @@ class TomlTable(Mapping[str, Any]):
         line = self._lines.get(place)
         return ParameterError(f"line {line}: {text}" if line else text)
 
-    def locate(self, error: RigError) -> ParameterError:
-        """Return an error about a value of this table with its line.
+    @contextlib.contextmanager
+    def locating(self, key: str = "") -> Iterator[None]:
+        """Add the line of a key to an error that is raised in the block.
 
-        The line is that of the longest key that the error names, else that of the table.
+        Without a key it is the longest one that the error names, else the line of the table.
         """
-        subject = str(error).partition(" is ")[0].replace("_", " ").replace("-", " ")
-        named = [key for key in self._values if key.replace("_", " ") in subject]
-        return self.make_error(max(named, key=len, default=""), str(error))
+        try:
+            yield
+        except ParameterError as error:
+            subject = str(error).partition(" is ")[0]
+            subject = subject.replace("_", " ").replace("-", " ")
+            named = [name for name in self._values if name.replace("_", " ") in subject]
+            key = key or max(named, key=len, default="")
+            raise self.make_error(key, str(error)) from None
 
     def refuse(self, key: str, wanted: str) -> ParameterError:
         """Return the error that a value is not what is wanted: "it must be ..."."""
@@ -273,10 +280,8 @@ class TomlTable(Mapping[str, Any]):
         value = self._take(key, default, f'"{example}"')
         if key not in self._values:
             return float(value)
-        try:
+        with self.locating(key):
             number = parse_quantity(f"{key} of {self.place}", value, unit, example)
-        except ParameterError as error:
-            raise self.make_error(key, str(error)) from None
         if not (low <= number <= high and math.isfinite(number)):
             raise self.refuse(key, _describe_range(low, high, unit))
         return number

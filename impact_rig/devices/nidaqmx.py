@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
-from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.records import Block, ChannelBlock, FloatArray
 from impact_rig.devices.protocols import (
     NOT_MEASURED,
@@ -145,10 +145,8 @@ def add_input(task: "Task", channel: SourceChannel) -> Input:
 
     options = channel.options
     options.check_keys("iepe_current", "coupling", "range")
-    try:
+    with options.locating():
         scale = channel.compute_scale()
-    except ParameterError as error:
-        raise options.locate(error) from None
     limit = _take_range(channel)
     current = _take_current(options)
     name = channel.sensor.channel

@@ -167,12 +167,6 @@ def test_the_list_fits_a_terminal_and_names_what_is_not_ready(run):
     assert "here digitizer 3000" in text
 
 
-def test_json_has_the_driver_as_it_is(run):
-    (silent,) = json.loads(run("devices", "silent", "--json").stdout)
-    assert silent["trouble"] == "the vendor's service is not running: start it"
-    assert (silent["kind"], silent["package"]) == ("source", "bench-drivers")
-
-
 def test_a_check_opens_both_devices_says_what_they_are_and_closes_them(run, tmp_path):
     outcome = run("devices", "--check", write_rig(tmp_path))
     assert outcome.exit_code == 0

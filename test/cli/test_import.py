@@ -1,7 +1,6 @@
 """`impact-rig import`: files of other instruments become recordings that `analyze` takes."""
 
 import json
-import re
 from datetime import datetime
 from pathlib import Path
 
@@ -245,23 +244,3 @@ def test_an_imported_hit_keeps_its_file_and_nothing_that_nobody_measured_is_told
     assert "hit_4.npy" in text
     for words in ("simulated", "8.19 cm/s", "58 ppm"):
         assert words not in text, words
-
-
-def test_settings_of_the_analysis_are_kept_by_the_recording(run, save, tmp_path, channels):
-    output = tmp_path / "hits.mcap"
-    text = 'double_hit_window = "2 ms"\nturns_polarity = true\nkeep_hits = 5'
-    words = ("--hammer-mass", "1", *channels(f"[analysis]\n{text}"))
-    assert run("import", save("hit.csv"), "-o", output, *words).exit_code == 0
-    found = read_recording(output).setup.analysis
-    assert (found.double_hit_window, found.turns_polarity, found.keep_hits) == (2e-3, True, 5)
-
-
-def test_peaks_of_a_force_hammer_are_in_newtons_wherever_they_are_shown(run, save, tmp_path):
-    files, output = [save(f"hit_{k}.csv", peak=500.0 + k) for k in range(3)], tmp_path / "h.mcap"
-    words = ("--hammer-mass", "200 g")
-    assert run("import", *files, "-o", output, *words).exit_code == 0
-    direct = run("analyze", "--full", *files, *words).stdout
-    assert run("report", output, "-o", tmp_path / "h.html").exit_code == 0
-    page = (tmp_path / "h.html").read_text("utf-8")
-    assert "Hammer peak <span>[N]" in page
-    assert re.search(r"(499|50[0-2])\.\d", direct)

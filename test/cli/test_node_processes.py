@@ -72,5 +72,5 @@ def test_a_rig_goes_on_when_what_it_says_cannot_be_written(start_up):
         process = start_up("--only", "hammer", stdout=full)
     told = process.stderr.readline()
     process.terminate()
-    lost = "warning: what the nodes print is lost: standard output: No space left on device\n"
+    lost = "warning: the nodes' output is lost: standard output: No space left on device\n"
     assert (told, *finish(process)) == (lost, 0, None, "")

@@ -91,7 +91,7 @@ def test_ctrl_c_ends_it_at_once(start, recorded):
     [
         (["--rate", "0"], "0.0 is not in the range 0.001<=x<=1000.0"),
         (["--json"], "--output and --json are for results: they need --estimate"),
-        (["--estimate", "--loop", "0"], "--loop is for the player"),
+        (["--estimate", "--loop", "0"], "--loop is not for --estimate"),
     ],
 )
 def test_bad_options_get_one_sentence(run, quiet_ros, recorded, arguments, told):

@@ -76,19 +76,6 @@ def test_results_that_contradict_themselves_are_refused_in_one_sentence(run, fol
     assert "brass medium" in outcome.stderr
 
 
-def test_nothing_is_written_if_no_run_can_be_read(run, folder, tmp_path):
-    newer = make_newer(folder)
-    out = tmp_path / "none.html"
-    outcome = run("report", newer, "-o", out)
-    assert outcome.exit_code == 2
-    assert not out.exists()
-    missing = run("report", tmp_path / "nothing")
-    assert (missing.exit_code, missing.stderr) == (
-        2,
-        f"error: there is no file {tmp_path / 'nothing'}\n",
-    )
-
-
 def test_a_recording_that_is_lost_is_told_of_by_the_results_beside_it(run, folder):
     (folder / "session.mcap").write_bytes(b"\x89MCAP0\r\nlost")
     outcome = run("report", folder)

@@ -8,7 +8,6 @@ import textwrap
 import threading
 import time
 import urllib.request
-from dataclasses import replace
 from pathlib import Path
 
 import psutil
@@ -118,7 +117,7 @@ def test_each_campaign_and_each_path_is_a_recording_of_its_own(run, recorded, tm
     outcome = run("view", recorded.path, results, "-o", view)
 
     assert outcome.exit_code == 0, outcome.stderr
-    assert "results hold no traces: tables and figures alone are shown" in outcome.stderr
+    assert "results hold no traces: only tables and figures are shown" in outcome.stderr
     assert read_view(view)[:2] == (3, 3)
 
 
@@ -270,18 +269,3 @@ def test_a_sample_without_a_good_hit_is_named(strike):
     (remark,) = list_remarks(TracedCampaign(results, (), ()))
     assert remark.startswith("'steel small' is shown without mean and model: ")
     assert "none of 1 hits was accepted" in remark
-
-
-def test_a_sample_without_model_is_named(recorded):
-    sample = replace(recorded.results.samples[0], notes=("k1: no control sample",))
-    results = replace(recorded.results, samples=(sample,))
-    campaign = TracedCampaign(results, (make_bare_traces(sample),), ())
-
-    (remark,) = list_remarks(campaign)
-    assert remark == f"{sample.name!r} is shown without model: k1: no control sample"
-
-
-def make_bare_traces(sample):
-    from impact_rig.results.sample_traces import SampleTraces
-
-    return SampleTraces(sample.name, 1e6, 0.0, None, 1e-4, 5e-5, 0.0, 0.0, ())

@@ -170,7 +170,9 @@ def test_no_number_and_no_quantity_is_infinite(value):
 def test_an_error_of_others_gets_the_line_of_the_longest_key_that_it_is_about(
     table, sentence, line
 ):
-    assert str(table.locate(ParameterError(sentence))) == line + sentence
+    with pytest.raises(ParameterError) as error, table.locating():
+        raise ParameterError(sentence)
+    assert str(error.value) == line + sentence
 
 
 def test_what_others_read_is_left_out_and_keeps_its_lines(table):

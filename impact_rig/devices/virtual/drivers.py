@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any, ClassVar, TypeVar
 
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.errors import DeviceError
 from impact_rig.core.pulses import PULSE_SHAPES, VERSED_SINE
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sensors import Sensor
@@ -222,10 +222,8 @@ def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
         **_take_numbers(table, NUMBERS, rig),
     }
     digitizer = read_digitizer(table)
-    try:
+    with table.locating():
         return VirtualRigSettings(digitizer=digitizer, faults=faults, **values)
-    except ParameterError as error:
-        raise table.locate(error) from None
 
 
 def _take_numbers(table: TomlTable, keys: Sequence[str], defaults: object) -> dict[str, Any]:
@@ -241,20 +239,16 @@ def read_digitizer(table: TomlTable) -> DigitizerSettings:
     }
     parts = _take_numbers(table, PARTS, default)
     bits = table.take_whole("bits", 4, 31, default.bits)
-    try:
+    with table.locating():
         return DigitizerSettings(bits=bits, **quantities, **parts)
-    except ParameterError as error:
-        raise table.locate(error) from None
 
 
 def _take_each(table: TomlTable, key: str, parse: Callable[[str], T]) -> Iterator[T]:
     """Parse what stands between the commas of a text."""
     for name in table.take_text(key).split(","):
         if name.strip():
-            try:
+            with table.locating(key):
                 yield parse(name.strip())
-            except ParameterError as error:
-                raise table.make_error(key, str(error)) from None
 
 
 def make_virtual_plan(table: TomlTable) -> AcquisitionPlan:
