@@ -106,10 +106,8 @@ def make_plan(table: TomlTable, setup: RigSetup) -> AcquisitionPlan:
     rate = table.take_quantity("sampling_rate", "Hz", "2.5 MHz", low=1.0)
     level = _take_level(table, hammer, setup)
     specimen = _make_channel(table, "specimen", setup)
-    try:
+    with table.locating():
         return AcquisitionPlan(rate, duration, pre_trigger, level, hammer, specimen)
-    except ParameterError as error:
-        raise table.locate(error) from None
 
 
 def _make_channel(table: TomlTable, name: str, setup: RigSetup) -> SourceChannel | None:
