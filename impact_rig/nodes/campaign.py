@@ -246,10 +246,7 @@ class CampaignNode(RigNode):
         return not (wanted.has_angle and is_set and is_there)
 
     async def _check_hammer(self, campaign: Campaign) -> State:
-        def is_swinging() -> bool:
-            return self._hammer is not None and self._hammer.state == HammerState.SWINGING
-
-        await self._wait(campaign, lambda: not is_swinging())
+        await self._wait_while_at(campaign, HammerState.SWINGING)
         hammer = self._hammer
         if hammer is None:
             raise DeviceError("the hammer node has published no state")
@@ -276,14 +273,24 @@ class CampaignNode(RigNode):
 
     async def _wait_for_hammer(self, campaign: Campaign) -> State:
         """Wait until a person has put the hammer back."""
-
-        def is_away() -> bool:
-            hammer = self._hammer
-            return hammer is not None and hammer.armed and hammer.state == HammerState.AWAY
-
-        await self._wait(campaign, lambda: not is_away())
+        await self._wait_while_at(campaign, HammerState.AWAY)
         campaign.feedback.message = ""
         return State.COUNTING
+
+    async def _wait_while_at(self, campaign: Campaign, place: int) -> None:
+        """Wait while the hammer is armed and at a place.
+
+        A hammer node that was started again meanwhile publishes for this campaign once it is asked
+        to join.
+        """
+
+        def has_left() -> bool:
+            hammer = self._hammer
+            is_at = hammer is not None and hammer.armed and hammer.state == place
+            return not is_at or campaign.is_cancelled
+
+        while not await self.wait_until(has_left, LOOK_PERIOD):
+            await self._join_node(campaign, "hammer")
 
     async def _wait_for_sample(self, campaign: Campaign) -> State:
         """Wait until a person has mounted the sample, and set the angle if the holder cannot."""

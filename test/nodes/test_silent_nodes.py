@@ -12,7 +12,9 @@ from impact_rig_msgs.srv import GetResults
 from std_srvs.srv import Trigger
 
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode
+from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.rig_node import RigNode
 
@@ -58,6 +60,20 @@ def test_a_killed_node_disarms_the_hammer_and_pauses_the_campaign(harness, start
     states.wait(lambda got: got[-1].disarmed_by == HammerState.LOSS and not got[-1].armed)
     assert time.monotonic() - killed < SOON
     assert "the accelerometer node has gone: start it again" in states.messages[-1].message
+
+
+def test_a_hammer_that_is_started_again_while_a_campaign_waits_for_it_is_seen(
+    harness, start_process
+):
+    hammer = start_process("hammer", swing_time=0.001, confirm_return=True, require_recorder=False)
+    harness.add(AccelerometerNode, required_subscribers="estimator", trigger_timeout=0.2)
+    harness.add(EstimatorNode)
+    harness.add(CampaignNode, require_recorder=False)
+    _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=2)
+    feedback.wait(lambda got: got[-1:] and got[-1].state == got[-1].WAITING_FOR_HAMMER)
+    kill(hammer)
+    start_process("hammer", require_recorder=False)
+    wait_for_pause(feedback, "the hammer is not armed")
 
 
 SECOND = """
