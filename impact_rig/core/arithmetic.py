@@ -18,13 +18,7 @@ def load_gtc() -> Any:
 
 
 class UncertainNumber(Protocol):
-    """A value with the uncertainties that it depends on, as GTC's uncertain real numbers.
-
-    Attributes
-    ----------
-    x, u, df : float
-        Value, standard uncertainty and effective degrees of freedom.
-    """
+    """A value x with standard uncertainty u and degrees of freedom df, as GTC's real numbers."""
 
     @property
     def x(self) -> float: ...  # noqa: D102

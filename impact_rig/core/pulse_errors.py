@@ -36,67 +36,29 @@ FILTER_RECORD = 6
 
 @dataclass(frozen=True)
 class TraceQuality:
-    """How well a trace is known, apart from its pulse.
+    """How well a trace is known, apart from its pulse [unit of the trace]."""
 
-    Attributes
-    ----------
-    noise : float
-        Standard deviation of the trace's own noise [unit of the trace].
-    raw_noise : float
-        The same before the low-pass.
-    dither : float
-        Noise before the low-pass that each single hit had when it was digitized.
-    resolution : float
-        One count; 0: not known, or none.
-    baseline_points : int
-        Points of the baseline that was removed.
-    relative_cutoff : float
-        Of the low-pass, over the sampling rate [-]; 0: none.
-    zero_uncertainty : float
-        Of the zero under the pulse, by what was corrected there.
-    """
-
-    noise: float
-    raw_noise: float
-    dither: float
-    resolution: float
-    baseline_points: int
-    relative_cutoff: float
-    zero_uncertainty: float = 0.0
+    noise: float  # standard deviation
+    raw_noise: float  # the same before the low-pass
+    dither: float  # noise of each single hit when it was digitized
+    resolution: float  # one count; 0: not known, or none
+    baseline_points: int  # of the baseline that was removed
+    relative_cutoff: float  # of the low-pass over the sampling rate; 0: none
+    zero_uncertainty: float = 0.0  # of the zero under the pulse, by corrections
 
 
 @dataclass(frozen=True)
 class PulseErrors:
-    """Standard uncertainties of a half-amplitude width [points], by cause.
+    """Standard uncertainties of a half-amplitude width [points], by cause."""
 
-    Attributes
-    ----------
-    noise : float
-        White noise at crossings and peak: random from hit to hit.
-    zero : float
-        Noise of the mean baseline: random from hit to hit.
-    trend : float
-        A baseline that is not level, extrapolated to the pulse.
-    quantisation : float
-        What the noise does not dither away.
-    sampling : float
-        The peak between the points, and straight lines between points at the crossings.
-    peak_reading : float
-        The highest of several noisy points on a flat top is too high.
-    low_pass : float
-        Signed: by so much the low-pass widens a versed-sine of this width.
-    correction : float
-        What the zero was after the impact, and was not known of it under the pulse.
-    """
-
-    noise: float
-    zero: float
-    trend: float
-    quantisation: float
-    sampling: float
-    peak_reading: float
-    low_pass: float
-    correction: float = 0.0
+    noise: float  # white noise at crossings and peak: random from hit to hit
+    zero: float  # noise of the mean baseline: random from hit to hit
+    trend: float  # a baseline that is not level, extrapolated to the pulse
+    quantisation: float  # what the noise does not dither away
+    sampling: float  # the peak between the points, and straight lines between points
+    peak_reading: float  # the highest of several noisy points on a flat top is too high
+    low_pass: float  # signed: by so much the low-pass widens a versed-sine of this width
+    correction: float = 0.0  # of the zero under the pulse
 
 
 def estimate_pulse_errors(

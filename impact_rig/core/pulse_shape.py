@@ -43,30 +43,14 @@ REMEMBERED_MATRICES = 8
 
 @dataclass(frozen=True)
 class PulseWindow:
-    """What a pulse is fitted to: of unit height, in units of w50.
+    """What a pulse is fitted to: of unit height, in units of w50."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        From the middle of the pulse [w50].
-    measured : ndarray, shape (n,)
-        Over the peak [-].
-    model_time : ndarray, shape (m,)
-        Where the model is computed before sensor and low-pass [w50].
-    smoothing : ndarray, shape (n, m), or None
-        Sensor and low-pass, from `model_time` to `time`; None: neither does anything.
-    step : int
-        Points of the trace from one of `time` to the next.
-    points : slice
-        Which points of the trace are `measured`.
-    """
-
-    time: FloatArray
-    measured: FloatArray
-    model_time: FloatArray
-    smoothing: FloatArray | None
-    step: int
-    points: slice
+    time: FloatArray  # (n,), from the middle of the pulse
+    measured: FloatArray  # (n,), over the peak
+    model_time: FloatArray  # (m,), where the model is computed before sensor and low-pass
+    smoothing: FloatArray | None  # (n, m), sensor and low-pass; None: neither does anything
+    step: int  # points of the trace from one of `time` to the next
+    points: slice  # which points of the trace are `measured`
 
     def show(self, rows: FloatArray, part: slice) -> FloatArray:
         """Return models at `part` of `model_time`, zero elsewhere, as the trace shows them."""
@@ -187,21 +171,11 @@ TELLING_DIFFERENCE = 2.0
 
 @dataclass(frozen=True)
 class WindowFit:
-    """What a model that was fitted to a window leaves of it.
+    """What a model that was fitted to a window leaves of it."""
 
-    Attributes
-    ----------
-    is_inside : bool
-        False: the fit ended where no pulse is, and its parameters mean nothing.
-    fitted : ndarray, shape (n,)
-        The fitted trace, filtered.
-    residual : float
-        Standard deviation of what is left, over the peak [-].
-    """
-
-    is_inside: bool
-    fitted: FloatArray
-    residual: float
+    is_inside: bool  # False: the fit ended where no pulse is, and its parameters mean nothing
+    fitted: FloatArray  # (n,), the fitted trace, filtered
+    residual: float  # standard deviation of what is left, over the peak
 
     def is_worse(self, best: "WindowFit", level: float) -> bool:
         """Tell whether it leaves more than noise makes of two models that differ as these do.
@@ -282,23 +256,13 @@ and what it leaves no longer changes by more than a hundredth."""
 
 @dataclass(frozen=True)
 class PulseFit(WindowFit):
-    """One shape on one window.
+    """One shape on one window."""
 
-    Attributes
-    ----------
-    start, duration : float
-        [w50]; the start counts from the middle of the pulse.
-    asymmetry : float
-        See `compute_pulse` [-].
-    amplitude, offset : float
-        Over the peak [-].
-    """
-
-    start: float
-    duration: float
-    asymmetry: float
-    amplitude: float
-    offset: float
+    start: float  # from the middle of the pulse [w50]
+    duration: float  # [w50]
+    asymmetry: float  # see `compute_pulse`
+    amplitude: float  # over the peak
+    offset: float  # over the peak
 
 
 def fit_pulse(window: PulseWindow, shape: PulseShape) -> PulseFit:
@@ -353,68 +317,35 @@ of one baseline does not tell it better."""
 
 @dataclass(frozen=True)
 class ShapeFit(Comparable):
-    """One shape fitted to the pulse; NaN: this shape has no parameters that come near.
-
-    Attributes
-    ----------
-    shape : str
-        Its name.
-    residual_percent : float
-        Standard deviation of what is left over the pulse, over the peak [%].
-    contact_time : float
-        F w50 with the shape's own F, blind to asymmetry and low-pass [s].
-    stiffness : float
-        k2 with this contact time, and k1 read in the same way [N/m].
-    duration : float
-        tau_p of the fit [s].
-    asymmetry : float
-        Of the fit [-]: the rise takes (1 + asymmetry) / 2 of its duration.
-    start_time : float
-        Of the fit, from the middle of the pulse at half amplitude [s].
-    amplitude, offset : float
-        Of the fit, signed [m/s^2].
-    """
+    """One shape fitted to the pulse; NaN: this shape has no parameters that come near."""
 
     shape: str
-    residual_percent: float = NAN
+    residual_percent: float = NAN  # standard deviation of what is left, over the peak
+    # F w50 with the shape's own F, blind to asymmetry and low-pass.
     contact_time: float = field(default=NAN, metadata=describe("s", "F w50", shown="µs"))
+    # k2 with this contact time, and k1 read in the same way.
     stiffness: float = field(default=NAN, metadata=describe("N/m", "k", shown="MN/m"))
+    # tau_p of the fit.
     duration: float = field(default=NAN, metadata=describe("s", "τp", shown="µs"))
-    asymmetry: float = NAN
-    start_time: float = field(default=NAN, metadata=INTERNAL)
-    amplitude: float = field(default=NAN, metadata=INTERNAL)
-    offset: float = field(default=NAN, metadata=INTERNAL)
+    asymmetry: float = NAN  # the rise takes (1 + asymmetry) / 2 of the duration
+    start_time: float = field(default=NAN, metadata=INTERNAL)  # from the middle of the pulse [s]
+    amplitude: float = field(default=NAN, metadata=INTERNAL)  # signed [m/s^2]
+    offset: float = field(default=NAN, metadata=INTERNAL)  # signed [m/s^2]
 
 
 @dataclass(frozen=True)
 class PulseShapeEstimate(Comparable):
-    """What the mean hammer pulse looks like; NaN, or empty: not determined.
+    """What the mean hammer pulse looks like; NaN, or empty: not determined."""
 
-    Attributes
-    ----------
-    best_shape : str
-        Name of the shape that leaves least.
-    is_told_apart : bool
-        The next best shape leaves clearly more than the best.
-    fall_over_rise : float
-        Time from the peak down to half of it over the time up to the peak [-]; NaN: the pulse
-        has no one peak.
-    fits : tuple of ShapeFit
-        One for each of `PULSE_SHAPES`, in their order.
-    warning : str
-        Why a versed-sine does not describe the pulse; empty: it does.
-    possible : tuple of str
-        Shapes that leave no more than the best does, chance apart.
-    unexplained : float
-        What the best leaves beyond the noise, over the peak [-].
-    """
-
-    best_shape: str = ""
-    is_told_apart: bool = False
-    fall_over_rise: float = NAN
-    fits: tuple[ShapeFit, ...] = ()
+    best_shape: str = ""  # name of the shape that leaves least
+    is_told_apart: bool = False  # the next best shape leaves clearly more
+    fall_over_rise: float = NAN  # times from the peak down to half of it and up to the peak
+    fits: tuple[ShapeFit, ...] = ()  # in the order of `PULSE_SHAPES`
+    # Why a versed-sine does not describe the pulse.
     warning: str = field(default="", metadata=INTERNAL)
+    # Shapes that leave no more than the best, chance apart.
     possible: tuple[str, ...] = field(default=(), metadata=INTERNAL)
+    # What the best leaves beyond the noise, over the peak.
     unexplained: float = field(default=math.inf, metadata=INTERNAL)
 
     @property

@@ -13,28 +13,14 @@ TENTH_LEVEL = 0.1
 
 @dataclass(frozen=True)
 class PulseWidth:
-    """A pulse read at half and at a tenth of its peak.
+    """A pulse read at half and at a tenth of its peak; crossings and widths in points."""
 
-    Attributes
-    ----------
-    peak_index : int
-        Point of the largest |value|.
-    peak : float
-        Value there, signed [unit of the trace].
-    rise, fall : float
-        Half-amplitude crossings before and after the peak, in points, fractional.
-    half_amplitude_width : float
-        w50, in points.
-    tenth_amplitude_width : float
-        w10, in points; NaN where the trace does not come down to a tenth.
-    """
-
-    peak_index: int
-    peak: float
-    rise: float
-    fall: float
-    half_amplitude_width: float
-    tenth_amplitude_width: float
+    peak_index: int  # point of the largest |value|
+    peak: float  # signed [unit of the trace]
+    rise: float  # half-amplitude crossing before the peak
+    fall: float  # the same after the peak
+    half_amplitude_width: float  # w50
+    tenth_amplitude_width: float  # w10; NaN: the trace does not come down to a tenth
 
     @property
     def middle(self) -> float:

@@ -19,24 +19,13 @@ HERTZ_NODES = 513
 
 @dataclass(frozen=True)
 class PulseShape:
-    """A symmetric pulse of unit peak on the unit interval.
-
-    Attributes
-    ----------
-    name : str
-        As in the literature.
-    differentiate : callable
-        Force at phase 0 to 1, relative to the peak, and its derivative in the phase.
-    half_amplitude_width : float
-        w50 over the duration [-].
-    tenth_amplitude_width : float
-        w10 over the duration [-].
-    """
+    """A symmetric pulse of unit peak on the unit interval."""
 
     name: str
+    # Force at phase 0 to 1 over the peak, and its derivative in the phase.
     differentiate: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-    half_amplitude_width: float
-    tenth_amplitude_width: float
+    half_amplitude_width: float  # w50 over the duration
+    tenth_amplitude_width: float  # w10 over the duration
 
     @property
     def pulse_factor(self) -> float:

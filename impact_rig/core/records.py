@@ -20,22 +20,13 @@ KINDS = (MEASURED, SIMULATED, IMPORTED, UNKNOWN_KIND, MIXED)
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where the numbers of a hit come from.
+    """Where the numbers of a hit come from."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`; nothing: unknown.
-    source : str
-        What delivered them, in its own words.
-    file, place : str
-        Of an imported hit the file, as it was named, and where in it.
-    """
-
-    kind: str = field(default=UNKNOWN_KIND, metadata=describe(written="origin"))
+    kind: str = field(default=UNKNOWN_KIND, metadata=describe(written="origin"))  # one of `KINDS`
+    # What delivered them, in its own words.
     source: str = field(default="", metadata=describe(written="origin_source"))
-    file: str = ""
-    place: str = ""
+    file: str = ""  # of an imported hit, as it was named
+    place: str = ""  # in the file
 
     def __post_init__(self) -> None:
         """Refuse an unknown kind; a source's words must not steer a terminal."""
@@ -72,11 +63,7 @@ RawArray = NDArray[np.int32] | NDArray[np.float64]
 
 
 def make_read_only(values: FloatArray) -> FloatArray:
-    """Return `values` as float64 that nobody can change.
-
-    They are copied, unless they are read-only float64 already: who hands those over gives their
-    memory away with them, and changes it no more by another name.
-    """
+    """Return `values` as read-only float64: the same array if it is that already, else a copy."""
     return _freeze(np.asarray(values), np.float64)
 
 
@@ -90,24 +77,12 @@ def _freeze(values: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
 
 @dataclass(frozen=True, slots=True)
 class HitLabel(Comparable):
-    """Which hit something belongs to.
+    """Which hit something belongs to; numbers count from 1."""
 
-    Attributes
-    ----------
-    sample : str
-        Name of the struck sample.
-    record : int
-        Number of the arming, counted from 1.
-    impact : int
-        Impact of the sample's series, counted from 1.
-    attempt : int
-        Attempt at this impact, counted from 1.
-    """
-
-    sample: str
-    record: int = 1
-    impact: int = 1
-    attempt: int = 1
+    sample: str  # that was struck
+    record: int = 1  # number of the arming
+    impact: int = 1  # of the sample's series
+    attempt: int = 1  # at this impact
 
 
 NOT_ARMED = HitLabel("", record=0, impact=0, attempt=0)
@@ -116,26 +91,13 @@ NOT_ARMED = HitLabel("", record=0, impact=0, attempt=0)
 
 @dataclass(frozen=True)
 class ChannelBlock:
-    """One channel over one block: acceleration = scale * output + offset.
+    """One channel over one block: acceleration = scale * output + offset."""
 
-    Attributes
-    ----------
-    output : ndarray of int32 or float64, shape (n,)
-        Counts of a digitizer, or the numbers of a source that does not count; read-only. An
-        array that is so already is kept as it is, and must not be changed by another name.
-    scale, offset : float
-        Acceleration per unit of the output and at zero output [m/s^2].
-    full_scale : float
-        Largest acceleration the channel can show, either sign [m/s^2]; 0: not known.
-    overloaded : bool
-        The device says that the channel was driven beyond its range in this block.
-    """
-
-    output: RawArray
-    scale: float
-    offset: float
-    full_scale: float
-    overloaded: bool = False
+    output: RawArray  # (n,), counts, or the numbers of a source that does not count; read-only
+    scale: float  # [m/s^2 per unit of the output]
+    offset: float  # [m/s^2]
+    full_scale: float  # largest acceleration, either sign [m/s^2]; 0: not known
+    overloaded: bool = False  # the device says so
 
     def __post_init__(self) -> None:
         """Make the output read-only, and refuse what cannot be meant."""
@@ -169,38 +131,16 @@ class ChannelBlock:
 
 @dataclass(frozen=True)
 class Block:
-    """A contiguous segment of both channels: what a device delivers, and all that comes of it.
+    """A contiguous segment of both channels: what a device delivers, and what comes of it."""
 
-    Attributes
-    ----------
-    first_sample : int
-        Index of the first point, counted since arming; in a running stream since that began. It
-        never goes back; a jump is a gap: what device or driver has lost.
-    sampling_rate : float
-        [Hz]
-    hammer, specimen : ChannelBlock
-        Of equal length; the specimen's without points: not measured.
-    label : HitLabel
-        The arming it belongs to; `NOT_ARMED`: none, or it is not known yet, as to a device.
-    triggered : bool
-        False: the arming ended without a trigger and the block is empty.
-    last : bool
-        This block ends the record; in a running stream, the arming, or of no arming the stream.
-    stamp : int
-        Time of the first point, nanoseconds since the epoch, as well as it is known; 0: it is
-        not. Carried along, never computed with.
-    origin : Origin
-        Where its points come from; carried along with them.
-    """
-
-    first_sample: int
-    sampling_rate: float
+    first_sample: int  # counted since arming, in a running stream since its begin; a jump is a gap
+    sampling_rate: float  # [Hz]
     hammer: ChannelBlock
-    specimen: ChannelBlock
-    label: HitLabel = NOT_ARMED
-    triggered: bool = True
-    last: bool = False
-    stamp: int = 0
+    specimen: ChannelBlock  # as long as the hammer's; without points: not measured
+    label: HitLabel = NOT_ARMED  # `NOT_ARMED`: none, or not known yet
+    triggered: bool = True  # False: the arming ended without a trigger, and the block is empty
+    last: bool = False  # it ends the record; in a stream the arming, or of no arming the stream
+    stamp: int = 0  # of the first point [ns since the epoch]; 0: not known; never computed with
     origin: Origin = UNSTATED
 
     def __post_init__(self) -> None:
@@ -254,24 +194,12 @@ class Block:
 
 @dataclass(frozen=True)
 class Trace:
-    """One channel of one hit.
+    """One channel of one hit; accelerations in m/s^2."""
 
-    Attributes
-    ----------
-    acceleration : ndarray of float64, shape (n,)
-        [m/s^2]; read-only, see `make_read_only`.
-    full_scale : float
-        Largest acceleration the channel can show, either sign [m/s^2]; 0: not known.
-    resolution : float
-        Acceleration of one count [m/s^2]; 0: not known.
-    overloaded : bool
-        The device says that the channel was driven beyond its range, in a block of this trace.
-    """
-
-    acceleration: FloatArray
-    full_scale: float = 0.0
-    resolution: float = 0.0
-    overloaded: bool = False
+    acceleration: FloatArray  # (n,), read-only, see `make_read_only`
+    full_scale: float = 0.0  # largest acceleration, either sign; 0: not known
+    resolution: float = 0.0  # of one count; 0: not known
+    overloaded: bool = False  # the device says so in a block of this trace
 
     def __post_init__(self) -> None:
         """Make the trace read-only, and refuse one that is not a vector."""
@@ -290,39 +218,16 @@ class Trace:
 
 @dataclass(frozen=True)
 class Record:
-    """Both channels of one hit, cut out of the stream.
-
-    Attributes
-    ----------
-    label : HitLabel
-        Which hit.
-    sampling_rate : float
-        [Hz]
-    hammer : Trace
-        Of the accelerometer inside the hammer.
-    specimen : Trace or None
-        Of the accelerometer on the sample, as long as `hammer`; None: not measured.
-    pulse_index : int or None
-        Point at which the hammer's acceleration first exceeded the detection level; None: it
-        never did.
-    triggered : bool
-        False: the arming ended without a trigger, and the traces are empty.
-    flaws : tuple of str
-        What is wrong with the stream here (gaps), in words; empty: nothing.
-    stamp : int
-        Time of the first point, nanoseconds since the epoch.
-    origin : Origin
-        Where the points come from.
-    """
+    """Both channels of one hit, cut out of the stream."""
 
     label: HitLabel
-    sampling_rate: float
+    sampling_rate: float  # [Hz]
     hammer: Trace
-    specimen: Trace | None
-    pulse_index: int | None
-    triggered: bool = True
-    flaws: tuple[str, ...] = ()
-    stamp: int = 0
+    specimen: Trace | None  # as long as the hammer's; None: not measured
+    pulse_index: int | None  # first point above the detection level; None: there is none
+    triggered: bool = True  # False: the arming ended without a trigger, and the traces are empty
+    flaws: tuple[str, ...] = ()  # gaps, in words
+    stamp: int = 0  # of the first point [ns since the epoch]
     origin: Origin = UNSTATED
 
     def __post_init__(self) -> None:
