@@ -122,10 +122,13 @@ class Segment:
             largest = float(np.abs(output - baseline.level).max(initial=0.0))
             level = RELATIVE_LEVEL * largest or math.inf
         level = max(level, PULSE_NOISE * baseline.noise, channel.resolution / abs(channel.scale))
-        for block in self._cut_blocks(self.searched, last):
-            index = _find_departure(block.hammer.output, baseline.level, level)
+        for block in self._blocks:
+            start = block.first_sample
+            first = max(self.searched, start)
+            output = block.hammer.output[first - start : max(last - start, 0)]
+            index = _find_departure(output, baseline.level, level) if output.size else None
             if index is not None:
-                return block.first_sample + index
+                return first + index
         return None
 
     def get_time(self, point: int) -> int:

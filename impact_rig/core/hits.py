@@ -188,17 +188,13 @@ def _correct_zero(
         if channel and not (shift.stays or _is_shifted(shifts[0])):
             continue
         text = f"zero of the {name} after the impact: {shift.explanation}"
-        if shift.reason is Reason.RINGING:
-            corrected.append(Rejection(shift.reason, text))
-            continue
-        if shift.correction is None:
-            # Of the sample it is in the uncertainty of its momentum.
-            (corrected if channel else unsure).append(Rejection(shift.reason, text))
-            left[channel] = math.hypot(left[channel], shift.uncertainty)
-            continue
-        corrected.append(Rejection(shift.reason, text))
-        traces[channel] -= shift.correction
+        # What is not sure of the sample is in the uncertainty of its momentum.
+        is_harmless = channel or shift.reason is Reason.RINGING or shift.correction is not None
+        (corrected if is_harmless else unsure).append(Rejection(shift.reason, text))
         left[channel] = math.hypot(left[channel], shift.uncertainty)
+        if shift.correction is None:
+            continue
+        traces[channel] -= shift.correction
         if not channel and len(traces) > 1 and shifts[1] is None:
             # What is corrected on one channel may be unseen on the other.
             middle = round(hit.pulse.middle)

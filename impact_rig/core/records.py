@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.errors import ParameterError, SignalError, check_not_negative, check_positive
-from impact_rig.core.quantity import Comparable, describe
+from impact_rig.core.quantity import describe
 
 MEASURED, SIMULATED, IMPORTED = "measured", "simulated", "imported"
 UNKNOWN_KIND, MIXED = "unknown", "mixed"
@@ -76,7 +76,7 @@ def _freeze(values: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
 
 
 @dataclass(frozen=True, slots=True)
-class HitLabel(Comparable):
+class HitLabel:
     """Which hit something belongs to; numbers count from 1."""
 
     sample: str  # that was struck

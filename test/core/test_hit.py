@@ -48,20 +48,6 @@ def test_contact_time_is_read_within_a_part_of_a_thousand(tau, start, offset):
     assert hit.width_ratio == pytest.approx(1.590, abs=0.02)
 
 
-@given(signs=st.tuples(st.sampled_from([1, -1]), st.sampled_from([1, -1])))
-def test_polarity_changes_nothing(signs):
-    traces = make_traces(noise=1.0)
-    plain = judge_hit(make_record(*traces, rate=RATE, pulse_index=500), SETTINGS)
-    turned = (sign * trace for sign, trace in zip(signs, traces, strict=True))
-    other = judge_hit(make_record(*turned, rate=RATE, pulse_index=500), SETTINGS)
-    assert (other.accepted, other.contact_time, other.hammer_peak, other.specimen_peak) == (
-        plain.accepted,
-        plain.contact_time,
-        plain.hammer_peak,
-        plain.specimen_peak,
-    )
-
-
 def test_noise_is_that_of_the_filtered_baseline():
     random = np.random.default_rng(2)
     variances = []
