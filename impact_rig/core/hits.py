@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from impact_rig.core.detection import LOUD_BEGINNING
 from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
 from impact_rig.core.filtering import check_cutoff, interpolate_between, low_pass
-from impact_rig.core.pulse_width import PulseWidth, measure_pulse
+from impact_rig.core.pulse_width import BASELINE_POINTS, PulseWidth, measure_pulse
 from impact_rig.core.records import UNSTATED, FloatArray, HitLabel, Origin, Record, make_read_only
 from impact_rig.core.setup import AnalysisSettings
 from impact_rig.core.tail import ZeroShift, judge_zeros
 from impact_rig.core.verdict import (
-    BASELINE_POINTS,
     CHANNELS,
     Reason,
     Rejection,

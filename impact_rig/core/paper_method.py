@@ -16,7 +16,6 @@ from impact_rig.core.damping import (
 )
 from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.hits import MeanHit
-from impact_rig.core.pulse_errors import compute_quantisation_error
 from impact_rig.core.pulse_shape import (
     LARGEST_RESIDUAL,
     NO_SHAPE,
@@ -24,7 +23,7 @@ from impact_rig.core.pulse_shape import (
     compute_unexplained,
     estimate_pulse_shape,
 )
-from impact_rig.core.pulse_width import PulseWidth, measure_pulse
+from impact_rig.core.pulse_width import PulseWidth, compute_quantisation_error, measure_pulse
 from impact_rig.core.pulses import PULSE_SHAPES
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
 from impact_rig.core.setup import RigSetup

@@ -1,10 +1,15 @@
-"""Width of a pulse between interpolated crossings, and its uncertainty."""
+"""Width of a pulse between interpolated crossings, and what falsifies it, by how much."""
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+import scipy
 
-from impact_rig.core.errors import SignalError
+from impact_rig.core.errors import RigError, SignalError
+from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF, low_pass
+from impact_rig.core.pulses import VERSED_SINE, compute_pulse
 from impact_rig.core.records import FloatArray
 
 HALF_LEVEL = 0.5
@@ -120,3 +125,203 @@ def measure_pulse(trace: FloatArray) -> PulseWidth:
         half_amplitude_width=fall - rise,
         tenth_amplitude_width=high - low,
     )
+
+
+BASELINE_POINTS = 3
+"""What must come before the pulse, in points, for a baseline."""
+FLANK_LEVELS = (0.4, 0.6)
+"""Between which parts of the peak a flank's slope is taken [-], our choice: near the crossing,
+far enough apart that noise does not matter."""
+TREND_SIGNIFICANCE = 2.0
+"""A baseline's slope counts as real above this many standard uncertainties of its own [-], our
+choice: noise alone passes it in one case of twenty."""
+PEAK_LOSS = math.sqrt(1.0 / 320.0)
+"""Root mean square of d^2 / 2 for d uniform in +-1/2 [-]: what the highest point misses of a
+parabola's top, over its curvature."""
+CHORD_ERROR = math.sqrt(1.0 / 120.0)
+"""Root mean square of f (1 - f) / 2 for f uniform in 0 to 1 [-]: what a chord misses of a
+parabola, over its curvature."""
+HARMONICS = 30
+"""Of the quantisation error [-], our choice: without noise 1 % is missing."""
+FILTER_POINTS = 400
+"""Points per contact time of the pulse on which the low-pass is tried [-], our choice."""
+FILTER_RECORD = 6
+"""Contact times of that record [-], our choice: the filter's transients die within one."""
+
+
+@dataclass(frozen=True)
+class TraceQuality:
+    """How well a trace is known, apart from its pulse [unit of the trace]."""
+
+    noise: float  # standard deviation
+    raw_noise: float  # the same before the low-pass
+    dither: float  # noise of each single hit when it was digitized
+    resolution: float  # one count; 0: not known, or none
+    baseline_points: int  # of the baseline that was removed
+    relative_cutoff: float  # of the low-pass over the sampling rate; 0: none
+    zero_uncertainty: float = 0.0  # of the zero under the pulse, by corrections
+
+
+@dataclass(frozen=True)
+class PulseErrors:
+    """Standard uncertainties of a half-amplitude width [points], by cause."""
+
+    noise: float  # white noise at crossings and peak: random from hit to hit
+    zero: float  # noise of the mean baseline: random from hit to hit
+    trend: float  # a baseline that is not level, extrapolated to the pulse
+    quantisation: float  # what the noise does not dither away
+    sampling: float  # the peak between the points, and straight lines between points
+    peak_reading: float  # the highest of several noisy points on a flat top is too high
+    low_pass: float  # signed: by so much the low-pass widens a versed-sine of this width
+    correction: float = 0.0  # of the zero under the pulse
+
+
+def estimate_pulse_errors(
+    trace: FloatArray, pulse: PulseWidth, quality: TraceQuality
+) -> PulseErrors:
+    """Estimate what may be wrong with the width of a pulse.
+
+    Parameters
+    ----------
+    trace : ndarray, shape (n,)
+        Baseline zero, either polarity.
+    """
+    upright = trace if pulse.peak > 0 else -trace
+    height, width = abs(pulse.peak), pulse.half_amplitude_width
+    rise, fall = (_compute_slope(upright, pulse.peak_index, height, step) for step in (-1, 1))
+    both = 1.0 / rise + 1.0 / fall
+    crossings = math.hypot(1.0 / rise, 1.0 / fall)
+    reading = math.hypot(crossings, both / 2.0)
+    # Of a versed-sine of this width, since a second difference would measure the noise.
+    curvature = 0.5 * height * (math.pi / width) ** 2
+    trend = compute_trend(trace, quality)
+    lever = pulse.middle - (quality.baseline_points - 1) / 2.0
+    interpolation = CHORD_ERROR * (
+        _compute_bend(upright, pulse.rise) / rise + _compute_bend(upright, pulse.fall) / fall
+    )
+    return PulseErrors(
+        noise=quality.noise * reading,
+        zero=quality.raw_noise / math.sqrt(quality.baseline_points) * both / 2.0,
+        trend=trend * lever * both / 2.0,
+        quantisation=compute_quantisation_error(quality.resolution, quality.dither) * reading,
+        sampling=math.hypot(PEAK_LOSS * curvature * both / 2.0, interpolation),
+        peak_reading=compute_peak_excess(quality.noise, curvature, quality.relative_cutoff)
+        * both
+        / 2.0,
+        low_pass=width * compute_low_pass_widening(2.0 * width * quality.relative_cutoff),
+        correction=quality.zero_uncertainty * both / 2.0,
+    )
+
+
+def _compute_slope(upright: FloatArray, peak_index: int, height: float, step: int) -> float:
+    """Return how steep a flank is at half amplitude, per point, above zero."""
+    low, high = (find_crossing(upright, peak_index, p * height, step) for p in FLANK_LEVELS)
+    if math.isnan(low) or low == high:
+        # The trace ends between the levels: the half above the crossing says it.
+        low, part = find_crossing(upright, peak_index, 0.5 * height, step), 0.1
+    else:
+        part = FLANK_LEVELS[1] - FLANK_LEVELS[0]
+    return part * height / max(abs(high - low), np.finfo(float).tiny)
+
+
+def _compute_bend(upright: FloatArray, crossing: float) -> float:
+    """Return |second difference| around a crossing, the mean over both points beside it."""
+    inner = math.floor(crossing)
+    first, last = inner - 1, inner + 2
+    if first < 0 or last >= upright.size:
+        return 0.0
+    return abs(float(upright[first] - upright[inner] - upright[inner + 1] + upright[last])) / 2.0
+
+
+def compute_trend(trace: FloatArray, quality: TraceQuality) -> float:
+    """Return how far the baseline is from level, per point; 0 where noise explains it.
+
+    Straight line by least squares; its variance by noise, 12 s^2 / n^3, is taken off. A short
+    pre-trigger says little of what comes much later: where the record ends nearer to zero than
+    the line, its end decides.
+    """
+    count = quality.baseline_points
+    if count < BASELINE_POINTS:
+        return 0.0
+    points = np.arange(count) - (count - 1) / 2.0
+    slope = float(points @ trace[:count]) / float(points @ points)
+    own = quality.raw_noise * math.sqrt(12.0 / (count * (count**2 - 1.0)))
+    if abs(slope) <= TREND_SIGNIFICANCE * own:
+        return 0.0
+    distance = trace.size - count
+    level = abs(float(trace[-count:].mean())) + quality.raw_noise * math.sqrt(2.0 / count)
+    return min(math.sqrt(slope**2 - own**2), level / max(distance, 1))
+
+
+def compute_quantisation_error(resolution: float, dither: float) -> float:
+    """Return what quantisation leaves in a reading's mean, root mean square over one step.
+
+    Without noise the error is a saw-tooth of q / sqrt(12). Noise of standard deviation s before
+    the converter takes exp(-2 pi^2 k^2 s^2 / q^2) off the k-th harmonic of the saw-tooth, whose
+    amplitude is q / (pi k) (Widrow and Kollar, Quantization Noise, 2008).
+
+    Parameters
+    ----------
+    resolution : float
+        q, one count; 0: not known.
+    dither : float
+        Standard deviation of the noise as digitized, the converter's own included.
+    """
+    if resolution <= 0.0:
+        return 0.0
+    variance = max((dither / resolution) ** 2 - 1.0 / 12.0, 0.0)
+    orders = np.arange(1, HARMONICS + 1)
+    harmonics = np.exp(-2.0 * (math.pi * orders) ** 2 * variance) / (math.pi * orders)
+    return resolution * math.sqrt(float(harmonics @ harmonics) / 2.0)
+
+
+def compute_peak_excess(noise: float, curvature: float, relative_cutoff: float) -> float:
+    """Return by how much the highest of several noisy points exceeds a rounded top.
+
+    The expected largest of n independent normal values (Blom's approximation), n being how many
+    fit where the top falls by no more than half the noise.
+
+    Parameters
+    ----------
+    noise : float
+        Standard deviation.
+    curvature : float
+        -d^2/dn^2 at the top, in the noise's unit per point^2, above zero.
+    relative_cutoff : float
+        Of the low-pass over the sampling rate [-], it makes neighbours alike; 0: none.
+    """
+    if noise <= 0.0:
+        return 0.0
+    width = 2.0 * math.sqrt(noise / curvature)
+    spacing = 1.0 if relative_cutoff == 0.0 else max(1.0, 0.5 / relative_cutoff)
+    count = max(width / spacing, 1.0)
+    return noise * float(scipy.special.ndtri((count - 0.375) / (count + 0.25)))
+
+
+def compute_low_pass_widening(cutoff_contact_time: float) -> float:
+    """Return the relative change of w50 that the low-pass does to a versed-sine [-].
+
+    Parameters
+    ----------
+    cutoff_contact_time : float
+        Cutoff frequency times the versed-sine's duration, both in the trace's time [-]; 0: no
+        low-pass.
+    """
+    if cutoff_contact_time <= 0.0:
+        return 0.0
+    # Two digits decide: the widening is small where it is of any use.
+    return _try_low_pass(float(f"{cutoff_contact_time:.2g}"))
+
+
+@lru_cache(maxsize=256)
+def _try_low_pass(cutoff_contact_time: float) -> float:
+    relative = cutoff_contact_time / FILTER_POINTS
+    if relative > HIGHEST_RELATIVE_CUTOFF:
+        return 0.0
+    time = np.arange(FILTER_RECORD * FILTER_POINTS) / FILTER_POINTS - (FILTER_RECORD - 1) / 2.0
+    pulse = compute_pulse(time, 1.0, VERSED_SINE)
+    try:
+        filtered = measure_pulse(low_pass(pulse, relative, 1.0)).half_amplitude_width
+    except RigError:
+        return 0.0
+    return filtered / measure_pulse(pulse).half_amplitude_width - 1.0

@@ -15,15 +15,15 @@ from impact_rig.core.arithmetic import (
 from impact_rig.core.damping import LogDecrement, estimate_damping_ratio_from_coefficient
 from impact_rig.core.errors import NotDeterminedError, ParameterError, check_not_negative
 from impact_rig.core.hits import FilteredHit, MeanHit
-from impact_rig.core.pulse_errors import (
+from impact_rig.core.pulse_width import (
     PulseErrors,
+    PulseWidth,
     TraceQuality,
     compute_peak_excess,
     compute_quantisation_error,
     compute_trend,
     estimate_pulse_errors,
 )
-from impact_rig.core.pulse_width import PulseWidth
 from impact_rig.core.quantity import UNKNOWN, BudgetLine, Quantity
 from impact_rig.core.records import FloatArray
 from impact_rig.core.sensors import CHANNELS

@@ -407,8 +407,6 @@ def _find_wander(
 
 CHANNELS = ("hammer", "sample")
 """For people; the first tells how strong a hit was."""
-BASELINE_POINTS = 3
-"""What must come before the pulse, in points, for a baseline."""
 
 
 def check_stream(record: Record) -> tuple[Rejection, ...]:

@@ -8,15 +8,15 @@ import pytest
 from numpy.typing import NDArray
 
 from impact_rig.core.filtering import low_pass
-from impact_rig.core.pulse_errors import (
+from impact_rig.core.pulse_width import (
     TraceQuality,
     compute_low_pass_widening,
     compute_peak_excess,
     compute_quantisation_error,
     compute_trend,
     estimate_pulse_errors,
+    measure_pulse,
 )
-from impact_rig.core.pulse_width import measure_pulse
 
 START, COUNT = 600, 4000
 PERFECT = TraceQuality(0.0, 0.0, 0.0, 0.0, 400, 0.0)
