@@ -1,6 +1,5 @@
 """`impact-rig report`: a file to hand over, whatever it is made of."""
 
-import json
 import shutil
 from pathlib import Path
 
@@ -28,16 +27,6 @@ def recorded(record, tmp_path_factory):
 def folder(recorded, tmp_path):
     """Return a copy of it that a test may write into."""
     return Path(shutil.copytree(recorded, tmp_path / "monday"))
-
-
-def make_newer(folder):
-    """Make results.json one of a later version, and take the recording away."""
-    (folder / "session.mcap").unlink()
-    path = folder / "results.json"
-    content = json.loads(path.read_text())
-    content["format"]["version"] = 99
-    path.write_text(json.dumps(content))
-    return path
 
 
 def read_text(path):

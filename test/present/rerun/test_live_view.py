@@ -83,7 +83,7 @@ def test_after_kill_9_the_file_is_sound_and_the_page_ends(tmp_path, read_recordi
         stdout=subprocess.PIPE,
         text=True,
     )
-    assert "shown" in iter(writer.stdout.readline, "shown\n") or True
+    assert any(line == "shown\n" for line in writer.stdout)
     pages = psutil.Process(writer.pid).children(recursive=True)
     assert pages
     writer.kill()
