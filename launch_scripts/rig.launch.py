@@ -44,10 +44,6 @@ from impact_rig.devices.virtual.choices import Fault, Plant
 PLANTS = [plant.value for plant in Plant]
 FAULTS = ", ".join(fault.value for fault in Fault)
 SWITCH = ["true", "false"]
-FINAL_CODES = (0, 2)
-"""A node that ends with one of these, by request or for an impossible parameter, stays ended."""
-RESPAWN_DELAY = 1.0
-"""[s]"""
 ARGUMENTS = (
     DeclareLaunchArgument(
         "rig_file",
@@ -115,7 +111,7 @@ ARGUMENTS = (
         "respawn",
         default_value="false",
         choices=SWITCH,
-        description="start a node again that has died; else the rig ends with it",
+        description="start a node again that has ended; else the rig ends with it",
     ),
     DeclareLaunchArgument(
         "params_file",
@@ -182,12 +178,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
 
 
 def make_node(process: NodeProcess, params_file: str, *, respawn: bool) -> Action:
-    """Return one node of the rig; the rig ends when it does, and is not to be started again."""
-
-    def end(event: Any, _: LaunchContext) -> list[Action]:
-        is_back = respawn and event.returncode not in FINAL_CODES
-        return [] if is_back else [Shutdown(reason=f"{process.name} ended")]
-
+    """Return one node of the rig; it is started again when it ends, or the rig ends with it."""
     parameters: list[Any] = [params_file] if params_file else []
     if process.parameters:
         parameters.append(dict(process.parameters))
@@ -199,8 +190,8 @@ def make_node(process: NodeProcess, params_file: str, *, respawn: bool) -> Actio
         output="both",
         emulate_tty=True,
         respawn=respawn,
-        respawn_delay=RESPAWN_DELAY,
-        on_exit=end,
+        respawn_delay=1.0,
+        on_exit=None if respawn else Shutdown(reason=f"{process.name} ended"),
     )
 
 

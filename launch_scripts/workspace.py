@@ -80,7 +80,8 @@ class Workspace:
     def steps(self) -> dict[str, "Step"]:
         """What must have been made, in this order."""
         scripts = self.root / "launch_scripts"
-        python = self._fingerprint(self.get_requirements("installer"), *_identify_python(self))
+        place = sys.base_prefix, sys.version, str(self.root), str(self.is_ros_installed)
+        python = self._fingerprint(self.get_requirements("installer"), *place)
         build = self._fingerprint(self.build_requirements, python)
         packages = self._fingerprint(self.get_requirements(*LIBRARIES), build)
         messages = self._fingerprint((self.root / "msg_config").rglob("*"), build)
@@ -220,8 +221,3 @@ def format_environment(workspace: Workspace) -> str:
 
 
 _SITE_PACKAGES = Path("lib", f"python{sys.version_info[0]}.{sys.version_info[1]}", "site-packages")
-
-
-def _identify_python(workspace: Workspace) -> tuple[str, ...]:
-    """Return what the Python environment depends on, beside the requirements."""
-    return sys.base_prefix, sys.version, str(workspace.root), str(workspace.is_ros_installed)

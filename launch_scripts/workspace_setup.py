@@ -27,12 +27,6 @@ from workspace import (
     make_environment,
 )
 
-TITLES = {
-    "python": "Python environment",
-    "packages": "ROS 2 Jazzy, libraries, tools",
-    "messages": f"messages ({MESSAGES})",
-    "nodes": f"nodes ({NODES})",
-}
 SHOWN_LINES = 20
 """Last lines of the log that are shown when a step fails: our choice."""
 GRACE = 10.0
@@ -57,11 +51,11 @@ def set_up(workspace: Workspace) -> None:
     KeyboardInterrupt
         If Ctrl-C or a signal ended it; the next call goes on with the step that was running.
     """
-    run_step = {
-        "python": _make_python_environment,
-        "packages": _install_packages,
-        "messages": _build_messages,
-        "nodes": _build_nodes,
+    steps = {
+        "python": ("Python environment", _make_python_environment),
+        "packages": ("ROS 2 Jazzy, libraries, tools", _install_packages),
+        "messages": (f"messages ({MESSAGES})", _build_messages),
+        "nodes": (f"nodes ({NODES})", _build_nodes),
     }
     log = workspace.root / "log" / "setup.log"
     with _hold_lock(workspace) as lock, _interruptible():
@@ -75,8 +69,9 @@ def set_up(workspace: Workspace) -> None:
         for number, name in enumerate(stale, start=1):
             step = workspace.steps[name]
             step.stamp.unlink(missing_ok=True)
-            runner = _Runner(TITLES[name], f"{number}/{len(stale)}", log, lock)
-            run_step[name](workspace, runner)
+            title, run_step = steps[name]
+            runner = _Runner(title, f"{number}/{len(stale)}", log, lock)
+            run_step(workspace, runner)
             step.stamp.write_text(step.fingerprint, "ascii")
             runner.finish()
 
