@@ -12,7 +12,7 @@ from .processes import COMMAND_LINE, TalkingProcess
 
 TRIES = 20
 """How often a person asks to arm the hammer, which the cable disarmed, until it is found again."""
-IMPACTS = 6
+IMPACTS = 10
 AT_THE_DEVICES = ("hammer", "accelerometer")
 AT_THE_DESK = ("estimator", "recorder", "campaign")
 
