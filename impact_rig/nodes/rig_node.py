@@ -306,9 +306,10 @@ class RigNode(AsyncNode):
         if self.is_configured:
             self.is_configured = False
             self.cleanup()
-        for publisher, _ in self._states:
+        if self.context.ok():
             # Else the middleware may end before the last state has reached all subscribers.
-            publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGEMENT_TIMEOUT))
+            for publisher, _ in self._states:
+                publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGEMENT_TIMEOUT))
 
     def _run_transition(
         self, work: Callable[[], None], *, configured: bool, active: bool
