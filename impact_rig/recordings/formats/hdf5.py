@@ -122,11 +122,12 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any], limit: SizeLimit)
 def _inherit(stated: dict[str, Any], item: Any) -> dict[str, Any]:
     """Return what is stated around an item, as far as its own attributes do not say otherwise."""
     known: set[str] = set().union(*FAMILIES)
-    own = {
-        clean_name(name): value.decode("utf-8", "replace") if isinstance(value, bytes) else value
-        for name, value in item.attrs.items()
-        if clean_name(name) in known
-    }
+    own = {}
+    for name in item.attrs:
+        if clean_name(name) in known:
+            value = item.attrs[name]
+            is_bytes = isinstance(value, bytes)
+            own[clean_name(name)] = value.decode("utf-8", "replace") if is_bytes else value
     for family in FAMILIES:
         if family & own.keys():
             stated = {name: value for name, value in stated.items() if name not in family}

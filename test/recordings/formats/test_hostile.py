@@ -1,8 +1,7 @@
 """Whatever a file holds, it is read or refused in a sentence; `bench fuzz` tries thousands."""
 
 import pytest
-from bench import survival
-from bench.damage import mutate
+from bench.damage import mutate, write_files
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -13,7 +12,7 @@ from impact_rig.recordings.formats.registry import FORMATS, read_measurement
 @pytest.fixture(scope="module")
 def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("good")
-    survival.write_files(folder)
+    write_files(folder)
     return {path.suffix: path.read_bytes() for path in folder.iterdir() if path.suffix in FORMATS}
 
 
