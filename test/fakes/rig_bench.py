@@ -17,7 +17,6 @@ from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 HAMMER_SENSITIVITY, SPECIMEN_SENSITIVITY = 5e-3, 4e-3
 """[V per g]: the paper's hits take a fifth to three quarters of the digitizer's 1 V."""
 SWING_TIME = 0.02  # [s], from release to contact: a tenth of the paper's
-PATIENCE = 60.0  # [s], for a strike
 RIG_TABLES = """
 [source]
 driver = "scpi"
@@ -56,13 +55,13 @@ class RigBench:
     def __init__(self, rig_file: Path, seed: int) -> None:
         self.sample = ""  # the one that is mounted
         self.triggered = 0  # strikes that the digitizer has seen
-        self._changed = threading.Condition()
         self._strikes: Counter[str] = Counter()
         self._rig = VirtualRig(load_rig_file(None).setup, VirtualRigSettings(seed=seed))
         self.scpi = ScpiDigitizer(
             HAMMER_SENSITIVITY / STANDARD_GRAVITY, SPECIMEN_SENSITIVITY / STANDARD_GRAVITY
         )
         self.relay = RelayBoard(self._swing)
+        self.to_unplug: list[ScpiDigitizer | RelayBoard] = []  # one with each strike
         self.scpi.plug()
         self.relay.plug()
         tables = RIG_TABLES.format(
@@ -79,11 +78,6 @@ class RigBench:
         self.relay.stop()
         self.scpi.unplug()
 
-    def wait_for_strike(self, count: int) -> None:
-        """Wait until the digitizer has seen more strikes than some."""
-        with self._changed:
-            assert self._changed.wait_for(lambda: self.triggered > count, PATIENCE)
-
     def _swing(self) -> None:
         threading.Timer(SWING_TIME, self._strike).start()
 
@@ -91,6 +85,7 @@ class RigBench:
         self._strikes[self.sample] += 1
         impact = self._strikes[self.sample]
         hit = self._rig.strike(HitLabel(self.sample, record=impact, impact=impact))
-        with self._changed:
-            self.triggered += self.scpi.feed(hit)
-            self._changed.notify_all()
+        if self.scpi.feed(hit):
+            self.triggered += 1
+            if self.to_unplug:
+                self.to_unplug.pop(0).unplug()

@@ -54,6 +54,7 @@ def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virt
             "--impacts", IMPACTS, environment=environment,
         ) as campaign,
     ):  # fmt: skip
+        bench.to_unplug = [getattr(bench, name) for name in REASONS]
         mount(campaign, bench, SAMPLES[0], 0)
         unplug_each(campaign, bench, environment)
         mount(campaign, bench, SAMPLES[1], 0)
@@ -73,18 +74,11 @@ def mount(campaign, bench, sample, start):
 
 
 def unplug_each(campaign, bench, environment):
-    """Unplug each device in turn, once a hit has come since the other was plugged in.
-
-    Whatever disarmed the hammer, a person arms it, as soon as the rig allows it.
-    """
-    struck = told = 0
+    """Unplug each device in turn, with a strike; after each, a person arms the hammer again."""
+    told = 0
     for name, reason in REASONS.items():
-        device = getattr(bench, name)
-        bench.wait_for_strike(struck)
-        device.unplug()
         told = campaign.wait_for(reason, told)
-        struck = bench.triggered
-        device.plug()
+        getattr(bench, name).plug()
         for _ in range(TRIES):
             with TalkingProcess(COMMAND_LINE, "hammer", "arm", environment=environment) as person:
                 if person.wait() == 0:
