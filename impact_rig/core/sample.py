@@ -51,16 +51,24 @@ from impact_rig.core.uncertainty import (
     propagate_fit,
 )
 
-NEAR_LOW_PASS = 2.0
-"""Resonance over the cutoff below which the low-pass lets ringing through [-], our choice: at
-twice the cutoff a sixteenth is left."""
-NEAR_CONTACT = 5.0
-"""Resonance times contact time below which the contact makes a sensor ring [-], our choice: the
-spectrum of a pulse is a few thousandths of its level from there on."""
-PART_OF_CUTOFF = 0.5
-"""Part of the cutoff above which what rings after a contact is no body's [-], our choice."""
-SAME_FREQUENCY = 0.05
-"""Difference of two frequencies that are one [-], our choice: a mount's resonance moves so far."""
+
+@dataclass(frozen=True)
+class Limits:
+    """From where on a sample's results are doubted."""
+
+    near_low_pass: float = 2.0  # [cutoff] of a resonance; at twice the cutoff a sixteenth is left
+    near_contact: float = 5.0  # [-] resonance times contact time; then a pulse has 1e-3 left
+    part_of_cutoff: float = 0.5  # above it, what rings after a contact is no body's, our choice
+    same_frequency: float = 0.05  # [-] difference of two that are one: a mount's moves so far
+    dither: float = 0.4  # [count] noise; exp(-2 pi^2 0.4^2), 4 %, of the steps is left
+    mass_difference: float = 0.2  # [-] of control sample and hammer; published: 5 %
+    delay: float = 0.02  # [contact time] between the momenta; sound needs it for 20 mm of steel
+    mismatch: float = 0.1  # [-] of the momentum ratio from 1; a spring takes part to its support
+    fewest_samples: int = 3  # that ring at one frequency; two samples may well have the same k/m
+    mass_ratio: float = 1.5  # [-] of the heaviest over the lightest of them, our choice
+
+
+LIMITS = Limits()
 
 
 def check_sensors(setup: RigSetup, contact_time: float) -> tuple[str, ...]:
@@ -70,13 +78,13 @@ def check_sensors(setup: RigSetup, contact_time: float) -> tuple[str, ...]:
     for channel in CHANNELS:
         resonance = setup.find_sensor(channel).resonance
         what = f"the resonance of the {channel}'s sensor, {resonance * 1e-3:.4g} kHz, lies near"
-        if resonance and cutoff and resonance < NEAR_LOW_PASS * cutoff:
+        if resonance and cutoff and resonance < LIMITS.near_low_pass * cutoff:
             warnings.append(
                 f"{what} the low-pass of {cutoff * 1e-3:.4g} kHz: the models are sent through it,"
                 " widths and peaks are read with its ringing; a low-pass of"
-                f" {resonance / NEAR_LOW_PASS * 1e-3:.3g} kHz leaves little of that"
+                f" {resonance / LIMITS.near_low_pass * 1e-3:.3g} kHz leaves little of that"
             )
-        if resonance and resonance * contact_time < NEAR_CONTACT:
+        if resonance and resonance * contact_time < LIMITS.near_contact:
             warnings.append(
                 f"{what} the spectrum of a contact this short, which makes it ring: the models are"
                 " sent through it, widths and peaks are not; take a sensor with a higher one"
@@ -88,9 +96,9 @@ def explain_ringing(frequency: float, setup: RigSetup) -> str:
     """Say why what rings at a frequency [Hz] is the sensor's and no body's; empty: it may be."""
     sensor, cutoff = setup.find_sensor("specimen"), setup.analysis.cutoff_frequency
     rings = f"what rings at {frequency * 1e-3:.3g} kHz"
-    if abs(frequency - sensor.resonance) < SAME_FREQUENCY * sensor.resonance:
+    if abs(frequency - sensor.resonance) < LIMITS.same_frequency * sensor.resonance:
         return f"{rings} is the sensor, by the resonance that is stated of it, and no body"
-    if cutoff and frequency > PART_OF_CUTOFF * cutoff:
+    if cutoff and frequency > LIMITS.part_of_cutoff * cutoff:
         return (
             f"{rings}, above half the low-pass of {cutoff * 1e-3:.4g} kHz, is a sensor or its"
             " mount, and no body"
@@ -496,18 +504,6 @@ def _add_comparisons(
     )
 
 
-DITHER = 0.4
-"""Noise over one count below which the converter's steps show in the mean [-]: their remainder
-exp(-2 pi^2 0.4^2) is 4 % of that of a noiseless converter."""
-LARGEST_MASS_DIFFERENCE = 0.2
-"""Of control sample and hammer, over the hammer's mass [-], our choice: the published ones are 5 %
-apart."""
-LARGEST_DELAY = 0.02
-"""Of the sample's momentum behind the hammer's, over the contact time [-], our choice: sound needs
-as long through 20 mm of steel, of a contact of 200 µs."""
-LARGEST_MISMATCH = 0.1
-"""Difference of the momentum ratio from 1 up to which both traces are those of free bodies [-],
-our choice: one on a spring has taken part of the momentum to its support."""
 STEPS = (
     "the noise is smaller than the converter's steps and does not average them out: the"
     " uncertainties of free decay and identification leave that out; amplify the signals, or use"
@@ -517,7 +513,7 @@ STEPS = (
 
 def check_delay(mean: MeanHit, law: ContactLaw, contact_time: float) -> tuple[str, ...]:
     """Warn unless hammer and sample, if it is free, pass half of their momenta at one time."""
-    if not (law.is_known and abs(law.momentum_ratio.value - 1.0) < LARGEST_MISMATCH):
+    if not (law.is_known and abs(law.momentum_ratio.value - 1.0) < LIMITS.mismatch):
         return ()
     pulse, rate = measure_pulse(mean.traces[0]), mean.sampling_rate
     reach = pulse.half_amplitude_width
@@ -527,7 +523,7 @@ def check_delay(mean: MeanHit, law: ContactLaw, contact_time: float) -> tuple[st
         passed = np.abs(np.cumsum(trace))
         halves.append(float(np.interp(0.5 * passed[-1], passed, np.arange(passed.size))))
     delay = (halves[-1] - halves[0]) / rate
-    if abs(delay) <= LARGEST_DELAY * contact_time:
+    if abs(delay) <= LIMITS.delay * contact_time:
         return ()
     side = "after" if delay > 0.0 else "before"
     warning = (
@@ -552,7 +548,7 @@ def check_shape(
 def check_steps(mean: MeanHit) -> tuple[str, ...]:
     """Warn unless the noise dithers the converter."""
     step, noise = mean.summary.largest_step, mean.summary.least_noise
-    return (STEPS,) if np.any((step > 0.0) & (noise < DITHER * step)) else ()
+    return (STEPS,) if np.any((step > 0.0) & (noise < LIMITS.dither * step)) else ()
 
 
 def check_control(setup: RigSetup) -> tuple[str, ...]:
@@ -561,7 +557,7 @@ def check_control(setup: RigSetup) -> tuple[str, ...]:
     if not control or setup.find_unknown_masses(control):
         return ()
     mass, hammer = setup.samples.get_moving_mass(control), setup.hammer_mass
-    if abs(mass - hammer) <= LARGEST_MASS_DIFFERENCE * hammer:
+    if abs(mass - hammer) <= LIMITS.mass_difference * hammer:
         return ()
     warning = (
         f"the control sample {control!r} of {mass * 1e3:.4g} g is not alike to the hammer of"
@@ -571,24 +567,18 @@ def check_control(setup: RigSetup) -> tuple[str, ...]:
     return (warning,)
 
 
-FEWEST_SAMPLES = 3
-"""That ring at one frequency [-], our choice: of two samples k/m may well be alike."""
-LEAST_MASS_RATIO = 1.5
-"""Of the heaviest over the lightest of them [-], our choice."""
-
-
 def withdraw_shared_ringing(
     samples: Sequence[SampleEstimate], setup: RigSetup
 ) -> tuple[SampleEstimate, ...]:
     """Take free decay, damping and model from samples that all ring at one frequency."""
     rings = [sample for sample in samples if sample.free_decay.is_known]
     masses = [setup.samples.get_moving_mass(sample.name) for sample in rings]
-    if len(rings) < FEWEST_SAMPLES or not max(masses) >= LEAST_MASS_RATIO * min(masses):
+    if len(rings) < LIMITS.fewest_samples or not max(masses) >= LIMITS.mass_ratio * min(masses):
         return tuple(samples)
     shared = float(np.median([sample.free_decay.frequency for sample in rings]))
 
     def is_shared(frequency: float) -> bool:
-        return abs(frequency - shared) < SAME_FREQUENCY * shared
+        return abs(frequency - shared) < LIMITS.same_frequency * shared
 
     if not all(is_shared(sample.free_decay.frequency) for sample in rings):
         return tuple(samples)

@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from impact_rig.core.detection import SPREAD_OF_MEDIAN
 from impact_rig.core.hits import (
     FilteredHit,
     JudgedHit,
@@ -18,14 +19,12 @@ from impact_rig.core.hits import (
     sum_up,
 )
 from impact_rig.core.pulse_width import measure_pulse
-from impact_rig.core.records import FloatArray, HitLabel
+from impact_rig.core.records import FloatArray
 from impact_rig.core.verdict import CHANNELS, Reason, Rejection
 
 FEWEST_HITS = 5
 """Hits that a test needs, the tested one included [-], our choice: of four, the median absolute
 deviation says next to nothing."""
-SPREAD_OF_MEDIAN = 1.4826
-"""Standard deviation over median absolute deviation of many normal values [-]."""
 THRESHOLDS = {
     5: 166.0, 6: 42.0, 7: 44.0, 8: 22.7, 9: 22.9, 10: 15.7, 11: 16.0, 12: 12.5, 13: 12.4,
     14: 10.6, 15: 10.7, 16: 9.3, 18: 8.5, 20: 7.9, 25: 7.1, 30: 6.4, 40: 5.8, 50: 5.4, 100: 4.8,
@@ -224,11 +223,6 @@ class HitSeries:
     def __len__(self) -> int:
         """Return the number of hits, accepted or not."""
         return len(self._hits)
-
-    @property
-    def labels(self) -> tuple[HitLabel, ...]:
-        """Of all hits, in the order of arrival."""
-        return tuple(hit.label for hit in self._hits)
 
     @property
     def contact_time_spread(self) -> float:

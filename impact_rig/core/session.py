@@ -22,7 +22,7 @@ from impact_rig.core.hits import (
 )
 from impact_rig.core.paper_method import HammerEstimate, estimate_hammer
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import Block, HitLabel, Record
+from impact_rig.core.records import Block, Record
 from impact_rig.core.sample import (
     SampleEstimate,
     TraceEstimates,
@@ -105,11 +105,6 @@ class Session:
         hit = overrule_hit(hit, self._overrules)
         series.add(hit)
         return hit
-
-    @property
-    def labels(self) -> tuple[HitLabel, ...]:
-        """Of all hits, sample by sample in the order of arrival."""
-        return tuple(chain.from_iterable(series.labels for series in self._series.values()))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from impact_rig.core.detection import SPREAD_OF_MEDIAN
 from impact_rig.core.errors import SignalError
 from impact_rig.core.pulse_width import PulseWidth, find_crossing, measure_pulse
 from impact_rig.core.pulses import HALF_SINE, VERSED_SINE
@@ -94,7 +95,6 @@ class Limits:
     shortest_second_pulse: float = 0.5  # [w50] a softer hit lasts longer (Hertz)
     noise_margin: float = 6.0  # [-] standard deviations; noise does it once in 10^4 records
     wander: float = 0.1  # [bump] of the rest of the record; beside a contact there is noise alone
-    spread_of_median: float = 1.4826  # [-] standard over median deviation, normal noise
     dead_level: float = 0.005  # [full scale] half of the smallest signal worth a range
     dead_noise: float = 6.0  # [-] standard deviations; noise does it once in 10^5 records
     quiet_part: float = 0.05  # [record] half the default pre-trigger: a weak pulse begins early
@@ -402,7 +402,7 @@ def _find_wander(
     """Return how far the trace typically is from zero behind the pulse and beside a bump."""
     tail = np.arange(upright.size) > pulse.fall + duration
     tail[max(int(rise - duration), 0) : int(fall + duration)] = False
-    return LIMITS.spread_of_median * float(np.median(np.abs(upright[tail]))) if tail.any() else 0.0
+    return SPREAD_OF_MEDIAN * float(np.median(np.abs(upright[tail]))) if tail.any() else 0.0
 
 
 CHANNELS = ("hammer", "sample")
