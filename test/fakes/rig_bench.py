@@ -12,6 +12,7 @@ from fakes.scpi_digitizer import ScpiDigitizer
 from impact_rig.configuration.rig_file import load_rig_file, read_template
 from impact_rig.core.records import HitLabel
 from impact_rig.core.sensors import STANDARD_GRAVITY
+from impact_rig.core.setup import CONTROL_SAMPLE
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 
 HAMMER_SENSITIVITY, SPECIMEN_SENSITIVITY = 5e-3, 4e-3
@@ -57,6 +58,7 @@ class RigBench:
         self.triggered = 0  # strikes that the digitizer has seen
         self._strikes: Counter[str] = Counter()
         self._rig = VirtualRig(load_rig_file(None).setup, VirtualRigSettings(seed=seed))
+        self._rig.strike(HitLabel(CONTROL_SAMPLE))  # the first one imports for seconds
         self.scpi = ScpiDigitizer(
             HAMMER_SENSITIVITY / STANDARD_GRAVITY, SPECIMEN_SENSITIVITY / STANDARD_GRAVITY
         )
