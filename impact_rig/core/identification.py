@@ -89,14 +89,14 @@ class Identification:
         return float(self.values[NAMES.index(name)])
 
     @property
-    def undetermined(self) -> dict[str, str]:
-        """Parameters that the traces do not determine, and a sentence for each."""
+    def undetermined(self) -> tuple[str, ...]:
+        """Names of the parameters that the traces do not determine."""
         standard = np.sqrt(np.diag(self.covariance))
-        return {
-            name: f"{name}: not determined by these traces, ± {100.0 * own / abs(value):.2g} %"
+        return tuple(
+            name
             for name, value, own in zip(NAMES, self.values, standard, strict=True)
             if own > LARGEST_RELATIVE_UNCERTAINTY * abs(value) and name not in ("t0", *OFFSETS)
-        }
+        )
 
     @property
     def force_balance(self) -> float:

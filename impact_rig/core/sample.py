@@ -209,7 +209,7 @@ def fit_model(mean: MeanHit, setup: RigSetup, sample: str) -> FittedModel:
         averaged=mean.count,
         owner=f"{sample}, driven model",
     )
-    is_open = found.undetermined.keys()
+    is_open = set(found.undetermined)
     return FittedModel(
         model=ModelVariant.DRIVEN.value,
         is_preferred=True,
@@ -228,7 +228,9 @@ def fit_model(mean: MeanHit, setup: RigSetup, sample: str) -> FittedModel:
             for name, value in zip(NAMES, found.values.tolist(), strict=True)
         ),
         covariance=tuple(found.covariance.ravel().tolist()),
-        undetermined=tuple(found.undetermined.values()),
+        undetermined=tuple(
+            f"{name}: not determined by these traces" for name in found.undetermined
+        ),
         notes=found.notes,
         identification=found,
     )

@@ -261,7 +261,7 @@ def test_a_rigid_sample_does_not_tell_its_stiffness():
     model = find_truth(SAMPLE)
     hard = replace(model, specimen=Body(model.specimen.mass, 2e10, 1.2e5))
     found = identify_model(strike_mean(hard, 0.25, 1), PAPER_SETUP, SAMPLE)
-    assert {"k2", "sample gain"} <= found.undetermined.keys()
+    assert {"k2", "sample gain"} <= set(found.undetermined)
 
 
 def test_heavy_damping_in_noise_is_not_determined_but_without_it_is():
@@ -273,7 +273,7 @@ def test_heavy_damping_in_noise_is_not_determined_but_without_it_is():
     assert not clear.undetermined
     assert clear.find("k2") == pytest.approx(stiffness, rel=0.02)
     noisy = identify_model(strike_mean(model, 0.15, 1), PAPER_SETUP, SAMPLE)
-    assert "k2: not determined by these traces" in noisy.undetermined["k2"]
+    assert "k2" in noisy.undetermined
 
 
 def test_through_sensors_that_are_described_the_model_is_found_as_without():
