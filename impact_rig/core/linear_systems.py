@@ -234,9 +234,8 @@ def simulate_free_oscillators(oscillators: Sequence[FreeOscillator], count: int)
     """Compute the accelerations of oscillators left alone, shape (oscillators, count)."""
     block = math.isqrt(count - 1) + 1
     described = np.array([_describe(oscillator, block) for oscillator in oscillators])
-    amplitudes, per_block, per_point = described.reshape(-1, 3, 2).swapaxes(0, 1)
-    far = np.conj(_make_powers(amplitudes, per_block, -(-count // block)))
-    near = _make_powers(np.ones_like(amplitudes), per_point, block)
+    far = np.conj(_make_powers(described[:, :2], described[:, 2:4], -(-count // block)))
+    near = _make_powers(1.0, described[:, 4:], block)
     # The real parts of all products.
     values: FloatArray = far.view(np.float64) @ near.view(np.float64).swapaxes(1, 2)
     return values.reshape(len(values), -1)[:, :count]
@@ -261,9 +260,9 @@ def _describe(oscillator: FreeOscillator, block: int) -> tuple[complex, ...]:
 
 
 def _make_powers(
-    first: NDArray[np.complex128], factor: NDArray[np.complex128], count: int
+    first: NDArray[np.complex128] | float, factor: NDArray[np.complex128], count: int
 ) -> NDArray[np.complex128]:
     """Return first, first * factor and so on, shape (oscillators, count, 2)."""
-    powers = np.empty((len(first), count, 2), dtype=np.complex128)
+    powers = np.empty((len(factor), count, 2), dtype=np.complex128)
     powers[:, 0], powers[:, 1:] = first, factor[:, np.newaxis]
     return np.multiply.accumulate(powers, axis=1, out=powers)
