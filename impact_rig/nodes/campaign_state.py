@@ -42,7 +42,7 @@ TRANSITIONS: Mapping[State, tuple[State, ...]] = {
     ),
     State.WAITING_FOR_SAMPLE: (State.COUNTING,),
     State.PAUSED: (State.JOINING,),
-    State.WAITING_FOR_HAMMER: (State.COUNTING,),
+    State.WAITING_FOR_HAMMER: (State.COUNTING, State.DISARMING),
     State.STRIKING: (State.COUNTING, State.DISARMING),
     State.DISARMING: (State.JOINING,),
     State.COMPLETE: (),

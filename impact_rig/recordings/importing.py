@@ -27,10 +27,8 @@ from impact_rig.recordings.formats.registry import read_measurement
 from impact_rig.recordings.messages import NANOSECONDS, MessageEncoder
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import (
-    ORIGIN_RECORD,
     PROVENANCE_RECORD,
     compute_sha256,
-    describe_origins,
 )
 from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.writer import RecordingWriter
@@ -264,8 +262,6 @@ def write_imported(output: Path, setup: RigSetup, hits: Sequence[ImportedHit]) -
     encoder = MessageEncoder()
     with write_new_file(output) as part, RecordingWriter(part) as writer:
         writer.add_metadata(PROVENANCE_RECORD, {"software_version": __version__})
-        origins = describe_origins(hit.block.origin for hit in hits)
-        writer.add_metadata(ORIGIN_RECORD, origins)
         writer.add_metadata(
             "impact_rig/import", {str(hit.block.label.record): _describe(hit) for hit in hits}
         )

@@ -6,7 +6,7 @@ import mimetypes
 import os
 import platform
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,10 @@ import yaml
 
 from impact_rig import __version__
 from impact_rig.core.errors import FileError
-from impact_rig.core.records import Origin, join_origins
 from impact_rig.recordings.records import Attachment
 
 PROVENANCE_RECORD = "impact_rig"
 """Metadata record of the software, the computer and the operator's notes."""
-ORIGIN_RECORD = "impact_rig/origin"
-"""Metadata record of where its numbers come from; every block says it of itself, too."""
 PARAMETERS_RECORD = "impact_rig/parameters"
 """Metadata record of the parameters of all nodes: a YAML text by full node name."""
 LIBRARIES = ("numpy", "scipy", "mcap", "zstandard", "lz4", "rclpy")
@@ -65,12 +62,6 @@ def describe_provenance(middleware: str, notes: str) -> dict[str, str]:
         "platform": platform.platform(),
         "notes": notes,
     }
-
-
-def describe_origins(origins: Iterable[Origin]) -> dict[str, str]:
-    """Return the fields of `ORIGIN_RECORD`, of several hits."""
-    origin = join_origins(origins)
-    return {"origin": origin.kind, "origin_source": origin.source}
 
 
 def format_parameters(parameters: Mapping[str, Any]) -> str:

@@ -72,6 +72,7 @@ def test_a_hammer_that_is_started_again_while_a_campaign_waits_for_it_is_seen(
     _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=2)
     feedback.wait(lambda got: got[-1:] and got[-1].state == got[-1].WAITING_FOR_HAMMER)
     kill(hammer)
+    wait_for_pause(feedback, "hammer/join")
     start_process("hammer", require_recorder=False)
     wait_for_pause(feedback, "the hammer is not armed")
 
