@@ -157,4 +157,6 @@ class AsyncNode(LifecycleNode):
         finally:
             for item in pending:
                 client.remove_pending_request(item)
+        if is_given_up():
+            raise DeviceError(f"{client.srv_name} is no longer there: start its node again")
         raise DeviceError(f"{client.srv_name} did not answer within {timeout:g} s")

@@ -163,7 +163,7 @@ def test_a_worker_that_is_killed_costs_no_recording(folders, expected):
 
 def test_ctrl_c_ends_all_processes_at_once(runs, tmp_path):
     # Bytes missing at the end make different recordings of one.
-    paths = [tmp_path / f"{number}.mcap" for number in range(10)]
+    paths = [tmp_path / f"{number}.mcap" for number in range(60)]
     for number, path in enumerate(paths):
         path.write_bytes(runs[0].path.read_bytes()[: -8 - number])
     process = start_command("analyze", *paths, "--workers", 2, start_new_session=True)
