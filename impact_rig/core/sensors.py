@@ -66,7 +66,7 @@ class Sensitivity:
     unit: str
 
     def __post_init__(self) -> None:
-        """Refuse a sensitivity of nothing and a unit that is none of acceleration or force."""
+        """Refuse a sensitivity of zero and a unit of neither acceleration nor force."""
         if not math.isfinite(self.voltage) or self.voltage == 0.0:
             raise ParameterError(f"sensitivity is {self.voltage!r} V: it must not be zero")
         unit = normalize_unit(self.unit)

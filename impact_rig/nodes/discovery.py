@@ -80,7 +80,7 @@ def _check_shared_memory() -> None:
 
 
 FIRST_DOMAIN = 1
-"""0 is that of whoever names none."""
+"""Domain 0 is the default of ROS 2."""
 DOMAINS = 100
 """How many are handed out [-]: ports of higher ones reach into those of outgoing connections."""
 
@@ -89,9 +89,9 @@ DOMAINS = 100
 def reserve_domain() -> Iterator[int]:
     """Reserve a ROS domain for the length of the block, and yield its number.
 
-    None in which a node of this host is, though nobody has reserved it. The search begins at
-    random: one that has just become free may still be left by the last messages of whoever used
-    it.
+    A domain in which a node of this host runs is left out. The search begins at
+    random: one that has just become free may still carry the last messages of its
+    user.
 
     Raises
     ------

@@ -257,7 +257,7 @@ class HammerNode(DeviceNode):
         if self._unstored_record not in (0, request.record):
             return (
                 f"the recorder has not said that record {self._unstored_record} is stored: wait"
-                " for it, or start the recorder anew"
+                " for it, or start the recorder again"
             )
         return ""
 
@@ -328,7 +328,7 @@ class HammerNode(DeviceNode):
             if self._released is not None and self._released.record == request.record:
                 response.message = (
                     f"the hammer was released for record {request.record} already: arm the"
-                    " accelerometers anew"
+                    " accelerometers again"
                 )
                 return response
             obstacle = self._describe_obstacle(request)

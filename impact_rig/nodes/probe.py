@@ -21,7 +21,7 @@ QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def talk(node: Node, token: str) -> None:
-    """Publish `token`, for whoever comes, until the process is told to stop."""
+    """Publish `token` until the process is asked to stop."""
     node.create_publisher(String, TOPIC, QOS).publish(String(data=token))
     rclpy.spin(node)
 

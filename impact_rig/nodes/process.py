@@ -30,7 +30,7 @@ DRAIN_TIMEOUT = 2.0
 
 
 def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None) -> int:
-    """Run one node until it is told to stop; close it cleanly whatever happens.
+    """Run one node until it is asked to stop; close it cleanly whatever happens.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
 
 
 def _run(make_node: Callable[[], RigNode], argv: Sequence[str] | None) -> int:
-    """Run a node until it is told to stop, and close it; return the exit code."""
+    """Run a node until it is asked to stop, and close it; return the exit code."""
     executor = node = claim = None
     try:
         with offer_profile():

@@ -279,6 +279,6 @@ def test_one_arming_lets_the_hammer_go_once_whatever_is_asked(harness, rig):
     assert rig.release().success  # The answer to the first one may have been lost.
     refused = rig.release(attempt=2)
     assert refused.message == (
-        "the hammer was released for record 4 already: arm the accelerometers anew"
+        "the hammer was released for record 4 already: arm the accelerometers again"
     )
     assert len(rig.releases.messages) == 1
