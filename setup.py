@@ -83,7 +83,6 @@ setup(
     install_requires=[
         "GTC>=1.5",
         "click>=8.1",
-        "honcho>=1.1",
         "jinja2>=3.1",
         "lz4>=4.0",
         "matplotlib>=3.6",

@@ -26,7 +26,6 @@ import numpy as np
 import pytest
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
-from impact_rig.core.detection import to_acceleration
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.records import Block, FloatArray
 from impact_rig.devices.drivers import COMMON_KEYS, HOLDERS, SOURCES
@@ -131,15 +130,15 @@ class DriverContract:
     """Tests of every driver."""
 
     group: ClassVar[str]  # of entry points
-    table: ClassVar[str]  # of the rig file
 
     def test_it_takes_its_own_example_and_no_other_key(self, bench: Bench) -> None:
         driver = bench.get_driver()
         assert driver.description
-        table = parse_toml_table(driver.example).take_table(self.table)
+        name = "source" if self.group == SOURCES else "holder"
+        table = parse_toml_table(driver.example).take_table(name)
         driver(table.without(*COMMON_KEYS[self.group]))
         with pytest.raises(ParameterError, match="colour"):
-            driver(TomlTable({"colour": "red"}, f"[{self.table}]"))
+            driver(TomlTable({"colour": "red"}, f"[{name}]"))
 
     def test_a_search_finds_devices_or_says_what_is_missing(self, bench: Bench) -> None:
         with suppress(DeviceError, ModuleNotFoundError):
@@ -150,7 +149,6 @@ class AccelerationSourceContract(DriverContract):
     """Tests of a source; subclasses have a fixture `bench`."""
 
     group = SOURCES
-    table = "source"
 
     def test_each_arming_gives_one_whole_record(self, bench: SourceBench) -> None:
         plan = bench.make_plan()
@@ -221,11 +219,8 @@ class HammerHolderContract(DriverContract):
     """Tests of a holder; subclasses have a fixture `bench`."""
 
     group = HOLDERS
-    table = "holder"
 
-    def test_it_holds_once_configured_and_releases_each_time_it_is_asked(
-        self, bench: HolderBench
-    ) -> None:
+    def test_it_holds_and_releases_each_time_it_is_asked(self, bench: HolderBench) -> None:
         with closing(bench.make_holder()) as holder:
             assert holder.configure()
             assert holder.read_state() is HolderState.HOLDING
@@ -291,8 +286,6 @@ def check_blocks(blocks: list[Block], plan: AcquisitionPlan) -> None:
 
 def join_hammer(blocks: list[Block]) -> FloatArray:
     """Return the size of the hammer's acceleration over some blocks, without offset [m/s^2]."""
-    values = np.concatenate(
-        [to_acceleration(block.hammer, block.hammer.output) for block in blocks]
-    )
+    values = np.concatenate([block.hammer.acceleration for block in blocks])
     size: FloatArray = np.abs(values - np.median(values))
     return size

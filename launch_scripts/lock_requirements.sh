@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Write requirements/locked/ anew: the pins of requirements/ with the hashes of all their files.
+# Rewrite requirements/locked/: the pins of requirements/ with the hashes of all their files.
 #
 #   launch_scripts/lock_requirements.sh [--check]
 #

@@ -26,13 +26,13 @@ from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     LAUNCHER,
     NodeProcess,
+    choose_run_folder,
     list_rig_processes,
     make_network_variables,
     split_names,
 )
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.configuration.run import (
-    choose_run_folder,
     choose_view,
     make_run_folder,
     make_virtual_source,

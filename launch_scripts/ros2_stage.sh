@@ -20,7 +20,7 @@ set +u # colcon's scripts read variables that may not be set
 . .ros2/install/setup.sh
 set -u
 
-# Each file of tests starts a rig of its own: side by side, where pytest-xdist is there.
+# Each file of tests starts its own rig; with pytest-xdist they run side by side.
 python3 -c 'import xdist' 2>/dev/null && set -- --numprocesses=2 --dist=loadfile "$@"
 # -P: what was built is tested, not the folder beside it.
 python3 -c 'import sys, numpy, scipy; print("Python", sys.version.split()[0], "numpy",

@@ -21,6 +21,8 @@ LIBRARIES = ("scientific", "rig", "formats", "devices", "test")
 """Requirement files beside those of ROS 2 and of what installs and builds."""
 BOOTSTRAP_DONE = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 """Tells the ROS wheels that the library path is right; else each Python starts itself twice."""
+UNSET = ("PYTHONHOME", "PYTHONDONTWRITEBYTECODE")
+"""A foreign Python's home; and what lets every process compile numpy and scipy again: 2 s."""
 
 
 class SetupError(Exception):
@@ -186,7 +188,8 @@ def make_environment(workspace: Workspace, base: Mapping[str, str]) -> dict[str,
     messages, nodes = workspace.get_prefix(MESSAGES), workspace.get_prefix(NODES)
     environment = dict(base)
     environment["VIRTUAL_ENV"] = str(workspace.venv)
-    environment.pop("PYTHONHOME", None)
+    for variable in UNSET:
+        environment.pop(variable, None)
 
     def prepend(variable: str, *paths: Path) -> None:
         ours = [str(path) for path in paths]
@@ -213,7 +216,7 @@ def format_environment(workspace: Workspace) -> str:
     extended = {"PATH", "PYTHONPATH", "LD_LIBRARY_PATH"}
     if workspace.is_ros_installed:
         extended.add("AMENT_PREFIX_PATH")
-    lines = ["unset PYTHONHOME"]
+    lines = [f"unset {' '.join(UNSET)}"]
     for name, value in make_environment(workspace, {}).items():
         others = f"${{{name}:+:${name}}}" if name in extended else ""
         lines.append(f"{name}={shlex.quote(value)}{others}; export {name}")

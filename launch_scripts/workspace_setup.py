@@ -156,7 +156,7 @@ def _make_python_environment(workspace: Workspace, runner: _Runner) -> None:
 
 
 def _install_packages(workspace: Workspace, runner: _Runner) -> None:
-    """Install by uv, which takes seconds; where uv fails by pip, which has settings of its own."""
+    """Install by uv, which takes seconds; where uv fails, by pip, which has other settings."""
     files = workspace.get_requirements(*LIBRARIES)
     if not (workspace.is_ros_installed and has_colcon(workspace)):
         files += workspace.build_requirements

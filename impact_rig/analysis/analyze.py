@@ -35,8 +35,8 @@ from impact_rig.results.campaign import (
     results_from_session,
 )
 from impact_rig.results.hit_traces import HitTraces, TraceAssembler
+from impact_rig.results.run import TracedCampaign, TracedHit
 from impact_rig.results.sample_traces import AlignedHit, align_hit, sample_traces_from_estimate
-from impact_rig.results.traced_campaign import TracedCampaign, TracedHit
 
 Settings = Mapping[str, Any]
 """Fields of `AnalysisSettings` to use in place of the recorded ones, by name."""
@@ -135,8 +135,8 @@ def analyze(
                 if source.hammer_unit is not None:
                     file = _describe_file(hit, source.hammer_unit, campaign.session.setup)
                     campaign.files[hit.label] = file
-                if keep_traces and (aligned := align_hit(hit)) is not None:
-                    campaign.aligned[hit.label] = aligned
+                if keep_traces and hit.filtered is not None:
+                    campaign.aligned[hit.label] = align_hit(hit.label, hit.filtered)
             if keep_traces and (joined := assembler.feed(event)) is not None:
                 campaign.traces.append(joined)
     faults = {label.record: names for label, names in source.faults.items()}
@@ -146,7 +146,7 @@ def analyze(
         if campaign.session.names
     )
     if not campaigns:
-        raise FileError(f"{source.path} holds no hit: no block of it completes a record")
+        raise FileError(f"{source.path} holds no complete hit")
     return Analysis(campaigns, source.warnings)
 
 
@@ -230,7 +230,7 @@ def _finish(
     session = campaign.session
     tell = _bind(report, "estimating", len(session.names))
     tell(0)
-    found = session.estimate_all(tell) if with_models else session.estimate_all_without_models()
+    found = session.estimate_all(tell, with_models=with_models)
     judged = {hit.label: hit for hit in (*found.accepted, *found.rejected)}
     means = [(estimate, session.compute_mean(estimate.name)) for estimate in found.samples]
     samples = [

@@ -5,17 +5,12 @@ import logging
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from impact_rig import __version__
-from impact_rig.analysis.analyze import (
-    Analysis,
-    Settings,
-    analyze,
-)
+from impact_rig.analysis.analyze import Analysis, Settings, analyze
 from impact_rig.core.errors import RigError
 from impact_rig.recordings.reader import read_recording
 
@@ -36,22 +31,13 @@ Report = Callable[[Path], None]
 """Called with each recording as it is finished, in any order."""
 
 
-@dataclass(frozen=True)
-class BatchOutcome:
-    """What came of one recording of many."""
-
-    path: Path  # as it was given
-    recording: Analysis | None  # None: it could not be analyzed
-    error: str = ""  # why not
-
-
 def analyze_batch(
     paths: Sequence[Path],
     settings: Settings,
     workers: int | None,
     scheduler: str | None,
     report: Report,
-) -> list[BatchOutcome]:
+) -> list[Analysis | RigError]:
     """Analyze recordings, in processes side by side where that is faster.
 
     Parameters
@@ -67,15 +53,17 @@ def analyze_batch(
 
     Returns
     -------
-    list of BatchOutcome
-        In the order of `paths`.
+    list of Analysis or RigError
+        What came of each, in the order of `paths`.
 
     Raises
     ------
     RigError
         If the cluster cannot be used.
     """
-    count = min(workers or _choose_workers(paths), len(paths))
+    size = sum(path.stat().st_size for path in paths if path.is_file())
+    cores = len(os.sched_getaffinity(0)) if size >= WORTH_WORKERS else 1
+    count = min(workers or cores, len(paths))
     if scheduler is None and count == 1:
         outcomes = []
         for path in paths:
@@ -146,32 +134,27 @@ def connect_to_workers(address: str) -> "Iterator[Client]":
 
 def run_on_workers(
     client: "Client", paths: Sequence[Path], settings: Settings, report: Report
-) -> list[BatchOutcome]:
+) -> list[Analysis | RigError]:
     """Analyze recordings on workers; return what came of them, in their order."""
     from distributed import as_completed
 
     futures = {client.submit(_analyze, path, settings, pure=False): path for path in paths}
-    found: dict[Path, BatchOutcome] = {}
+    found: dict[Path, Analysis | RigError] = {}
     for future in as_completed(futures, loop=client.loop):
         path = futures[future]
         try:
             found[path] = future.result()
         except Exception as error:  # noqa: BLE001 - of Dask, for example of a worker that was killed
-            found[path] = BatchOutcome(path, None, f"{path}: {type(error).__name__}: {error}")
+            found[path] = RigError(f"{path}: {type(error).__name__}: {error}")
         report(path)
     return [found[path] for path in paths]
 
 
-def _analyze(path: Path, settings: Settings) -> BatchOutcome:
-    """Analyze one recording; an error is an outcome, too."""
+def _analyze(path: Path, settings: Settings) -> Analysis | RigError:
+    """Analyze one recording; return its error if it cannot be analyzed."""
     try:
-        return BatchOutcome(path, analyze(read_recording(path), settings))
+        return analyze(read_recording(path), settings)
     except RigError as error:
-        return BatchOutcome(path, None, str(error))
+        return error
     except MemoryError:
-        return BatchOutcome(path, None, f"{path} needs more memory than there is")
-
-
-def _choose_workers(paths: Sequence[Path]) -> int:
-    size = sum(path.stat().st_size for path in paths if path.is_file())
-    return len(os.sched_getaffinity(0)) if size >= WORTH_WORKERS else 1
+        return RigError(f"{path} needs more memory than there is")

@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -30,13 +30,12 @@ from impact_rig.recordings.importing import (
     choose_window,
     read_hits,
 )
-from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import format_count
 
 DEFAULT_NAME = "sample"
 MASSES = ("hammer_mass", "sample_mass", "accelerometer_mass")
 WINDOW = ("pre_trigger", "record_duration")
-CUT = "if a file holds several hits, --record-duration 20ms makes one of each"
+CUT = "a hit is double: if its file holds several hits, --record-duration 20ms makes one of each"
 USELESS = {Reason.NO_PULSE, Reason.NON_FINITE}
 """Reasons that a file is not a bad hit but no hit at all."""
 
@@ -202,15 +201,20 @@ class MeasuredFiles:
         remarks = [remark for hit in self.hits for remark in hit.source.remarks]
         if self.hits:
             cutoff = self.setup.analysis.cutoff_frequency
-            remarks += _describe_filter(wanted, cutoff, self.hits[0])
+            if cutoff != wanted:
+                rate = self.hits[0].block.sampling_rate / 1e3
+                remarks.append(
+                    f"{rate:g} kHz is too slow for the {wanted / 1e3:g} kHz low-pass:"
+                    " there is none (--cutoff)"
+                )
         self.warnings = tuple(dict.fromkeys(remarks))
         self.has_scale = all(hit.source.has_scale for hit in self.hits)
         self.hammer_unit = self.hits[0].source.unit if self.hits else ""
         self._has_window = series.has_window
 
-    def advise(self, results: Results) -> tuple[str, ...]:
-        """Return what else should be said, once the hits are judged."""
-        codes = {reason.partition(":")[0] for file in results.files for reason in file.reasons}
+    def advise(self, reasons: Iterable[str]) -> tuple[str, ...]:
+        """Return what else should be said of hits that were rejected for these reasons."""
+        codes = {reason.partition(":")[0] for reason in reasons}
         return (CUT,) if Reason.DOUBLE_HIT.value in codes and not self._has_window else ()
 
     def events(self, _report: Callable[[int], None]) -> Iterator[RigSetup | Block]:
@@ -255,16 +259,6 @@ def _check_cutoff(hit: ImportedHit, series: TraceSeries) -> TraceSeries:
             raise ParameterError(f"{hit.path}: {error} (--cutoff off)") from None
         analysis = replace(analysis, cutoff_frequency=0.0)
     return replace(series, setup=replace(series.setup, analysis=analysis))
-
-
-def _describe_filter(wanted: float, cutoff: float, hit: ImportedHit) -> list[str]:
-    """Say what became of the low-pass that was wanted [Hz]."""
-    if cutoff == wanted:
-        return []
-    rate = hit.block.sampling_rate / 1e3
-    return [
-        f"{rate:g} kHz is too slow for the {wanted / 1e3:g} kHz low-pass: there is none (--cutoff)"
-    ]
 
 
 def _check_pulse(hit: ImportedHit, setup: RigSetup) -> None:

@@ -8,8 +8,7 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.source import RUN_NAME, find_recording
 from impact_rig.results.results_file import read_results
-from impact_rig.results.run import Run
-from impact_rig.results.traced_campaign import TracedCampaign
+from impact_rig.results.run import Run, TracedCampaign
 
 RESULTS_SUFFIX = ".json"
 """Of a results file."""
@@ -116,12 +115,6 @@ def _read_recorded(source: RunSource) -> tuple[Run, ...]:
             name=f"{source.title}, campaign {number}" if many else source.title,
             source=source.place,
             campaign=campaign,
-            has_traces=True,
-            acquisitions=tuple(
-                dict.fromkeys(
-                    hit.recorded.acquisition for hit in campaign.hits if hit.recorded.acquisition
-                )
-            ),
             warnings=traced.warnings,
         )
         for number, campaign in enumerate(traced.campaigns, start=1)

@@ -1,9 +1,9 @@
 """`impact-rig calibrate`: a sensor's sensitivity from hits, as lines for a rig file."""
 
 import contextlib
-import dataclasses
+import itertools
 import math
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -19,7 +19,6 @@ from impact_rig.core.calibration import (
     Calibration,
     CalibrationMethod,
     HitFit,
-    TraceFit,
     estimate_sensitivity,
     fit_hit,
 )
@@ -29,7 +28,6 @@ from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor, compute_scale
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup
-from impact_rig.devices.protocols import AccelerationSource, HammerlessSource
 from impact_rig.devices.source_table import make_source
 from impact_rig.present.terminal.console import (
     GOOD,
@@ -39,9 +37,15 @@ from impact_rig.present.terminal.console import (
     print_warning,
 )
 from impact_rig.recordings.reader import read_recording
-from impact_rig.results.numbers import format_number
+from impact_rig.results.numbers import format_number, is_dated
 from impact_rig.results.results_file import format_json
-from impact_rig.results.tables import Column
+from impact_rig.results.tables import (
+    Column,
+    Table,
+    make_table,
+    make_text_column,
+    tabulate_budget,
+)
 from impact_rig.results.wire import to_json
 
 HitSeries = tuple[RigSetup, list[JudgedHit]]
@@ -121,37 +125,22 @@ def strike_hits(rig: RigFile) -> Generator[JudgedHit]:
     """
     source, plan = make_source(rig.source, rig.setup)
     session = Session(rig.setup)
-    name, record = rig.setup.samples.names[0], 0
-    try:
+    name = rig.setup.samples.names[0]
+    with contextlib.closing(source):
         source.configure(plan)
-        if isinstance(source, HammerlessSource):
-            source.take_setup(rig.setup)
-        while True:
-            record += 1
+        for record in itertools.count(1):
             label = HitLabel(name, record, record)
             source.arm()
-            if isinstance(source, HammerlessSource):
-                source.strike(label, 0.0)
-            for block in _read_record(source, label):
-                yield from session.feed(block)
-    finally:
-        source.close()
-
-
-def _read_record(source: AccelerationSource, label: HitLabel) -> Iterator[Block]:
-    """Yield the blocks of one record; waits for the hit without a time limit."""
-    while True:
-        block = source.read(READ_TIMEOUT)
-        if block is None:
-            continue
-        yield replace(block, label=label)
-        if block.last:
-            return
+            is_whole = False
+            while not is_whole:
+                block = source.read(READ_TIMEOUT)
+                if block is not None:  # else there was no hit yet
+                    yield from session.feed(replace(block, label=label))
+                    is_whole = block.last
 
 
 PERCENT = 100.0
 MILLIVOLT = 1e3
-NO_FIT = TraceFit(math.nan, math.nan, math.nan)
 EXPLANATION = (
     "Ratio: trace under test over reference. Misfit: RMS of the residual over that of the trace."
     " Linearity: largest deviation over the peak."
@@ -163,10 +152,10 @@ REVERSED = (
 
 
 def describe_fit(item: HitFit) -> str:
-    """Return in a few words what a hit has given."""
-    if item.flaw or item.fit is None:
+    """Return a hit's ratio and misfit, or why it is not used."""
+    if item.flaw:
         return f"not used: {item.flaw}"
-    return f"ratio {item.fit.ratio:.5f}, misfit {PERCENT * item.fit.misfit:.2g} %"
+    return f"ratio {item.ratio:.5f}, misfit {PERCENT * item.misfit:.2g} %"
 
 
 def describe_sensitivity(calibration: Calibration) -> str:
@@ -199,30 +188,23 @@ def print_calibration(
     """Print the result first, then the hits, then the budget and the lines for the rig file."""
     console.print(Text(describe_sensitivity(calibration), style=GOOD))
     console.print()
-    _print_hits(console, fits)
-    budget = calibration.ratio.budget
-    columns = [
-        Column("Source", [line.source for line in budget], is_text=True),
-        Column("Type", [line.kind for line in budget], is_text=True),
-        Column("u [%]", [f"{PERCENT * line.contribution:.2g}" for line in budget]),
-        Column("Share [%]", [f"{PERCENT * line.share:.1f}" for line in budget]),
-    ]
-    print_table(console, "Uncertainty of the sensitivity", columns)
+    print_table(console, tabulate_fits(fits))
+    caption = "Uncertainty of the sensitivity"
+    print_table(console, tabulate_budget(caption, calibration.ratio.budget, "%", PERCENT))
     print_text(console, "Replace these lines of the rig file")
     console.print(sheet)
 
 
-def _print_hits(console: Console, fits: Sequence[HitFit]) -> None:
-    values = [item.fit or NO_FIT for item in fits]
+def tabulate_fits(fits: Sequence[HitFit]) -> Table:
+    """Return the hits with their ratios, and why some are not used."""
     columns = [
-        Column("Hit", [describe_label(item.label) for item in fits], is_text=True),
-        Column("Ratio", [format_number(fit.ratio, 5) for fit in values]),
-        Column("Misfit [%]", [format_number(PERCENT * fit.misfit, 2) for fit in values]),
-        Column("Linearity [%]", [format_number(PERCENT * fit.linearity, 2) for fit in values]),
+        make_text_column("Hit", [describe_label(item.label) for item in fits]),
+        Column("Ratio", [format_number(fit.ratio, 5) for fit in fits]),
+        Column("Misfit [%]", [format_number(PERCENT * fit.misfit, 2) for fit in fits]),
+        Column("Linearity [%]", [format_number(PERCENT * fit.linearity, 2) for fit in fits]),
+        make_text_column("Not used", [item.flaw for item in fits]),
     ]
-    if any(item.flaw for item in fits):
-        columns.append(Column("Not used", [item.flaw for item in fits], is_text=True))
-    print_table(console, f"Hits: {len(fits)}", columns, [EXPLANATION])
+    return make_table(f"Hits: {len(fits)}", columns, [EXPLANATION])
 
 
 def calibration_to_json(
@@ -243,7 +225,11 @@ def calibration_to_json(
         "hits": [
             {
                 "hit": describe_label(item.label),
-                **(dataclasses.asdict(item.fit) if item.fit else {}),
+                **{
+                    name: value
+                    for name in ("ratio", "misfit", "linearity")
+                    if math.isfinite(value := getattr(item, name))
+                },
                 "flaw": item.flaw,
             }
             for item in fits
@@ -251,22 +237,18 @@ def calibration_to_json(
     }
 
 
-EARLIEST_STAMP = 631_152_000_000_000_000
-"""1990-01-01 [ns since the epoch]: an older time comes from a file without a date."""
-
-
 def _find_sheet(rig: RigFile, path: Path, channel: str) -> Sensor:
     for sensor in rig.setup.sensors:
         if sensor.channel == channel and not math.isnan(sensor.sensitivity):
             return sensor
     raise FileError(
-        f"rig file {path}: [source.{channel}] has no sensitivity: give the one that was used so"
-        ' far, for example sensitivity = "10 mV/g"'
+        f"rig file {path}: [source.{channel}] has no sensitivity: give the one used so far,"
+        ' for example sensitivity = "10 mV/g"'
     )
 
 
 def _strike(rig: RigFile, method: CalibrationMethod, wanted: int) -> list[HitFit]:
-    """Wait until enough good hits are struck; after Ctrl-C or a lost device keep those there."""
+    """Wait for enough good hits; Ctrl-C or a lost device ends the series and keeps its hits."""
     fits: list[HitFit] = []
     used = 0
     click.echo(f"Strike {wanted} times; Ctrl-C ends before.", err=True)
@@ -292,9 +274,9 @@ def _fit(series: HitSeries, method: CalibrationMethod) -> list[HitFit]:
 
 
 def _compute_day(fits: Sequence[HitFit]) -> str:
-    """Return the day on which the hits were struck, here."""
+    """Return the local date of the first hit."""
     stamp = min((item.stamp for item in fits), default=0)
-    if stamp < EARLIEST_STAMP:
+    if not is_dated(stamp):
         return read_today()
     return datetime.fromtimestamp(stamp * 1e-9).astimezone().date().isoformat()
 

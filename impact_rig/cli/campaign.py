@@ -9,19 +9,18 @@ import click
 from rich.text import Text
 
 from impact_rig.cli import options
+from impact_rig.cli.each_file import show_results
 from impact_rig.cli.progress import make_progress
-from impact_rig.configuration.processes import RESULTS_NAME
-from impact_rig.configuration.run import choose_run_folder
+from impact_rig.configuration.processes import RESULTS_NAME, choose_run_folder
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.nodes.client import (
+from impact_rig.nodes.campaign_client import (
     CampaignClient,
     CampaignGoal,
     CampaignOutcome,
     read_newest_campaign,
 )
-from impact_rig.present.terminal.console import ALARM, make_console
-from impact_rig.present.terminal.results import print_full, print_screen
-from impact_rig.results.results_file import format_json, results_to_json, write_results
+from impact_rig.present.terminal.console import ALARM
+from impact_rig.results.results_file import write_results
 
 
 class CampaignView:
@@ -110,15 +109,10 @@ def report_outcome(
         If the campaign did not come to its end; what it found is written and printed first.
     """
     path = folder / RESULTS_NAME
-    if outcome.results is not None and (outcome.results.samples or outcome.success):
+    if outcome.results.samples or outcome.success:
         folder.mkdir(parents=True, exist_ok=True)
         write_results(path, outcome.results)
-        if as_json:
-            click.echo(format_json(results_to_json(outcome.results)), nl=False)
-        elif is_full:
-            print_full(make_console(), outcome.results)
-        else:
-            print_screen(make_console(), outcome.results)
+        show_results(path, [outcome.results], is_full=is_full, as_json=as_json)
         recording = Path(outcome.recording) if outcome.recording else None
         options.print_places(results=path, recording=recording)
     if not outcome.success:

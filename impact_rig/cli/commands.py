@@ -3,6 +3,8 @@
 What a command does stands in the module of its name, which is loaded when it runs.
 """
 
+import functools
+from collections.abc import Callable
 from typing import Any
 
 import click
@@ -38,11 +40,20 @@ def cli() -> None:
     """Strike samples with a pendulum hammer and estimate contact time, stiffness and damping."""
 
 
-def _run(name: str, values: dict[str, Any]) -> None:
-    load_module(f"impact_rig.cli.{name}").run(**values)
+def _command(epilog: str) -> Callable[..., click.Command]:
+    """Declare a command; its work is `run` in the module of the function's name."""
+
+    def declare(described: Callable[[], None]) -> click.Command:
+        @functools.wraps(described)
+        def run(**values: Any) -> None:
+            load_module(f"impact_rig.cli.{described.__name__}").run(**values)
+
+        return cli.command(described.__name__.rstrip("_"), epilog=epilog)(run)
+
+    return declare
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -60,17 +71,16 @@ def _run(name: str, values: dict[str, Any]) -> None:
 @options.campaign_options
 @options.full_option
 @options.json_option
-def demo(**values: Any) -> None:
+def demo() -> None:
     """Run a whole campaign on the virtual rig.
 
     Each node is a process. The hammer is released, two accelerometers stream, every hit is
     judged and recorded. Prints contact time, stiffness and damping of every sample. With
     --full and --plant contact it also prints the contact law beside the truth.
     """
-    _run("demo", values)
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -107,19 +117,16 @@ def demo(**values: Any) -> None:
     " source.KEY=VALUE; repeatable.",
 )
 @click.option("--template", is_flag=True, help="Print the paper's rig file and end.")
-@click.option("--stop-with-input", is_flag=True, hidden=True)
-@click.option("--log-file", type=FILE, hidden=True)
-def up(**values: Any) -> None:
+def up() -> None:
     """Start the nodes of a rig, each in its own process.
 
     They run until Ctrl-C. Everything is recorded into one folder, that of an earlier run with
     --resume. Several computers make one rig when each starts some of the nodes (--only) and
     finds the others (--network).
     """
-    _run("up", values)
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -155,7 +162,7 @@ def up(**values: Any) -> None:
 )
 @options.full_option
 @options.json_option
-def campaign(**values: Any) -> None:
+def campaign() -> None:
     """Run a campaign on a rig that is up, here or elsewhere.
 
     The rig's campaign node does the work. This command starts it, follows it, and asks you to
@@ -164,10 +171,9 @@ def campaign(**values: Any) -> None:
     armed the hammer (`impact-rig hammer arm`). --resume goes on with a campaign that ended early,
     on a rig that was started with the same option.
     """
-    _run("campaign", values)
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -190,16 +196,15 @@ def campaign(**values: Any) -> None:
     help="Open source and holder of a rig file, and close them again. The hammer stays held.",
 )
 @options.json_option
-def devices(**values: Any) -> None:
+def devices() -> None:
     """See which drivers and devices there are, and try them.
 
     A driver whose library is missing says how to get it. The search changes no setting of any
     device.
     """
-    _run("devices", values)
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -257,16 +262,15 @@ def devices(**values: Any) -> None:
     help="Number of hits to strike; Ctrl-C ends before. [10]",
 )
 @options.json_option
-def calibrate(**values: Any) -> None:
+def calibrate() -> None:
     """Find the sensitivity of a sensor from hits.
 
     Each hit gives a ratio, by least squares over the contact. Hits whose traces do not fit are
     left out and named. The uncertainty follows the GUM.
     """
-    _run("calibrate", values)
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -281,16 +285,15 @@ def calibrate(**values: Any) -> None:
 @click.argument("action", type=click.Choice(HAMMER_ACTIONS), default=HAMMER_ACTIONS[0])
 @options.namespace_option
 @options.network_option
-def hammer(**values: Any) -> None:
+def hammer() -> None:
     """Show the state of a rig's hammer, arm, disarm or stop it.
 
     ACTION is one of the words below. The stop is one by software: it takes a second, and does
     not replace a switch in the supply of magnet or latch.
     """
-    _run("hammer", values)
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -325,7 +328,7 @@ def hammer(**values: Any) -> None:
     metavar="ADDRESS",
     help="Use this Dask cluster, whose workers see the same paths.",
 )
-def analyze(**values: Any) -> None:
+def analyze() -> None:
     """Estimate contact time, stiffness and damping from files.
 
     A recording (.mcap, or the folder of a run) gives the numbers of the live run, bit by bit;
@@ -334,10 +337,9 @@ def analyze(**values: Any) -> None:
     time, hammer; time, hammer, specimen. A results.json is shown again. Exit code 2: some file
     could not be used.
     """
-    _run("analyze", values)
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -356,17 +358,16 @@ def analyze(**values: Any) -> None:
     help="Write the files that are attached to the recordings into a folder.",
 )
 @options.json_option
-def info(**values: Any) -> None:
+def info() -> None:
     """See what a recording holds, and whether it is sound.
 
     Reads all of it and checks every checksum: samples, hits and verdicts, topics, gaps and losses,
     versions, notes and attachments. FILE is a recording (.mcap) or the folder of a run. Recordings
     of other ROS 2 systems are shown topic by topic. No ROS is needed.
     """
-    _run("info", values)
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -396,7 +397,7 @@ def info(**values: Any) -> None:
     help="Folder for results.json; with --estimate. [not written]",
 )
 @options.json_option
-def replay(**values: Any) -> None:
+def replay() -> None:
     """Publish a recording again.
 
     RUN is a recording (.mcap) or the folder of a run. Set-up, blocks and releases are
@@ -404,11 +405,9 @@ def replay(**values: Any) -> None:
     --estimate a fresh estimator in this process receives them. It gives the numbers of the
     live run, and of `impact-rig analyze`, bit by bit.
     """
-    _run("replay", values)
 
 
-@cli.command(
-    "import",
+@_command(
     epilog="""
     \b
     Examples:
@@ -438,16 +437,15 @@ def replay(**values: Any) -> None:
     help="Print a file for --channels and end: one made from FILE, or one with comments.",
 )
 @options.measurement_options
-def import_(**values: Any) -> None:
+def import_() -> None:
     """Make a recording of other instruments' files.
 
     Each file is one hit; all are of one sample. `analyze`, `replay` and other programs read it
     like a recording of the rig.
     """
-    _run("import_", values)
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -508,16 +506,15 @@ def import_(**values: Any) -> None:
     type=click.Choice(SIMULATORS),
     help="Write the contact of a sample for this simulator.",
 )
-def export(**values: Any) -> None:
+def export() -> None:
     """Write hits, mean traces and results for other programs.
 
     RUN is a recording (.mcap) or the folder of a run; with --for a results.json as well. No ROS is
     needed.
     """
-    _run("export", values)
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -544,17 +541,16 @@ def export(**values: Any) -> None:
 )
 @click.option("--web", is_flag=True, help="Serve a page for this host's browsers, until Ctrl-C.")
 @click.option("--fit", is_flag=True, help="Fit the model too: 0.1 s for each sample.")
-def view(**values: Any) -> None:
+def view() -> None:
     """See model and measurement in Rerun.
 
     It shows every hit, the samples, the campaign and the tables. RUN is a recording (.mcap),
-    the folder of a run, results (.json), or an older view (.rrd). In the viewer each campaign
-    is a recording of its own. No ROS is needed.
+    the folder of a run, results (.json), or an older view (.rrd). The viewer shows each campaign
+    as a separate recording. No ROS is needed.
     """
-    _run("view", values)
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -571,17 +567,16 @@ def view(**values: Any) -> None:
     type=FILE,
     help="The HTML file. [report.html in RUN]",
 )
-def report(**values: Any) -> None:
+def report() -> None:
     """Write a report: one HTML file that needs no other file.
 
     What was measured and with what, tables with uncertainties and budgets, the paper's figures,
     traces with models and residuals, rejected hits and why. RUN is a recording (.mcap) or the
     folder of a run, or a results.json, which has no traces. No ROS is needed.
     """
-    _run("report", values)
 
 
-@cli.command(
+@_command(
     epilog="""
     \b
     Examples:
@@ -591,10 +586,9 @@ def report(**values: Any) -> None:
     """,
 )
 @options.json_option
-def doctor(**values: Any) -> None:
+def doctor() -> None:
     """See what is installed and what is broken.
 
     Lists Python, its libraries, ROS 2 and its settings, drivers, disk and shared memory, and lets
     two processes exchange a message.
     """
-    _run("doctor", values)

@@ -23,8 +23,6 @@ from impact_rig.devices.drivers import (
     read_driver_name,
 )
 from impact_rig.devices.protocols import (
-    Acquisition,
-    AcquisitionPlan,
     FoundDevice,
     HammerHolder,
     HolderState,
@@ -34,7 +32,6 @@ from impact_rig.devices.source_table import make_source
 from impact_rig.present.terminal.console import (
     ALARM,
     GOOD,
-    WARNING,
     make_console,
     print_facts,
     print_table,
@@ -42,7 +39,7 @@ from impact_rig.present.terminal.console import (
 )
 from impact_rig.results.numbers import MISSING
 from impact_rig.results.results_file import format_json
-from impact_rig.results.tables import Column
+from impact_rig.results.tables import Column, make_table, make_text_column
 
 KINDS = {SOURCES: "source", HOLDERS: "holder"}
 
@@ -99,17 +96,10 @@ SAME_RATE = 1e-6
 """Part by which two equal rates may differ [-]: rounding."""
 
 
-def check_rig(rig: RigFile, path: Path) -> dict[str, Facts]:
-    """Open source and holder of a rig file, and close them again; the hammer stays held."""
-    return {
-        "source": _check(path, lambda: _try_source(rig)),
-        "holder": _check(path, lambda: _try_holder(rig)),
-    }
-
-
-def _check(path: Path, attempt: Callable[[], Facts]) -> Facts:
+def _check(rig: RigFile, path: Path, attempt: Callable[[RigFile], Facts]) -> Facts:
+    """Open a device of a rig file, and close it again; the hammer stays held."""
     try:
-        return attempt()
+        return attempt(rig)
     except ParameterError as error:
         return {TROUBLE: f"rig file {path}: {error}"}
     except RigError as error:
@@ -120,13 +110,8 @@ def _check(path: Path, attempt: Callable[[], Facts]) -> Facts:
 
 def _try_source(rig: RigFile) -> Facts:
     source, plan = make_source(rig.source, rig.setup)
-    try:
-        return _list_source_facts(rig, plan, source.configure(plan))
-    finally:
-        source.close()
-
-
-def _list_source_facts(rig: RigFile, plan: AcquisitionPlan, acquisition: Acquisition) -> Facts:
+    with contextlib.closing(source):
+        acquisition = source.configure(plan)
     kept = f"{plan.pre_trigger * 1e3:g} ms of it before the trigger"
     specimen = plan.specimen
     return {
@@ -141,16 +126,13 @@ def _list_source_facts(rig: RigFile, plan: AcquisitionPlan, acquisition: Acquisi
 
 
 def _try_holder(rig: RigFile) -> Facts:
-    name = read_driver_name(rig.holder)
     holder: HammerHolder = make_device(HOLDERS, rig.holder)
-    try:
+    with contextlib.closing(holder):
         identity = holder.configure()
         if holder.read_state() is not HolderState.HOLDING:
-            raise DeviceError(f"the holder {identity} does not hold: look at its wiring")
-    finally:
-        holder.close()
+            raise DeviceError(f"the holder {identity} does not hold: check its wiring")
     how = "an operator releases the hammer" if holder.is_by_hand else "it holds"
-    return {"driver": name, "device": identity, "state": how}
+    return {"driver": read_driver_name(rig.holder), "device": identity, "state": how}
 
 
 def _describe_rate(wanted: float, real: float) -> str:
@@ -171,8 +153,6 @@ def _describe_missing(error: ModuleNotFoundError) -> str:
 
 
 TITLES = {"source": "Acceleration sources", "holder": "Hammer holders"}
-READY = "ready"
-NOT_READY = "not ready"
 
 
 def print_drivers(console: Console, drivers: Sequence[SurveyedDriver]) -> None:
@@ -184,28 +164,26 @@ def print_drivers(console: Console, drivers: Sequence[SurveyedDriver]) -> None:
         console.print("No device was found.")
         return
     columns = [
-        Column("Driver", [driver.name for driver, _ in found], is_text=True),
-        Column("Kind", [driver.kind for driver, _ in found], is_text=True),
-        Column("Address", [device.address for _, device in found], is_text=True),
-        Column("Device", [device.identity or MISSING for _, device in found], is_text=True),
+        make_text_column("Driver", [driver.name for driver, _ in found]),
+        make_text_column("Kind", [driver.kind for driver, _ in found]),
+        make_text_column("Address", [device.address for _, device in found]),
+        make_text_column("Device", [device.identity or MISSING for _, device in found]),
     ]
-    print_table(console, f"Devices found: {len(found)}", columns)
+    print_table(console, make_table(f"Devices found: {len(found)}", columns))
 
 
 def _print_kind(console: Console, title: str, drivers: Sequence[SurveyedDriver]) -> None:
     columns = [
-        Column("Driver", [driver.name for driver in drivers], is_text=True),
-        Column("For", [driver.description or MISSING for driver in drivers], is_text=True),
-        Column(
-            "State",
-            [NOT_READY if driver.trouble else READY for driver in drivers],
-            is_text=True,
-            styles=[WARNING if driver.trouble else GOOD for driver in drivers],
+        make_text_column("Driver", [driver.name for driver in drivers]),
+        make_text_column("For", [driver.description or MISSING for driver in drivers]),
+        make_text_column(
+            "State", ["not ready" if driver.trouble else "ready" for driver in drivers]
         ),
         Column("Package", [driver.package for driver in drivers], is_text=True, is_optional=True),
     ]
     notes = [f"{driver.name}: {driver.trouble}." for driver in drivers if driver.trouble]
-    print_table(console, title, columns, notes)
+    marked = [place for place, driver in enumerate(drivers) if driver.trouble]
+    print_table(console, make_table(title, columns, notes, marked))
 
 
 def print_driver(console: Console, driver: SurveyedDriver) -> None:
@@ -225,7 +203,7 @@ def print_driver(console: Console, driver: SurveyedDriver) -> None:
 
 
 def print_checks(console: Console, checks: Mapping[str, Facts], warnings: Sequence[str]) -> None:
-    """Print what was found of each device, then warnings about its sensors."""
+    """Print the result for each device, then warnings about the sensors."""
     for part, facts in checks.items():
         state = Text("fault", ALARM) if TROUBLE in facts else Text("ok", GOOD)
         console.print(Text.assemble(state, f"  {part}"))
@@ -266,7 +244,10 @@ def _show_drivers(name: str, *, as_json: bool) -> None:
 
 def _check_file(rig_file: Path, *, as_json: bool) -> None:
     rig = read_rig_file(rig_file)
-    checks = check_rig(rig, rig_file)
+    checks = {
+        "source": _check(rig, rig_file, _try_source),
+        "holder": _check(rig, rig_file, _try_holder),
+    }
     warnings = list_rig_warnings(rig.setup)
     if as_json:
         click.echo(format_json({**checks, "warnings": warnings}), nl=False)

@@ -58,8 +58,6 @@ class ExportTask:
 
     def __post_init__(self) -> None:
         """Refuse options that exclude each other."""
-        if self.suffix is not None:
-            object.__setattr__(self, "suffix", "." + self.suffix.lstrip("."))
         has_results = "results" in self.parts
         formats = RESULTS_SUFFIXES if has_results else WRITABLE
         if has_results and (len(self.parts) > 1 or self.suffix):
@@ -73,7 +71,7 @@ class ExportTask:
     @property
     def kind(self) -> str:
         """Suffix of what is written."""
-        return self.suffix or self.output.suffix.lower()
+        return f".{self.suffix.lstrip('.')}" if self.suffix else self.output.suffix.lower()
 
     @property
     def parts(self) -> frozenset[str]:
@@ -98,7 +96,7 @@ def export_recording(path: Path, task: ExportTask) -> str:
         print_warning(warning)
     campaigns = read_campaigns(recording)
     if not campaigns:
-        raise FileError(f"{path} holds no hit: no block of it completes a record")
+        raise FileError(f"{path} holds no complete hit")
     if "results" in task.parts:
         faults = {label.record: names for label, names in recording.faults.items()}
         results = [
@@ -115,7 +113,7 @@ def export_recording(path: Path, task: ExportTask) -> str:
     files = [task.output / name for name in _make_names([name for name, _ in groups], task.kind)]
     for file in files:
         if file.exists():
-            raise FileError(f"{file} exists already: name another folder, none is overwritten")
+            raise FileError(f"{file} exists already: name another folder")
     for file, (_, group) in zip(files, groups, strict=True):
         write_measurement(file, Measurement(path, group))
     return f"{task.output}: {len(groups)} traces in as many files"
@@ -185,7 +183,7 @@ def _write_results(output: Path, results: Sequence[Results]) -> str:
     with write_new_file(output) as part:
         part.write_text(text, "utf-8")
     count = sum(len(item.samples) for item in results)
-    return f"{output}: results of {count} sample{'s' if count != 1 else ''}"
+    return f"{output}: results of {format_count(count, 'sample')}"
 
 
 def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> list[Group]:

@@ -15,6 +15,7 @@ from impact_rig.cli.each_file import raise_errors
 from impact_rig.cli.options import drop_missing
 from impact_rig.configuration.import_file import read_import_template
 from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.core.session import Session
 from impact_rig.present.terminal.console import print_warning
 from impact_rig.recordings.channels import make_template
 from impact_rig.recordings.formats.registry import read_measurement
@@ -53,7 +54,10 @@ def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) ->
     hits, errors = read.hits, [*repeated.values(), *read.errors]
     if not hits:
         return [*errors, f"no file could be used: {output} is not written"]
-    for remark in read.warnings:
+    session = Session(read.setup)
+    judged = [found for hit in hits for found in session.feed(hit.block)]
+    reasons = [str(reason) for found in judged for reason in found.rejections]
+    for remark in (*read.warnings, *read.advise(reasons)):
         print_warning(remark)
     try:
         write_imported(output, read.setup, hits)

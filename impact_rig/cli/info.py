@@ -5,7 +5,6 @@ import dataclasses
 import json
 import math
 from collections import Counter
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +19,16 @@ from impact_rig.core.hits import describe_label
 from impact_rig.core.records import join_origins
 from impact_rig.core.sensors import Sensor
 from impact_rig.present.terminal.console import ALARM, GOOD, make_console, print_facts, print_table
-from impact_rig.recordings.attachments import extract_attachments
 from impact_rig.recordings.contents import RECOVERY_RECORD, Contents, inspect_recording
 from impact_rig.recordings.hits import HitState
 from impact_rig.recordings.messages import setup_from_msg
 from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD
+from impact_rig.recordings.recover import extract_attachments
 from impact_rig.recordings.source import find_recording, find_recordings
 from impact_rig.recordings.writer import HEALTH_RECORD
-from impact_rig.results.numbers import MISSING, format_count, format_number
+from impact_rig.results.numbers import MISSING, format_count, format_number, format_time, is_dated
 from impact_rig.results.results_file import origin_to_json
-from impact_rig.results.tables import Column, make_optional
+from impact_rig.results.tables import Column, make_optional, make_table, make_text_column
 from impact_rig.results.wire import to_json
 
 MOST_HITS = 20  # named in a terminal; JSON has them all
@@ -50,16 +49,15 @@ def read_sensors(contents: Contents) -> tuple[Sensor, ...]:
 
 def list_old_calibrations(contents: Contents) -> list[str]:
     """Return which calibrations were too old on the day of the recording."""
-    try:
-        day = datetime.fromtimestamp(contents.start_time * 1e-9, tz=UTC).date().isoformat()
-    except (OverflowError, OSError, ValueError):
+    if not is_dated(contents.start_time):
         return []
+    day = format_time(contents.start_time).partition(" ")[0]
     found = [sensor.describe_age(day) for sensor in read_sensors(contents)]
     return [text for text in found if text]
 
 
 def describe_hits(contents: Contents) -> str:
-    """Return the number of samples, hits and verdicts; without hits that of messages."""
+    """Count samples, hits and verdicts in words; without hits, messages."""
     if not contents.hits:
         return f"{format_count(contents.messages, 'message')}, no hit"
     saved = [hit for hit in contents.hits if hit.state is HitState.SAVED]
@@ -70,12 +68,8 @@ def describe_hits(contents: Contents) -> str:
         parts += [f"{format_count(verdicts[True], 'hit')} accepted", f"{verdicts[False]} rejected"]
     if verdicts[None]:
         parts.append(f"{format_count(verdicts[None], 'hit')} without a verdict")
-    parts += [
-        f"{contents.count_hits(state)} {state.value}"
-        for state in (HitState.DAMAGED, HitState.LOST)
-        if contents.count_hits(state)
-    ]
-    return ", ".join(parts)
+    others = Counter(hit.state for hit in contents.hits if hit.state is not HitState.SAVED)
+    return ", ".join([*parts, *(f"{number} {state.value}" for state, number in others.items())])
 
 
 def describe_losses(contents: Contents) -> str:
@@ -109,7 +103,7 @@ def read_fields(contents: Contents, name: str) -> dict[str, str]:
 
 
 def read_versions(contents: Contents) -> dict[str, str]:
-    """Return what recorded: software, Python, ROS 2 and libraries with their versions."""
+    """Return the versions of the software, Python, ROS 2 and libraries that recorded."""
     fields = read_fields(contents, PROVENANCE_RECORD)
     names = {"software_version": "impact_rig", "python": "Python", "ros_distro": "ROS 2"}
     versions = {text: fields[key] for key, text in names.items() if fields.get(key)}
@@ -122,7 +116,7 @@ def read_versions(contents: Contents) -> dict[str, str]:
 
 
 def inspect_with_progress(path: Path) -> Contents:
-    """Read all of the recording that a path means, under a bar; errors as `inspect_recording`."""
+    """Find and read a recording, with a progress bar; errors as `inspect_recording`."""
     found = find_recording(path)
     with show_progress() as follow:
         stage, size = f"reading {path}", found.stat().st_size
@@ -135,7 +129,7 @@ def describe_verdict(contents: Contents) -> str:
     if contents.problems:
         return (
             f"damaged: {'; '.join(contents.problems)}. Left of it: {found}."
-            f" `impact-rig export {contents.path} -o sound.mcap` saves that"
+            f" `impact-rig export {contents.scan.path} -o sound.mcap` saves that"
         )
     recovery = read_fields(contents, RECOVERY_RECORD)
     return f"sound: {found}" + (
@@ -148,7 +142,7 @@ def describe_verdict(contents: Contents) -> str:
 def contents_to_json(contents: Contents) -> dict[str, Any]:
     """Return what a recording holds as plain values."""
     return {
-        "path": str(contents.path),
+        "path": str(contents.scan.path),
         "sound": contents.is_sound,
         "verdict": describe_verdict(contents),
         "problems": contents.problems,
@@ -170,14 +164,14 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
             for topic in contents.topics
         ],
         "file": {
-            "size_bytes": contents.size,
-            "library": contents.library,
-            "compression": contents.compression,
-            "chunks": contents.chunks,
-            "closed": contents.is_closed,
-            "has_index": contents.has_index,
+            "size_bytes": contents.scan.size,
+            "library": contents.scan.library,
+            "compression": list(contents.scan.compressions),
+            "chunks": contents.scan.chunks,
+            "closed": contents.scan.is_closed,
+            "has_index": contents.scan.summary is not None,
             "unread_bytes": contents.unread,
-            "damages": [damage._asdict() for damage in contents.damages],
+            "damages": [damage._asdict() for damage in contents.scan.damages],
         },
         "sensors": [to_json(sensor) for sensor in read_sensors(contents)],
         "versions": read_versions(contents),
@@ -193,7 +187,7 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
     facts = [("recording", _describe_file(contents))]
     if contents.messages:
         duration = (contents.end_time - contents.start_time) * 1e-9
-        facts.append(("when", f"{_format_time(contents.start_time)}, {duration:.1f} s"))
+        facts.append(("when", f"{format_time(contents.start_time)}, {duration:.1f} s"))
     if campaigns := {(hit.rig, hit.campaign) for hit in contents.hits}:
         rigs = dict.fromkeys(str(getattr(setup, "name", "")) for setup in contents.setups.values())
         named = ", ".join(name for name in rigs if name)
@@ -221,27 +215,19 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
     ]
     if notes := read_fields(contents, PROVENANCE_RECORD).get("notes"):
         facts.append(("notes", notes))
-    return facts + [("note", f"{_format_time(note.time)}: {note.text}") for note in contents.notes]
+    return facts + [("note", f"{format_time(note.time)}: {note.text}") for note in contents.notes]
 
 
 def _describe_file(contents: Contents) -> str:
-    kinds = ", ".join(contents.compression) or "none"
+    kinds = ", ".join(contents.scan.compressions) or "none"
     parts = [
-        str(contents.path),
-        f"{contents.size / 1e6:.4g} MB",
-        f"{format_count(contents.chunks, 'chunk')} ({kinds})",
+        str(contents.scan.path),
+        f"{contents.scan.size / 1e6:.4g} MB",
+        f"{format_count(contents.scan.chunks, 'chunk')} ({kinds})",
     ]
-    if contents.library:
-        parts.append(f"by {contents.library}")
+    if contents.scan.library:
+        parts.append(f"by {contents.scan.library}")
     return ", ".join(parts)
-
-
-def _format_time(nanoseconds: int) -> str:
-    try:
-        moment = datetime.fromtimestamp(nanoseconds * 1e-9).astimezone()
-    except (OverflowError, OSError, ValueError):
-        return f"{nanoseconds} ns"
-    return f"{moment:%Y-%m-%d %H:%M:%S}"
 
 
 def _print_samples(console: Console, contents: Contents) -> None:
@@ -252,21 +238,15 @@ def _print_samples(console: Console, contents: Contents) -> None:
     verdicts = Counter((name, hit.is_accepted) for name, hit in hits)
     reasons = _count_reasons(contents).most_common()
     reasons_given = ", ".join(f"{reason} ({number})" for reason, number in reasons)
-    print_table(
-        console,
-        f"Samples: {len(names)}",
-        [
-            Column("Sample", names, is_text=True),
-            Column("Hits", [str(sum(item == name for item, _ in hits)) for name in names]),
-            Column("Accepted", [str(verdicts[name, True]) for name in names]),
-            Column(
-                "Rejected",
-                [str(verdicts[name, False]) for name in names],
-                styles=[ALARM if verdicts[name, False] else "" for name in names],
-            ),
-        ],
-        [f"Rejected for {reasons_given}."] if reasons_given else (),
-    )
+    columns = [
+        make_text_column("Sample", names),
+        Column("Hits", [str(sum(item == name for item, _ in hits)) for name in names]),
+        Column("Accepted", [str(verdicts[name, True]) for name in names]),
+        Column("Rejected", [str(verdicts[name, False]) for name in names]),
+    ]
+    notes = [f"Rejected for {reasons_given}."] if reasons_given else []
+    marked = [place for place, name in enumerate(names) if verdicts[name, False]]
+    print_table(console, make_table(f"Samples: {len(names)}", columns, notes, marked))
 
 
 def _count_reasons(contents: Contents) -> Counter[str]:
@@ -275,20 +255,19 @@ def _count_reasons(contents: Contents) -> Counter[str]:
 
 
 def _print_incomplete_hits(console: Console, contents: Contents) -> None:
-    """Print the incomplete hits."""
     hits = [hit for hit in contents.hits if hit.state is not HitState.SAVED]
     if not hits:
         return
     shown = hits[:MOST_HITS]
     names = [describe_label(hit.label) if hit.label else str(hit.record) for hit in shown]
     columns = [
-        Column("Hit", names, is_text=True),
-        Column("State", [hit.state.value for hit in shown], is_text=True),
-        Column("Why", [hit.reason for hit in shown], is_text=True),
+        make_text_column("Hit", names),
+        make_text_column("State", [hit.state.value for hit in shown]),
+        make_text_column("Why", [hit.reason for hit in shown]),
     ]
     left = len(hits) - len(shown)
-    notes = [f"And {left} more: --json names them all."] if left else ()
-    print_table(console, f"Hits damaged or lost: {len(hits)}", columns, notes)
+    notes = [f"And {left} more: --json names them all."] if left else []
+    print_table(console, make_table(f"Hits damaged or lost: {len(hits)}", columns, notes))
 
 
 def _print_topics(console: Console, contents: Contents) -> None:
@@ -297,16 +276,14 @@ def _print_topics(console: Console, contents: Contents) -> None:
     if not topics:
         return
     columns = [
-        Column("Topic", [topic.name for topic in topics], is_text=True),
+        make_text_column("Topic", [topic.name for topic in topics]),
         Column("Messages", [str(topic.messages) for topic in topics]),
+        Column("Lost", [str(topic.lost or "") for topic in topics]),
         make_optional("Hz", [format_number(topic.rate, 1) for topic in topics]),
-        Column("Type", [topic.type_name or MISSING for topic in topics], is_text=True),
+        make_text_column("Type", [topic.type_name or MISSING for topic in topics]),
     ]
-    lost = [topic.lost for topic in topics]
-    if any(lost):
-        styles = [ALARM if number else "" for number in lost]
-        columns.insert(2, Column("Lost", [str(number) for number in lost], styles=styles))
-    print_table(console, f"Topics: {len(topics)}", columns)
+    marked = [place for place, topic in enumerate(topics) if topic.lost]
+    print_table(console, make_table(f"Topics: {len(topics)}", columns, marked=marked))
 
 
 def run(files: tuple[Path, ...], extract: Path | None, as_json: bool) -> None:
@@ -317,7 +294,7 @@ def run(files: tuple[Path, ...], extract: Path | None, as_json: bool) -> None:
         if not as_json:
             _print(contents)
         if extract is not None:
-            for path in extract_attachments(contents.path, extract):
+            for path in extract_attachments(contents.scan.path, extract):
                 click.echo(f"extracted: {path}", err=True)
         return contents
 

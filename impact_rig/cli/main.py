@@ -12,7 +12,7 @@ from impact_rig.configuration.processes import open_closed_streams, use_one_thre
 
 
 class _StandardOutput(io.FileIO):
-    """Standard output whose errors name it, as those of opening a file name that."""
+    """Standard output whose errors carry its name, as errors of opening a file do."""
 
     def write(self, data: Any, /) -> int:
         try:

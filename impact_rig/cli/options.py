@@ -5,7 +5,7 @@ import math
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -18,12 +18,14 @@ from impact_rig.configuration.processes import (
 from impact_rig.configuration.units import parse_quantity
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.sensors import UNITS
-from impact_rig.core.setup import check_release_angles
 from impact_rig.devices.virtual.choices import Fault, Plant
+
+if TYPE_CHECKING:
+    from impact_rig.configuration.rig_file import RigFile
 
 
 class Parsed(click.ParamType):
-    """An option whose value a function makes from the option's name and text."""
+    """An option whose value a function parses."""
 
     name = "text"
 
@@ -40,7 +42,7 @@ class Parsed(click.ParamType):
 
 
 def make_quantity(unit: str, example: str) -> Parsed:
-    """Return a type for a number in SI units, or a text with number and unit."""
+    """Return an option type: a number in SI units, or a number with its unit."""
 
     def parse(name: str, text: str) -> float:
         try:
@@ -58,6 +60,8 @@ CUTOFF = Parsed(lambda _, text: 0.0 if text == "off" else FREQUENCY.convert(text
 
 def parse_angles(name: str, text: str) -> tuple[float, ...]:
     """Return release angles [rad], in degrees between commas; raises `ParameterError`."""
+    from impact_rig.core.setup import check_release_angles
+
     try:
         angles = tuple(math.radians(float(number)) for number in text.split(","))
     except ValueError:
@@ -72,7 +76,7 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 def _combine(*options: Decorator) -> Decorator:
-    """Return one decorator for several options, in the order of the help."""
+    """Join options into one decorator; the help lists them in this order."""
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
         for option in reversed(options):
@@ -211,6 +215,17 @@ def shorten_path(path: Path) -> Path:
     """Return a path relative to the working folder if it lies in it."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
+
+
+def load_rig(path: Path | None) -> "RigFile":
+    """Read a rig file, by default the paper's, and warn of what its sensors lack."""
+    from impact_rig.configuration.rig_file import list_rig_warnings, load_rig_file
+    from impact_rig.present.terminal.console import print_warning
+
+    rig = load_rig_file(path)
+    for warning in list_rig_warnings(rig.setup):
+        print_warning(warning)
+    return rig
 
 
 def set_discovery(*, network: bool) -> None:

@@ -1,4 +1,4 @@
-"""Progress bars on standard error, which are gone when the work is done."""
+"""Progress bars on standard error; they vanish when the work is done."""
 
 import contextlib
 import sys
@@ -18,14 +18,14 @@ from impact_rig.present.terminal.console import GOOD, make_console
 
 
 class Follow(Protocol):
-    """Takes a stage of the work, how much of it is done, and of how much."""
+    """Takes the name of a stage, the work done in it, and its total."""
 
     def __call__(self, stage: str, done: float, total: float | None = None, /) -> None:
         """Show it."""
 
 
 def make_progress() -> Progress:
-    """Return rich's progress on standard error; where that is no terminal, it draws nothing."""
+    """Return rich's progress on standard error; it draws in terminals only."""
     console = make_console(stderr=True)
     return Progress(
         TextColumn("{task.description}"),
@@ -42,7 +42,7 @@ def make_progress() -> Progress:
 
 @contextlib.contextmanager
 def show_progress() -> Iterator[Follow]:
-    """Yield a function that shows how far the work is: a bar for each stage of it."""
+    """Yield a function that shows a progress bar for each stage of the work."""
     stages: dict[str, TaskID] = {}
     with make_progress() as progress:
 

@@ -5,17 +5,16 @@ from pathlib import Path
 import click
 
 from impact_rig.cli import options
-from impact_rig.cli.each_file import print_json
+from impact_rig.cli.each_file import show_results
 from impact_rig.cli.progress import show_progress
 from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes.replay_client import ReplayClient
 from impact_rig.nodes.replayer import run_replayer
 from impact_rig.nodes.replayer_recording import RecordingToReplay
-from impact_rig.present.terminal.console import make_console, print_warning
-from impact_rig.present.terminal.results import print_screen
+from impact_rig.present.terminal.console import print_warning
 from impact_rig.results.campaign import Results
-from impact_rig.results.results_file import results_to_json, write_results
+from impact_rig.results.results_file import write_results
 
 PLAYER_ONLY = ("rate", "loop", "namespace", "network")
 """Options of the player alone."""
@@ -55,22 +54,16 @@ def estimate_again(file: Path, output: Path | None, *, as_json: bool) -> None:
         ReplayClient() as client,
         show_progress() as follow,
     ):
-        size = recording.path.stat().st_size
         found = list(
-            client.estimate(recording, lambda done: follow(f"replaying {file}", done, size))
+            client.estimate(
+                recording, lambda done: follow(f"replaying {file}", done, recording.size)
+            )
         )
     if not found:
-        raise FileError(f"{file} holds no hit to estimate from: no block completes a record")
+        raise FileError(f"{file} holds no complete hit to estimate from")
     if path is not None:
         _write(path, found[-1])
-    if as_json:
-        print_json(list(map(results_to_json, found)), is_list=len(found) > 1)
-        return
-    console = make_console()
-    for number, results in enumerate(found, start=1):
-        if len(found) > 1:
-            console.print(f"{file}, campaign {number}\n", style="bold underline")
-        print_screen(console, results)
+    show_results(file, found, is_full=False, as_json=as_json)
 
 
 def _write(path: Path, results: Results) -> None:

@@ -1,4 +1,4 @@
-"""`impact-rig report`: one run in a file to hand over."""
+"""`impact-rig report`: a run as one HTML file."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +21,7 @@ from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD, compute_sha256
 from impact_rig.recordings.writer import HEALTH_RECORD
-from impact_rig.results.run import Note, Provenance, RecordedFile
+from impact_rig.results.run import Provenance
 
 
 def read_provenance(path: Path) -> Provenance:
@@ -38,10 +38,12 @@ def read_provenance(path: Path) -> Provenance:
         If it cannot be read.
     """
     contents = inspect_with_progress(path)
+    scan = contents.scan
     return Provenance(
         start_time=contents.start_time,
         end_time=contents.end_time,
-        files=(RecordedFile(contents.path.name, contents.size, compute_sha256(contents.path)),),
+        size=scan.size,
+        sha256=compute_sha256(scan.path),
         problems=contents.problems,
         losses=describe_losses(contents),
         ended=read_fields(contents, HEALTH_RECORD).get("reason", ""),
@@ -51,10 +53,10 @@ def read_provenance(path: Path) -> Provenance:
     )
 
 
-def _gather_notes(contents: Contents) -> tuple[Note, ...]:
+def _gather_notes(contents: Contents) -> tuple[tuple[int, str], ...]:
     first = read_fields(contents, PROVENANCE_RECORD).get("notes", "")
-    notes = (Note(0, first),) if first else ()
-    return notes + tuple(Note(note.time, note.text) for note in contents.notes)
+    notes = ((0, first),) if first else ()
+    return notes + tuple((note.time, note.text) for note in contents.notes)
 
 
 def run(path: Path, output: Path | None) -> None:
@@ -66,7 +68,7 @@ def run(path: Path, output: Path | None) -> None:
     with show_progress() as follow:
         follow(f"reading {source.named}", 0)
         runs = read_runs(source)
-        if runs[0].has_traces:
+        if runs[0].campaign.hits:
             provenance = read_provenance(source.path)
             runs = tuple(replace(run, provenance=provenance) for run in runs)
         document = make_report(runs, lambda done: follow("drawing", done, len(runs)))

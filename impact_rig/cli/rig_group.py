@@ -50,7 +50,7 @@ class RigGroup(click.Group):
         except click.Abort as error:  # raised by a prompt in place of what ended it
             click.echo(err=True)
             if isinstance(error.__context__, EOFError):
-                raise _Failure("input ended while an answer was awaited") from None
+                raise _Failure("the input ended before the question was answered") from None
             ctx.exit(EXIT_INTERRUPTED)
         except KeyboardInterrupt:
             ctx.exit(EXIT_INTERRUPTED)

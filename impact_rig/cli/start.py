@@ -13,7 +13,7 @@ def main() -> None:
 
 
 def load_module(name: str) -> ModuleType:
-    """Import a module of a command; nothing is done yet that a sudden end could harm."""
+    """Import a module of a command; Ctrl-C ends the process at once, which harms nothing yet."""
     with _end_at_interrupt():
         return importlib.import_module(name)
 

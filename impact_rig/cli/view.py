@@ -14,18 +14,13 @@ from impact_rig.analysis.report_sources import RunSource, find_run
 from impact_rig.cli.each_file import process_each, raise_errors
 from impact_rig.cli.progress import show_progress
 from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
-from impact_rig.present.rerun.rerun_sdk import import_rerun
-from impact_rig.present.rerun.view_file import (
-    check_view,
-    join_views,
-    send_view,
-    write_view,
-)
+from impact_rig.present.rerun.delivery import find_recording, join_views, send_view, write_view
 from impact_rig.present.rerun.viewers import (
     WebPage,
-    check_screen,
     check_viewer_address,
     find_free_port,
+    find_missing_screen,
+    import_rerun,
     make_viewer_address,
     open_window,
 )
@@ -33,7 +28,7 @@ from impact_rig.present.terminal.console import print_warning
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.reader import read_recording
 from impact_rig.results.results_file import read_results
-from impact_rig.results.traced_campaign import TracedCampaign
+from impact_rig.results.run import TracedCampaign
 
 VIEW_SUFFIX = ".rrd"
 """Of Rerun's files."""
@@ -52,7 +47,7 @@ def make_parts(path: Path, folder: Path, *, fit: bool) -> list[Path]:
         If there is no such file, or it cannot be read.
     """
     if path.suffix == VIEW_SUFFIX and not path.is_dir():
-        check_view(path)
+        find_recording(path)
         return [path]
 
     source = find_run(path)
@@ -125,10 +120,8 @@ def _choose_place(
         return lambda parts: _send(parts, connect)
     if web:
         return _serve
-    try:
-        check_screen()
-    except DeviceError as error:
-        raise DeviceError(f"{error} (-o FILE{VIEW_SUFFIX}, --web, --connect)") from None
+    if missing := find_missing_screen():
+        raise DeviceError(f"{missing} (-o FILE{VIEW_SUFFIX}, --web, --connect)")
     return _show_window
 
 

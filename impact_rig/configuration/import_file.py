@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig.configuration.rig_file import parse_response, parse_settings
-from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_text_file
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
 from impact_rig.configuration.units import parse_reading, parse_sensitivity
-from impact_rig.core.errors import FileError, RigError
+from impact_rig.core.errors import FileError
 from impact_rig.core.quantity import Comparable
 from impact_rig.core.sensors import ChannelPlan, ChannelUse
 
@@ -57,11 +57,7 @@ def read_import_file(path: Path) -> ImportFile:
         If it does not exist, is not TOML, or has a wrong value; the message names file, line,
         place and value.
     """
-    text = read_text_file(path, "file of channels")
-    try:
-        return parse_import_file(text)
-    except RigError as error:
-        raise FileError(f"file of channels {path}: {error}") from None
+    return read_toml_file(path, "file of channels", parse_import_file)
 
 
 def read_analysis_settings(path: Path) -> dict[str, Any]:
@@ -77,15 +73,16 @@ def read_analysis_settings(path: Path) -> dict[str, Any]:
     FileError
         As `read_import_file`; or if the file holds anything else.
     """
-    text = read_text_file(path, "file of channels")
-    try:
+
+    def parse(text: str) -> dict[str, Any]:
         document = parse_toml_table(text)
         document.check_keys("analysis")
         return parse_settings(document)
-    except RigError as error:
-        raise FileError(
-            f"file of channels {path}: {error} (a recording takes only [analysis] from it)"
-        ) from None
+
+    try:
+        return read_toml_file(path, "file of channels", parse)
+    except FileError as error:
+        raise FileError(f"{error} (a recording takes only [analysis] from it)") from None
 
 
 def parse_import_file(text: str) -> ImportFile:
@@ -147,7 +144,11 @@ def add_options(file: ImportFile, given: Mapping[str, Any]) -> ImportFile:
 
 def _parse_plan(document: TomlTable, hammer: TomlTable, specimen: TomlTable) -> ChannelPlan:
     uses = {"hammer": _parse_use(hammer), "specimen": _parse_use(specimen)}
-    columns = _parse_columns(document)
+    columns = document.get("columns")
+    if columns is not None:
+        if not isinstance(columns, list) or not all(isinstance(role, str) for role in columns):
+            raise document.refuse("columns", "a list of roles in quotes")
+        columns = tuple(columns)
     sampling_rate = document.take_quantity("sampling_rate", "Hz", "25.6 kHz", NAN)
     unit = document.take_text("time_unit")
     with document.locating():
@@ -170,12 +171,3 @@ def _parse_use(table: TomlTable) -> ChannelUse:
         if "sensitivity" in table:
             sensitivity = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
         return ChannelUse(str(channel), unit, sensitivity, full_scale, full_scale_unit, response)
-
-
-def _parse_columns(document: TomlTable) -> tuple[str, ...] | None:
-    columns = document.get("columns")
-    if columns is None:
-        return None
-    if not isinstance(columns, list) or not all(isinstance(role, str) for role in columns):
-        raise document.refuse("columns", "a list of roles in quotes")
-    return tuple(columns)

@@ -233,6 +233,7 @@ def make_viewer_parameters(viewers: Sequence[str]) -> dict[str, Any]:
     return parameters
 
 
-def make_run_folder_name(now: datetime) -> str:
-    """Return ``runs/<time>`` for a run that starts `now`."""
-    return str(Path("runs") / now.strftime("%Y-%m-%dT%H-%M-%S"))
+def choose_run_folder(output: Path | None = None) -> Path:
+    """Return the given folder of a run, or ``runs/<time>``."""
+    now = datetime.now().astimezone()
+    return output or Path("runs") / now.strftime("%Y-%m-%dT%H-%M-%S")

@@ -8,9 +8,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_text_file
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
 from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
-from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.quantity import list_stored
 from impact_rig.core.sensors import (
     CHANNELS,
@@ -60,8 +59,6 @@ def parse_settings(document: TomlTable) -> dict[str, Any]:
     for key, value in table.items():
         if key in ANALYSIS_QUANTITIES:
             values[key] = table.take_quantity(key, *ANALYSIS_QUANTITIES[key])
-        elif key == "turns_polarity":
-            values[key] = table.take_boolean(key)
         elif isinstance(value, bool) or not isinstance(value, int | float):
             raise table.refuse(key, "a plain number")
         elif key not in WHOLE_SETTINGS:
@@ -89,6 +86,10 @@ SENSOR_KEYS = (
 """Keys of a calibration sheet; the other keys of the table are the driver's."""
 
 
+UNCERTAINTIES = {"resonance_uncertainty": "1 kHz", "low_corner_uncertainty": "0.1 Hz"}
+"""Of frequencies, with an example each."""
+
+
 def parse_sensors(source: TomlTable) -> tuple[Sensor, ...]:
     """Return the sensors of the channels that the table [source] has; raises `ParameterError`."""
     return tuple(
@@ -102,10 +103,16 @@ def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
     quantity = table.take_choice("quantity", tuple(QUANTITIES), "acceleration")
     voltage, unit = math.nan, QUANTITIES[quantity][0]
     if "sensitivity" in table:
-        voltage, unit = _take_sensitivity(table, quantity)
+        with table.locating("sensitivity"):
+            found = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
+        voltage, unit = found.voltage, _check_unit(table, "sensitivity", found.unit, quantity)
     if quantity == "force" and channel != "hammer":
         raise table.refuse("quantity", "acceleration: force is measured on the hammer only")
     response = parse_response(table)
+    uncertainties = {
+        key: table.take_quantity(key, "Hz", example, 0.0, low=0.0)
+        for key, example in UNCERTAINTIES.items()
+    }
     return Sensor(
         channel=channel,
         quantity=quantity,
@@ -116,14 +123,9 @@ def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
         calibration_date=table.take_date("calibration_date"),
         sensitivity_uncertainty=table.take_number("sensitivity_uncertainty", 0.0, 1.0, 0.0),
         resonance=response.resonance,
-        resonance_uncertainty=table.take_quantity(
-            "resonance_uncertainty", "Hz", "1 kHz", 0.0, low=0.0
-        ),
         resonance_damping=response.damping,
         low_corner=response.low_corner,
-        low_corner_uncertainty=table.take_quantity(
-            "low_corner_uncertainty", "Hz", "0.1 Hz", 0.0, low=0.0
-        ),
+        **uncertainties,
     )
 
 
@@ -137,13 +139,6 @@ def parse_response(table: TomlTable) -> SensorResponse:
     with table.locating():
         check_response("sensor", response)
     return response
-
-
-def _take_sensitivity(table: TomlTable, quantity: str) -> tuple[float, str]:
-    """Return the voltage of one unit [V], and the unit."""
-    with table.locating("sensitivity"):
-        found = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
-    return found.voltage, _check_unit(table, "sensitivity", found.unit, quantity)
 
 
 def _take_full_scale(table: TomlTable, quantity: str, unit: str) -> float:
@@ -209,11 +204,7 @@ def read_rig_file(path: Path) -> RigFile:
         If it does not exist, is not TOML, or has a wrong value; the message names file, line,
         place and value.
     """
-    text = read_text_file(path, "rig file")
-    try:
-        return parse_rig_file(text)
-    except RigError as error:
-        raise FileError(f"rig file {path}: {error}") from None
+    return read_toml_file(path, "rig file", parse_rig_file)
 
 
 def load_rig_file(path: Path | str | None) -> RigFile:
@@ -248,14 +239,19 @@ def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
     hammer.check_keys(
         "mass", "mass_uncertainty", "impact_speed", "release_angle", "release_angles"
     )
-    samples = _parse_samples(document)
-    analysis = _parse_analysis(document)
-    clock_uncertainty = _parse_clock_uncertainty(document)
-    masses = {
+    samples, settings = _parse_samples(document), parse_settings(document)
+    with document.take_table("analysis").locating():
+        analysis = AnalysisSettings(**settings)
+    digitizer = document.take_table("digitizer")
+    digitizer.check_keys("clock_uncertainty")
+    numbers = {
         "hammer_mass": hammer.take_quantity("mass", "kg", "100 g"),
         "impact_speed": hammer.take_quantity("impact_speed", "m/s", "8.19 cm/s"),
         "hammer_mass_uncertainty": hammer.take_quantity("mass_uncertainty", "kg", "0.29 g", 0.0),
         "release_angle": hammer.take_quantity("release_angle", "rad", "3.7 deg", math.nan),
+        "clock_uncertainty": digitizer.take_number(
+            "clock_uncertainty", 0.0, 1.0, DEFAULT_CLOCK_UNCERTAINTY
+        ),
     }
     name, description = document.take_text("name"), document.take_text("description")
     with hammer.locating():
@@ -264,9 +260,8 @@ def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
             analysis=analysis,
             name=name,
             description=description,
-            clock_uncertainty=clock_uncertainty,
             sensors=sensors,
-            **masses,
+            **numbers,
         )
 
 
@@ -282,12 +277,6 @@ def _parse_angles(hammer: TomlTable, setup: RigSetup) -> tuple[float, ...]:
         if angles:
             setup.at_angles(angles)
     return angles
-
-
-def _parse_analysis(document: TomlTable) -> AnalysisSettings:
-    settings = parse_settings(document)
-    with document.take_table("analysis").locating():
-        return AnalysisSettings(**settings)
 
 
 def _parse_swing(holder: TomlTable) -> dict[str, Any]:
@@ -336,9 +325,3 @@ def _parse_sample(table: TomlTable) -> Sample:
     }
     with table.locating():
         return Sample(name=name, material=material, **numbers)
-
-
-def _parse_clock_uncertainty(document: TomlTable) -> float:
-    table = document.take_table("digitizer")
-    table.check_keys("clock_uncertainty")
-    return table.take_number("clock_uncertainty", 0.0, 1.0, DEFAULT_CLOCK_UNCERTAINTY)

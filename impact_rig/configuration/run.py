@@ -5,7 +5,6 @@ import os
 import shlex
 import subprocess
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,8 @@ from impact_rig.configuration.processes import (
     RECORDING_NAME,
     RESULTS_NAME,
     VIEW_NAME,
+    choose_run_folder,
     list_rig_processes,
-    make_run_folder_name,
 )
 from impact_rig.configuration.rig_file import RigFile
 from impact_rig.core.errors import FileError, ParameterError
@@ -100,11 +99,6 @@ def check_samples(rig_file: RigFile, names: tuple[str, ...]) -> None:
         rig_file.setup.samples.find(name)
         if names.count(name) > 1:
             raise ParameterError(f"sample {name!r} is named twice")
-
-
-def choose_run_folder(output: Path | None) -> Path:
-    """Return the given folder of a run, or one named after the time."""
-    return output or Path(make_run_folder_name(datetime.now().astimezone()))
 
 
 def make_run_folder(output: Path | None) -> Path:

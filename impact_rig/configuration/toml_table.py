@@ -5,28 +5,32 @@ import datetime as dt
 import difflib
 import math
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from impact_rig.configuration.units import parse_quantity
-from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.errors import FileError, ParameterError, RigError
+
+Content = TypeVar("Content")
 
 
-def read_text_file(path: Path, what: str) -> str:
-    """Return the text of a file; `what` it is, for the message.
+def read_toml_file(path: Path, what: str, parse: Callable[[str], Content]) -> Content:
+    """Return what `parse` makes of the text of a file; `what` it is, for messages.
 
     Raises
     ------
     FileError
-        If there is no such file, or it is no text.
+        If it does not exist, is no text, or `parse` refuses it; the message names the file.
     """
     try:
-        return path.read_text("utf-8-sig")
+        return parse(path.read_text("utf-8-sig"))
     except FileNotFoundError:
         raise FileError(f"there is no {what} {path}: check the path") from None
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(f"the {what} {path} cannot be read: {error}") from None
+    except RigError as error:
+        raise FileError(f"{what} {path}: {error}") from None
 
 
 KeyPath = tuple[str | int, ...]

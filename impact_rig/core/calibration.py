@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from impact_rig.core.errors import (
     check_mass_uncertainty,
     check_positive,
 )
-from impact_rig.core.hits import FilteredHit, JudgedHit
+from impact_rig.core.hits import JudgedHit
 from impact_rig.core.quantity import Comparable, Quantity
-from impact_rig.core.records import FloatArray, HitLabel
+from impact_rig.core.records import HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.uncertainty import compute_quantity, make_ensemble, make_input
@@ -30,52 +30,22 @@ HARMLESS = frozenset(
 )
 """Reasons against a hit that do not count here: a ratio needs neither strength, nor one pulse, nor
 hits that are alike."""
-CONTACT_WIDTHS = 1.0
-"""Half of the contact in half-amplitude widths of the pulse [-]: of a versed-sine exactly."""
 SHORTEST_CONTACT = 5
 """Points of the contact below which nothing is fitted [-], our choice."""
 
 
 @dataclass(frozen=True)
-class TraceFit:
-    """The least-squares line of one trace over another.
-
-    Attributes
-    ----------
-    ratio : float
-        Its slope [-].
-    misfit : float
-        RMS of what it leaves, part of the RMS of the trace about its mean [-]: the square root of
-        1 - r^2, r the correlation of both traces.
-    linearity : float
-        Largest |deviation| from it, part of the trace's largest value [-].
-    """
-
-    ratio: float
-    misfit: float
-    linearity: float
-
-
-@dataclass(frozen=True)
 class HitFit:
-    """What one hit says of the ratio.
-
-    Attributes
-    ----------
-    label : HitLabel
-        Which hit.
-    stamp : int
-        Of its first point, nanoseconds since the epoch.
-    fit : TraceFit or None
-        None: the hit has no pulse to be fitted.
-    flaw : str
-        Why the hit is not used, in words; empty: it is.
-    """
+    """The least-squares line, with an offset, of one trace of a hit over the other."""
 
     label: HitLabel
-    stamp: int
-    fit: TraceFit | None
-    flaw: str = ""
+    stamp: int  # of the hit's first point [ns since the epoch]
+    ratio: float = math.nan  # its slope [-]
+    # RMS of what it leaves, part of the RMS of the trace about its mean [-]: the square root of
+    # 1 - r^2, r the correlation of both traces.
+    misfit: float = math.nan
+    linearity: float = math.nan  # largest |deviation| over the trace's largest value [-]
+    flaw: str = ""  # why the hit is not used, in words; empty: it is
 
 
 def fit_hit(hit: JudgedHit, channel: str, factor: float) -> HitFit:
@@ -90,57 +60,43 @@ def fit_hit(hit: JudgedHit, channel: str, factor: float) -> HitFit:
     factor : float
         Acceleration that the tested channel should show, over that of the other one [-].
     """
+    found = HitFit(hit.label, hit.stamp)
     flaws = [item.explanation for item in hit.rejections if item.reason not in HARMLESS]
     if flaws or hit.filtered is None:
-        return HitFit(hit.label, hit.stamp, None, "; ".join(flaws) or "it has no pulse")
+        return replace(found, flaw="; ".join(flaws) or "it has no pulse")
     if len(hit.filtered.traces) == 1:
-        return HitFit(hit.label, hit.stamp, None, "the second channel was not measured")
-    hammer, specimen = _cut_contact(hit.filtered)
+        return replace(found, flaw="the second channel was not measured")
+    # Of a versed-sine the contact is exactly two half-amplitude widths.
+    pulse = hit.filtered.pulse
+    begin = max(math.floor(pulse.middle - pulse.half_amplitude_width), 0)
+    end = math.ceil(pulse.middle + pulse.half_amplitude_width) + 1
+    hammer, specimen = hit.filtered.traces[:, begin:end]
     tested, other = (hammer, specimen) if channel == "hammer" else (specimen, hammer)
     if tested.size < SHORTEST_CONTACT:
-        return HitFit(hit.label, hit.stamp, None, f"its contact has {tested.size} points only")
-    fit = fit_traces(tested, factor * other)
-    if not fit.misfit <= LARGEST_MISFIT:
-        flaw = (
-            f"misfit of {100 * fit.misfit:.2g} %, above {100 * LARGEST_MISFIT:g} %: the channels"
-            " do not show the same"
-        )
-        return HitFit(hit.label, hit.stamp, fit, flaw)
-    return HitFit(hit.label, hit.stamp, fit)
-
-
-def fit_traces(tested: FloatArray, expected: FloatArray) -> TraceFit:
-    """Fit a line, with an offset, of one trace over another.
-
-    Parameters
-    ----------
-    tested, expected : ndarray, shape (n,)
-        Of the same points.
-    """
+        return replace(found, flaw=f"its contact has {tested.size} points only")
+    expected = factor * other
     x, y = expected - expected.mean(), tested - tested.mean()
     size_x, size_y = float(x @ x), float(y @ y)
-    if size_x == 0.0 or size_y == 0.0:
-        return TraceFit(math.nan, math.nan, math.nan)
-    ratio = float(x @ y) / size_x
-    left = y - ratio * x
-    return TraceFit(
-        ratio=ratio,
-        misfit=math.sqrt(float(left @ left) / size_y),
-        linearity=float(np.abs(left).max() / np.abs(tested).max()),
+    if size_x and size_y:
+        ratio = float(x @ y) / size_x
+        left = y - ratio * x
+        found = replace(
+            found,
+            ratio=ratio,
+            misfit=math.sqrt(float(left @ left) / size_y),
+            linearity=float(np.abs(left).max() / np.abs(tested).max()),
+        )
+    if found.misfit <= LARGEST_MISFIT:
+        return found
+    flaw = (
+        f"misfit of {100 * found.misfit:.2g} %, above {100 * LARGEST_MISFIT:g} %: the channels"
+        " do not show the same"
     )
-
-
-def _cut_contact(hit: FilteredHit) -> FloatArray:
-    """Return both traces over the contact, shape (2, n)."""
-    half = CONTACT_WIDTHS * hit.pulse.half_amplitude_width
-    begin = max(math.floor(hit.pulse.middle - half), 0)
-    return hit.traces[:, begin : math.ceil(hit.pulse.middle + half) + 1]
+    return replace(found, flaw=flaw)
 
 
 FEWEST_HITS = 3
-"""Hits below which no sensitivity is told [-], our choice: of two, the scatter says little."""
-LARGEST_REFERENCE_UNCERTAINTY = 0.5
-"""Of a reference [-], our choice: above it, per cent were meant."""
+"""Fewest hits that give a sensitivity [-], our choice: the scatter of two says little."""
 
 
 @dataclass(frozen=True)
@@ -176,10 +132,8 @@ class CalibrationMethod(Comparable):
             check_mass_uncertainty(
                 "uncertainty of the known mass", self.mass_uncertainty, self.known_mass
             )
-        check_between(
-            "relative uncertainty of the reference", self.reference_uncertainty,
-            0.0, LARGEST_REFERENCE_UNCERTAINTY,
-        )  # fmt: skip
+        # Above a half, per cent were meant.
+        check_between("relative uncertainty of the reference", self.reference_uncertainty, 0, 0.5)
 
     @property
     def has_known_mass(self) -> bool:
@@ -258,72 +212,49 @@ def estimate_sensitivity(
     NotDeterminedError
         If there are too few hits that can be used.
     """
-    used = [item.fit for item in fits if item.fit is not None and not item.flaw]
+    used = [item for item in fits if not item.flaw]
     if len(used) < FEWEST_HITS:
-        raise NotDeterminedError(_describe_shortage(fits, len(used)))
+        flaws = dict.fromkeys(item.flaw for item in fits if item.flaw)
+        reasons = f" ({'; '.join(flaws)})" if flaws else ""
+        raise NotDeterminedError(
+            f"{len(used)} of {len(fits)} hits can be used{reasons}: a sensitivity needs"
+            f" {FEWEST_HITS} or more"
+        )
     ratios = np.array([fit.ratio for fit in used])
     mean, variance = float(ratios.mean()), float(ratios.var(ddof=1)) / len(used)
     (scatter,) = make_ensemble(
         "scatter of the hits", [abs(mean)], np.array([[variance]]), len(used) - 1
     )
-    number = scatter * _make_distortion(used) * _make_reference(method, setup, sensor)
+    # What the misfit may have changed: its square, taken as rectangular.
+    misfit = float(np.mean([fit.misfit for fit in used]))
+    distortion = make_input("misfit of the traces", 1.0, misfit**2 / math.sqrt(3.0))
+    reference, unstated = _make_reference(method, setup, sensor)
+    remark = f"the uncertainty of {' and of '.join(unstated)} is not stated, and not in it"
     return Calibration(
         sensor=sensor,
-        ratio=compute_quantity(abs(mean), number),
+        ratio=compute_quantity(abs(mean), scatter * distortion * reference),
         hits=len(used),
         is_reversed=mean < 0.0,
-        remarks=_list_unstated(method, setup, sensor),
+        remarks=(remark,) if unstated else (),
     )
 
 
-def _make_distortion(used: Sequence[TraceFit]) -> UncertainNumber:
-    """Return 1 with what the misfit may have changed: its square, taken as rectangular."""
-    misfit = float(np.mean([fit.misfit for fit in used]))
-    return make_input("misfit of the traces", 1.0, misfit**2 / math.sqrt(3.0))
-
-
-def _make_reference(method: CalibrationMethod, setup: RigSetup, sensor: Sensor) -> UncertainNumber:
-    """Return 1 with the uncertainty of what the sensor is compared with."""
+def _make_reference(
+    method: CalibrationMethod, setup: RigSetup, sensor: Sensor
+) -> tuple[UncertainNumber, list[str]]:
+    """Return 1 as uncertain as what the sensor is compared with, and what of that is unstated."""
+    standards = {"the reference": method.reference_uncertainty}
     number = make_input("sensitivity of the reference", 1.0, method.reference_uncertainty)
     if method.has_known_mass:
+        standards["the known mass"] = method.mass_uncertainty
         mass = make_input("known mass", method.known_mass, method.mass_uncertainty)
         number = number / (mass * (1.0 / method.known_mass))
-        if _needs_hammer_mass(sensor, setup):
+        measured = sensor if sensor.channel == "hammer" else setup.find_sensor("hammer")
+        # Where the hammer's force is measured, its mass cancels out.
+        if measured.quantity != "force":
+            standards["the mass of the hammer"] = setup.hammer_mass_uncertainty
             hammer = make_input(
                 "mass of the hammer", setup.hammer_mass, setup.hammer_mass_uncertainty
             )
             number = number * (hammer * (1.0 / setup.hammer_mass))
-    return number
-
-
-def _needs_hammer_mass(sensor: Sensor, setup: RigSetup) -> bool:
-    """Return whether the hammer's mass counts: where its force is measured, it cancels out."""
-    hammer = next((item for item in setup.sensors if item.channel == "hammer"), None)
-    measured = sensor if sensor.channel == "hammer" else hammer
-    return measured is None or measured.quantity != "force"
-
-
-def _list_unstated(method: CalibrationMethod, setup: RigSetup, sensor: Sensor) -> tuple[str, ...]:
-    unstated = []
-    if method.reference_uncertainty == 0.0:
-        unstated.append("the reference")
-    if method.has_known_mass and method.mass_uncertainty == 0.0:
-        unstated.append("the known mass")
-    if (
-        method.has_known_mass
-        and _needs_hammer_mass(sensor, setup)
-        and setup.hammer_mass_uncertainty == 0.0
-    ):
-        unstated.append("the mass of the hammer")
-    if not unstated:
-        return ()
-    return (f"the uncertainty of {' and of '.join(unstated)} is not stated, and not in it",)
-
-
-def _describe_shortage(fits: Sequence[HitFit], used: int) -> str:
-    flaws = dict.fromkeys(item.flaw for item in fits if item.flaw)
-    reasons = f" ({'; '.join(flaws)})" if flaws else ""
-    return (
-        f"{used} of {len(fits)} hits can be used{reasons}: a sensitivity needs {FEWEST_HITS} or"
-        " more"
-    )
+    return number, [name for name, standard in standards.items() if standard == 0.0]

@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 
 from impact_rig.core.errors import SignalError
-from impact_rig.core.filtering import interpolate_between, low_pass, respond
+from impact_rig.core.filtering import low_pass, respond
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.model import ImpactModel, ModelVariant, simulate_impact
 from impact_rig.core.records import FloatArray, make_read_only
@@ -73,22 +73,11 @@ class ModelComparison:
     specimen: TraceComparison
 
 
-def normalise_trace(trace: FloatArray) -> FloatArray:
-    """Divide a trace, shape (n,), by its value of largest magnitude, sign included.
-
-    So the comparison is blind to polarity, as it must be for equation (1), whose force on body 2
-    is printed with a minus.
-
-    Raises
-    ------
-    SignalError
-        If the trace is flat or not finite.
-    """
-    return trace / find_extreme(trace)
-
-
 def find_extreme(trace: FloatArray) -> float:
     """Return the value of largest magnitude of a trace, shape (n,), sign included.
+
+    Traces are divided by it, so that the comparison is blind to polarity, as it must be for
+    equation (1), whose force on body 2 is printed with a minus.
 
     Raises
     ------
@@ -135,18 +124,6 @@ def find_best_shift(measured: FloatArray, model: FloatArray, largest: int) -> fl
     return float(lags[best])
 
 
-def shift_trace(trace: FloatArray, shift: float) -> FloatArray:
-    """Shift a trace, shape (n,), later by `shift` points, zeros coming in from beyond its ends."""
-    whole = math.ceil(shift)
-    part = whole - shift
-    moved = interpolate_between(trace, part) if part else trace
-    shifted = np.zeros(trace.size)
-    first, last = max(whole, 0), min(whole + moved.size, trace.size)
-    if first < last:
-        shifted[first:last] = moved[first - whole : last - whole]
-    return shifted
-
-
 def compare_trace(
     measured: FloatArray, model: FloatArray, sampling_rate: float, contact: slice, largest: int
 ) -> TraceComparison:
@@ -164,14 +141,12 @@ def compare_trace(
         Largest shift either way [points].
     """
     peak = find_extreme(measured)
-    reference, candidate = measured / peak, normalise_trace(model)
+    reference, candidate = measured / peak, model / find_extreme(model)
     shift = find_best_shift(reference, candidate, largest)
-    shifted = shift_trace(candidate, shift)
+    # Zeros come in from beyond the ends.
+    shifted = scipy.ndimage.shift(candidate, shift, order=3)
     error = shifted - reference
     inside = error[contact]
-    for trace in (reference, shifted):
-        # Nobody else has them: they need not be copied.
-        trace.setflags(write=False)
     return TraceComparison(
         measured=make_read_only(reference),
         model=make_read_only(shifted),

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from impact_rig.core.hits import MeanHit
 from impact_rig.core.identification import compute_noise_correlation, compute_raw_noise
 from impact_rig.core.law_pulses import LIMITS as TABLES
 from impact_rig.core.law_pulses import LOSSES, LossForm, compute_pulses
+from impact_rig.core.least_squares import Evaluation
 from impact_rig.core.momenta import (
     check_hit_momenta,
     check_momenta,
@@ -24,18 +24,17 @@ from impact_rig.core.momenta import (
     restore_levels,
 )
 from impact_rig.core.pulse_shape import (
-    Evaluation,
     PulseWindow,
     WindowFit,
     compute_unexplained,
     cut_window,
-    fit_pulse,
-    minimise,
+    fit_shapes,
+    fit_window,
 )
 from impact_rig.core.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.pulses import VERSED_SINE
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
-from impact_rig.core.records import FloatArray, make_read_only
+from impact_rig.core.records import FloatArray
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.tail import ZERO_AFTER, compute_share
@@ -58,12 +57,9 @@ class Limits:
 
     start: tuple[float, float] = (0.1, 1.5)  # B and n [-] metal on metal
     shorter: float = 0.8  # [-] T of a second start over that of the first
+    width: float = 0.55  # [-] w50 of such a pulse over its duration
     step: float = 1e-4  # [-] of n and B, relative of what else there is, for derivatives
-    rough: float = 0.01  # [-] the same for a first look at each form
-    near: float = 2.0  # [-] of the least residual: what is worth another look
-    tolerance: float = 1e-6  # [-] change of sum of squares and parameters that ends a fit
-    evaluations: int = 40  # [-] a pulse of the family needs five to ten
-    rough_evaluations: int = 5  # [-] the same for a first look
+    near: float = 1.5  # [-] of the first form's residual: another that leaves more is given up
     shortest_time: float = 0.05  # [w50] T: no pulse of the family is so wide
     finest: float = 1.0 / 64.0  # [w50] over which the force is averaged
     margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
@@ -81,151 +77,48 @@ class Limits:
 LIMITS = Limits()
 
 
-@dataclass(frozen=True)
-class LawFit(WindowFit):
-    """A pulse of one form of loss on one window, in the window's units."""
-
-    form: LossForm
-    parameters: FloatArray  # start and T [w50], height and offset over the peak, B and n [-]
-    jacobian: FloatArray  # of the fitted trace in the parameters, shape (6, n), 0 in a given n
-    varied: int  # how many of them were fitted
-
-    def move_to(self, window: PulseWindow) -> "LawFit":
-        """Return the same pulse on another window of the same trace, not fitted again."""
-        evaluation = evaluate_law(window, self.form, self.parameters)
-        return _describe_fit(self.form, self.parameters, self.varied, window, evaluation)
-
-    def project(self, changes: FloatArray) -> FloatArray:
-        """Return what changes of the trace, shape (n, ...), do to the parameters."""
-        return np.asarray(self._inverse @ changes)
-
-    def find_rest(self, change: FloatArray) -> float:
-        """Return the RMS of what no parameter can make of a change of the trace, shape (n,)."""
-        return float(np.std(change - self.jacobian.T @ self.project(change)))
-
-    def compute_covariance(self, correlation: FloatArray) -> FloatArray:
-        """Return what noise of variance 1 does to the parameters, shape (6, 6).
-
-        Parameters
-        ----------
-        correlation : ndarray
-            Of the noise, from 0 steps of the window on [-].
-        """
-        both_ways = np.concatenate((correlation[:0:-1], correlation))
-        inverse = self._inverse
-        reach = correlation.size - 1
-        correlated = [np.convolve(row, both_ways)[reach : reach + row.size] for row in inverse]
-        return np.asarray(inverse @ np.stack(correlated, axis=1))
-
-    @cached_property
-    def _inverse(self) -> FloatArray:
-        """Changes of the trace to those of the parameters, shape (6, n)."""
-        return np.asarray(np.linalg.pinv(self.jacobian.T))
-
-
-def fit_law(
-    window: PulseWindow,
-    form: LossForm,
-    start: FloatArray,
-    varied: int,
-    *,
-    is_rough: bool = False,
-) -> LawFit:
-    """Fit the first parameters of one form, or look roughly how near it comes."""
-
-    def complete(parameters: FloatArray) -> FloatArray:
-        return _complete(np.append(parameters, start[varied:]), form)
-
-    def evaluate(parameters: FloatArray) -> Evaluation:
-        residual, jacobian = evaluate_law(window, form, complete(parameters))
-        return residual, jacobian[:varied]
-
-    found, (residual, jacobian), converged = minimise(
-        evaluate,
-        start[:varied],
-        LIMITS.rough if is_rough else LIMITS.tolerance,
-        LIMITS.rough_evaluations if is_rough else LIMITS.evaluations,
-    )
-    fit = _describe_fit(form, complete(found), varied, window, (residual, jacobian))
-    return fit if converged else replace(fit, is_inside=False)
-
-
-def _describe_fit(
-    form: LossForm,
-    parameters: FloatArray,
-    varied: int,
-    window: PulseWindow,
-    evaluation: Evaluation,
-) -> LawFit:
-    residual, derivatives = evaluation
-    jacobian = np.zeros((COUNT, residual.size))
-    jacobian[:varied] = derivatives[:varied]
-    limits = (TABLES.exponents, LOSSES[form])
-    inside = [
-        least < parameters[place] < most
-        for place, (least, most) in zip((EXPONENT, LOSS), limits, strict=True)
-        if place < varied
-    ]
-    return LawFit(
-        form=form,
-        parameters=parameters,
-        jacobian=jacobian,
-        varied=varied,
-        residual=float(np.sqrt(residual @ residual / (residual.size - varied))),
-        fitted=window.measured + residual,
-        is_inside=all(inside) and bool(parameters[TIME] > LIMITS.shortest_time),
-    )
-
-
-def _complete(parameters: FloatArray, form: LossForm) -> FloatArray:
-    """Return parameters, shape (6,), with n, B and T within their limits."""
-    values = parameters.copy()
-    values[EXPONENT] = np.clip(values[EXPONENT], *TABLES.exponents)
-    values[LOSS] = np.clip(values[LOSS], *LOSSES[form])
-    values[TIME] = max(values[TIME], LIMITS.shortest_time)
-    return values
-
-
-@lru_cache(maxsize=8)
 def _estimate_start(exponent: float) -> FloatArray:
     """Return parameters from the pulse's width and peak alone, shape (6,)."""
     loss = LIMITS.start[0]
-    pulse = compute_pulses(np.array([exponent]), np.array([loss]))
-    times = np.linspace(0.0, pulse.duration[0], 401)
-    force = pulse.compute_force(times)[0]
-    above = times[force >= force.max() / 2.0]
-    time = 1.0 / (above[-1] - above[0])
-    middle = (above[-1] + above[0]) / 2.0
-    return make_read_only(np.array([-middle * time, time, 1.0 / force.max(), 0.0, loss, exponent]))
+    pulse = compute_pulses(np.array([exponent]), np.array([loss]), LossForm.PROPORTIONAL)
+    duration, peak = float(pulse.duration[0]), float(pulse.compute_peak_force()[0])
+    time = 1.0 / (LIMITS.width * duration)
+    return np.array([-duration * time / 2.0, time, 1.0 / peak, 0.0, loss, exponent])
 
 
-def evaluate_law(window: PulseWindow, form: LossForm, parameters: FloatArray) -> Evaluation:
-    """Return fitted minus measured, and its derivatives in the parameters.
+def evaluate_laws(window: PulseWindow, parameters: FloatArray, *forms: LossForm) -> Evaluation:
+    """Return fitted minus measured, and its derivatives in the parameters; as many of each form.
 
     The force is averaged over a point of the model's, from its impulse: it may jump, and what is
     fitted must not go in steps when the start moves from one point to the next.
     """
-    start, time, height, offset, loss, exponent = parameters.tolist()
+    start, time, height, offset, loss, exponent = parameters.T[..., np.newaxis]
     more = LIMITS.step
     pulses = compute_pulses(
-        np.array([exponent, exponent, exponent + more]), np.array([loss, loss + more, loss]), form
+        (exponent + np.array([0.0, 0.0, more])).ravel(),
+        (loss + np.array([0.0, more, 0.0])).ravel(),
+        *forms,
     )
-    reach = min(window.model_time[1] - window.model_time[0], LIMITS.finest) / 2.0
-    part = window.find_part(start - reach, start + time * float(pulses.duration.max()) + reach)
-    scaled = (window.model_time[part] - start) / time
-    edges = np.concatenate((scaled - reach / time, scaled + reach / time))
-    before, after = np.split(pulses.compute_impulse(edges), 2, axis=1)
-    force = (after - before) * (time / (2.0 * reach))
-    rows = np.empty((COUNT, scaled.size))
-    rows[START] = -height / time * np.gradient(force[0], scaled)
-    rows[TIME] = rows[START] * scaled
-    rows[HEIGHT] = force[0]
-    rows[OFFSET] = 0.0
-    rows[LOSS] = height / more * (force[1] - force[0])
-    rows[EXPONENT] = height / more * (force[2] - force[0])
+    spacing = window.model_time[1] - window.model_time[0]
+    reach = min(spacing, LIMITS.finest) / 2.0
+    ends = start + time * pulses.duration.reshape(-1, 3)
+    part = window.find_part(float(start.min()) - reach, float(ends.max()) + reach)
+    shown_time = window.model_time[part]
+    # Fine points have their edges in common.
+    last = shown_time[-1:] if spacing <= LIMITS.finest else shown_time
+    edges = np.concatenate((shown_time - reach, last + reach))
+    impulse = pulses.compute_impulse(np.repeat((edges - start) / time, 3, axis=0))
+    impulse = impulse.reshape(len(parameters), 3, -1)
+    force = impulse[..., -shown_time.size :] - impulse[..., : shown_time.size]
+    force *= (time / (2.0 * reach))[..., np.newaxis]
+    rows = np.zeros((len(parameters), COUNT, shown_time.size))
+    rows[:, START] = -height * np.gradient(force[:, 0], spacing, axis=1)
+    rows[:, TIME] = rows[:, START] * (shown_time - start) / time
+    rows[:, HEIGHT] = force[:, 0]
+    rows[:, LOSS:] = (height / more)[..., np.newaxis] * (force[:, 1:] - force[:, :1])
     shown = window.show(rows, part)
-    shown[OFFSET] = 1.0
-    return height * shown[HEIGHT] + offset - window.measured, shown
+    shown[:, OFFSET] = 1.0
+    return height * shown[:, HEIGHT] + offset - window.measured, shown
 
 
 def fit_forms(
@@ -235,7 +128,7 @@ def fit_forms(
     noise: float,
     *,
     is_ringing: bool = False,
-) -> list[LawFit]:
+) -> dict[LossForm, WindowFit]:
     """Return the fits that describe the pulse as well as the best; Hunt and Crossley's first.
 
     All forms have as many parameters: their BIC differ by their sums of squares over the variance
@@ -251,33 +144,47 @@ def fit_forms(
         The sensor rings, which makes the pulse wider and the fit's minima several.
     """
     start = _estimate_start(LIMITS.start[1] if exponent is None else exponent)
+    starts = np.tile(start, (2 if is_ringing else 1, 1))
     # A shorter one with the same middle: a pulse lasts some 3.2 T.
-    begin = start[START] + (1.0 - LIMITS.shorter) * 1.6 * start[TIME]
-    shorter = np.concatenate(([begin, LIMITS.shorter * start[TIME]], start[HEIGHT:]))
-    starts = [start, shorter] if is_ringing else [start]
-    varied = COUNT if exponent is None else COUNT - 1
-    rough = [
-        min(
-            (fit_law(window, form, one, varied, is_rough=True) for one in starts),
-            key=lambda fit: fit.residual,
+    starts[1:, START] += (1.0 - LIMITS.shorter) * 1.6 * start[TIME]
+    starts[1:, TIME] *= LIMITS.shorter
+
+    def fit(starts: FloatArray, *forms: LossForm, most: float = math.inf) -> list[WindowFit]:
+        bounds = np.empty((2, len(starts), COUNT))
+        bounds[0], bounds[1] = -np.inf, np.inf
+        bounds[0, :, TIME] = LIMITS.shortest_time
+        bounds[..., LOSS] = np.transpose([LOSSES[form] for form in forms])
+        bounds[..., EXPONENT] = (
+            [[limit] for limit in TABLES.exponents] if exponent is None else exponent
         )
-        for form in LossForm
-    ]
-    least = min(fit.residual for fit in rough)
-    fits = [
-        fit_law(window, fit.form, fit.parameters, varied)
-        for fit in rough
-        if fit.residual < LIMITS.near * least
-    ]
-    best = min(fits, key=lambda fit: (not fit.is_inside, fit.residual))
+        return fit_window(
+            window,
+            lambda parameters: evaluate_laws(window, parameters, *forms),
+            starts,
+            bounds,
+            most,
+        )
+
+    def judge(fit: WindowFit) -> tuple[bool, float]:
+        return not fit.is_inside, fit.residual
+
+    first, *others = LossForm
+    fits = {first: min(fit(starts, first), key=judge)}
+    # The others begin with about the same e.
+    begin = np.tile(fits[first].parameters, (len(others), 1))
+    begin[:, LOSS] *= [LOSSES[form][1] / LOSSES[first][1] for form in others]
+    fits |= dict(
+        zip(others, fit(begin, *others, most=LIMITS.near * fits[first].residual), strict=True)
+    )
+    best = min(fits.values(), key=judge)
     level = white / math.sqrt(window.step) * max(1.0, best.residual / noise) if noise else 0.0
     allowed = LIMITS.criterion * max(level, LIMITS.table) ** 2
-    return [
-        fit
-        for fit in fits
+    return {
+        form: fit
+        for form, fit in fits.items()
         if fit is best
         or (fit.is_inside and (fit.residual**2 - best.residual**2) * fit.fitted.size < allowed)
-    ]
+    }
 
 
 FORM_OF_LOSS = "form of the loss"
@@ -418,7 +325,7 @@ def estimate_contact_law(
     noise = float(compute_raw_noise(mean)[0]) * math.sqrt(correlation[0]) / peak
     white = float(mean.raw_noise[0]) / peak
     fits = fit_forms(window, exponent, white, noise, is_ringing=sensors[0].resonance > 0.0)
-    fit = fits[0]
+    form, fit = next(iter(fits.items()))
     restored = restore_levels(mean, sensors)
     whole = slice(window.points.start, window.points.stop)
     scatter, leaves = _compute_scatter(mean, fit, window, pulse.peak)
@@ -429,14 +336,12 @@ def estimate_contact_law(
         ),
         warnings=_check_hits(restored, leaves),
     )
-    is_worse, excludes_versed_sine = _compare_with_versed_sine(
-        fit, cut_window(mean.traces[0], pulse, *seen), white, noise
-    )
-    changes = _change_sensor(mean, pulse, fit, sensors[0], seen[:2])
+    is_worse, excludes_versed_sine = _compare_with_versed_sine(fit, window, white, noise)
+    changes = _change_sensor(mean, pulse, (form, fit), sensors[0], seen[:2])
     largest = max(LIMITS.residual, LIMITS.residual_over_noise * noise)
     largest += 2.0 * max((fit.find_rest(change) for _, change in changes), default=0.0)
-    reason = _find_misfit(fit, largest, is_worse=is_worse)
-    if reason:
+    reason = _find_misfit(form, fit, largest, is_worse=is_worse)
+    if reason is not None:
         return _check_speed(replace(without, notes=(reason,)), impact_speed)
     scales = np.array([1.0, width / mean.sampling_rate, peak, 1.0, 1.0, 1.0])
     unit = fit.compute_covariance(correlation / correlation[0])
@@ -459,7 +364,7 @@ def estimate_contact_law(
     ]
     spread = math.sqrt(total[EXPONENT, EXPONENT] * total[LOSS, LOSS])
     told = float(total[EXPONENT, LOSS]) / spread if spread > 0.0 else math.nan
-    points = [(one.form, one.parameters * scales) for one in fits]
+    points = [(one, each.parameters * scales) for one, each in fits.items()]
     quantities, own = _compute_quantities(points, np.diag(scales), sources, masses)
     restitution = quantities["restitution"]
     if restitution.value - 1.0 > max(restitution.expanded, LIMITS.elastic):
@@ -476,7 +381,7 @@ def estimate_contact_law(
         stated_restitution=without.stated_restitution,
         residual_percent=without.residual_percent,
         momentum_ratio=ratio,
-        form=fit.form.value,
+        form=form.value,
         loss=float(fit.parameters[LOSS]),
         correlation=told,
         own_covariances=own,
@@ -487,8 +392,8 @@ def estimate_contact_law(
     return _check_speed(law, impact_speed)
 
 
-def _find_misfit(fit: LawFit, largest: float, *, is_worse: bool) -> str:
-    """Say why no law describes the pulse; empty: one does.
+def _find_misfit(form: LossForm, fit: WindowFit, largest: float, *, is_worse: bool) -> str | None:
+    """Say why no law describes the pulse; None: one does.
 
     Parameters
     ----------
@@ -498,7 +403,7 @@ def _find_misfit(fit: LawFit, largest: float, *, is_worse: bool) -> str:
         The law leaves more than a versed-sine does, chance apart.
     """
     loss, exponent = fit.parameters[LOSS:, np.newaxis]
-    e = compute_pulses(exponent, loss, fit.form).restitution[0]
+    e = compute_pulses(exponent, loss, form).restitution[0]
     crushed = CRUSHED if e > 1.0 + LIMITS.crushed else ""
     if not fit.is_inside:
         return f"{LIKE_CONTACT}: no fit ends{crushed}"
@@ -507,16 +412,18 @@ def _find_misfit(fit: LawFit, largest: float, *, is_worse: bool) -> str:
             f"{LIKE_CONTACT}: the best leaves {100.0 * fit.residual:.2g} % of the peak, where"
             f" noise and sensor explain {100.0 * largest:.2g} %{crushed}"
         )
-    return f"{LIKE_CONTACT}: a versed-sine comes nearer to it than the best of them" * is_worse
+    if is_worse:
+        return f"{LIKE_CONTACT}: a versed-sine comes nearer to it than the best of them"
+    return None
 
 
-def _describe_rest(fits: list[LawFit], noise: float) -> tuple[str, ...]:
+def _describe_rest(fits: dict[LossForm, WindowFit], noise: float) -> tuple[str, ...]:
     """Say which forms of loss are possible, and what the best leaves."""
     notes = []
     if len(fits) > 1:
-        forms = ", ".join(fit.form.value for fit in fits)
+        forms = ", ".join(form.value for form in fits)
         notes.append(f"the pulse does not tell apart the forms of loss {forms}")
-    residual = fits[0].residual
+    residual = next(iter(fits.values())).residual
     if compute_unexplained(residual, noise) > 0.0 < noise:
         notes.append(
             f"the law leaves {100.0 * residual:.2g} % of the peak, the noise is"
@@ -571,7 +478,11 @@ def look_at_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
 
 
 def _change_sensor(
-    mean: MeanHit, pulse: PulseWidth, fit: LawFit, sensor: Sensor, seen: tuple[float, float]
+    mean: MeanHit,
+    pulse: PulseWidth,
+    law: tuple[LossForm, WindowFit],
+    sensor: Sensor,
+    seen: tuple[float, float],
 ) -> list[tuple[str, FloatArray]]:
     """Return what a standard uncertainty of the hammer's sensor does to the fitted trace."""
     response = sensor.response
@@ -583,14 +494,15 @@ def _change_sensor(
         stated = getattr(response, name)
         if stated and standard:
             other = replace(response, **{name: stated + standard})
-            moved = fit.move_to(cut_window(mean.traces[0], pulse, *seen, other, LIMITS.margins))
+            window = cut_window(mean.traces[0], pulse, *seen, other, LIMITS.margins)
+            residual, _ = evaluate_laws(window, law[1].parameters[np.newaxis], law[0])
             what = f"{name.replace('_', ' ')} of the hammer's sensor"
-            changes.append((what, moved.fitted - fit.fitted))
+            changes.append((what, window.measured + residual[0] - law[1].fitted))
     return changes
 
 
 def _compare_with_versed_sine(
-    law: LawFit, window: PulseWindow, white: float, noise: float
+    law: WindowFit, window: PulseWindow, white: float, noise: float
 ) -> tuple[bool, bool]:
     """Return whether a versed-sine comes nearer than the law, and whether the data exclude it.
 
@@ -598,12 +510,17 @@ def _compare_with_versed_sine(
 
     Parameters
     ----------
-    law : LawFit
+    law : WindowFit
         As it was fitted to pulse and tail.
     white, noise : float
         Of the trace before and behind the low-pass, over the peak [-].
     """
-    ours, versed = law.move_to(window), fit_pulse(window, VERSED_SINE)
+    part = window.find_pulse()
+    (versed,) = fit_shapes(window.cut(part), [VERSED_SINE])
+    left = law.fitted[part] - window.measured[part]
+    ours = replace(
+        law, fitted=law.fitted[part], residual=math.sqrt(left @ left / (left.size - COUNT))
+    )
     least = min(ours.residual, versed.residual)
     level = white / math.sqrt(window.step) * max(1.0, least / noise) if noise > 0.0 else least
     is_excluded = versed.is_worse(ours, level) and versed.residual > LIMITS.versed_residual
@@ -611,11 +528,11 @@ def _compare_with_versed_sine(
 
 
 def _compute_scatter(
-    mean: MeanHit, fit: LawFit, window: PulseWindow, peak: float
+    mean: MeanHit, fit: WindowFit, window: PulseWindow, peak: float
 ) -> tuple[FloatArray | None, FloatArray]:
-    """Return the covariance of the parameters over the hits, linear about their mean's.
+    """Return the parameters' covariance over the hits, and each hit's residual in peak.
 
-    None: one hit shows none. And what each hit leaves of the peak beside the law of its own.
+    The covariance is linear about the mean's parameters, and None for a single hit.
     """
     if len(mean.hits) < LEAST_HITS:
         return None, np.zeros(1)

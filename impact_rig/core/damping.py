@@ -14,7 +14,6 @@ from impact_rig.core.arithmetic import (
 )
 from impact_rig.core.errors import NotDeterminedError, check_not_negative, check_positive
 from impact_rig.core.hits import MeanHit
-from impact_rig.core.pulse_shape import Evaluation, minimise
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import FloatArray
 
@@ -188,15 +187,18 @@ def fit_decay(measured: FloatArray, relative_cutoff: float) -> tuple[FloatArray,
     relative_cutoff : float
         Highest frequency that can be there, over the sampling rate [-]; 0: one half.
     """
-
-    def evaluate(parameters: FloatArray) -> Evaluation:
-        fit = fit_amplitudes(measured, parameters * scale)
-        return fit.residual, fit.jacobian * scale[:, np.newaxis]
-
     candidates = _search_spectrum(measured, relative_cutoff or 0.5)
     fits = [fit_amplitudes(measured, candidate).residual for candidate in candidates]
     scale = candidates[int(np.argmin([float(left @ left) for left in fits]))]
-    found, _, _ = minimise(evaluate, np.ones(2), TOLERANCE, MOST_EVALUATIONS)
+    found = scipy.optimize.least_squares(
+        lambda factors: fit_amplitudes(measured, factors * scale).residual,
+        np.ones(2),
+        lambda factors: fit_amplitudes(measured, factors * scale).jacobian.T * scale,
+        method="lm",
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        max_nfev=MOST_EVALUATIONS,
+    ).x
     solution = np.array([1.0, np.sign(found[1])]) * found * scale
     return solution, fit_amplitudes(measured, solution)
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from impact_rig.core.records import Block, ChannelBlock, FloatArray, RawArray, Record, Trace
+from impact_rig.core.records import Block, RawArray, Record
 from impact_rig.core.setup import AnalysisSettings
 
 
@@ -24,7 +24,7 @@ class Gap:
     low: int
     high: int
     description: str
-    is_backward: bool = False  # points are repeated, or the stream has begun anew
+    is_backward: bool = False  # points are repeated, or the stream has begun again
 
 
 class Continuity:
@@ -90,7 +90,11 @@ class Segment:
 
     def read(self, first: int, last: int) -> Block:
         """Return the points from `first` up to `last`, as far as they are there, as one block."""
-        parts = self._cut_blocks(first, last)
+        parts = [
+            block.cut(max(first - block.first_sample, 0), last - block.first_sample)
+            for block in self._blocks
+            if block.first_sample < last and block.stop > first
+        ]
         if not parts:
             return self.first.cut(0, 0)
         if len(parts) == 1:
@@ -140,14 +144,6 @@ class Segment:
         """Forget whole blocks that lie before the point `index`."""
         while self._blocks and self._blocks[0].stop <= index:
             self._blocks.popleft()
-
-    def _cut_blocks(self, first: int, last: int) -> list[Block]:
-        """Return the parts of its blocks from `first` up to `last`."""
-        return [
-            block.cut(max(first - block.first_sample, 0), last - block.first_sample)
-            for block in self._blocks
-            if block.first_sample < last and block.stop > first
-        ]
 
 
 RELATIVE_LEVEL = 0.1
@@ -223,14 +219,6 @@ def count_window_points(settings: AnalysisSettings, sampling_rate: float) -> tup
     return max(round(before), 1), max(round(length), 1)
 
 
-def to_acceleration(channel: ChannelBlock, output: RawArray) -> FloatArray:
-    """Return raw output of a channel as acceleration [m/s^2], read-only."""
-    acceleration: FloatArray = np.multiply(channel.scale, output, dtype=np.float64)
-    acceleration += channel.offset
-    acceleration.setflags(write=False)
-    return acceleration
-
-
 class ImpactDetector:
     """Cuts the hit of each arming of one accelerometer pair out of its blocks.
 
@@ -252,7 +240,7 @@ class ImpactDetector:
             broken = Gap(place, sys.maxsize, f"the stream breaks off at point {place}")
             records.append(self._finish([broken]))
         if not block.triggered:
-            return (*records, _make_record(block, block, triggered=False))
+            return (*records, _make_record(block, block))
         self._blocks.append(block)
         if block.last:
             records.append(self._finish([]))
@@ -278,69 +266,46 @@ class ImpactDetector:
                 segments[-1].append(block)
         gaps += gaps_at_end
         before, length = count_window_points(self._settings, blocks[0].sampling_rate)
-        for segment, pulse in _find_pulses(segments, before, self._settings):
-            wanted = pulse - before
-            first, last = max(wanted, segment.start), max(wanted, segment.start) + length
-            near = [gap for gap in gaps if gap.high > wanted and gap.low < last]
-            return _make_record(segment.first, segment.read(first, last), near, pulse - first)
+        known: Baseline | None = None
+        for segment in segments:
+            baseline = known
+            if baseline is None:
+                output = segment.read(segment.start, segment.stop).hammer.output
+                if segment.first.hammer.full_scale > 0.0:
+                    # That of the first segment as long as a pre-trigger, as far as there is one.
+                    baseline = compute_baseline(output[:before])
+                    known = baseline if output.size >= before else None
+                else:
+                    baseline = _find_quiet_end(output)
+            pulse = segment.find_pulse(baseline, self._settings, segment.stop)
+            if pulse is not None:
+                wanted = pulse - before
+                first, last = max(wanted, segment.start), max(wanted, segment.start) + length
+                near = [gap for gap in gaps if gap.high > wanted and gap.low < last]
+                window = segment.read(first, last)
+                return _make_record(segment.first, window, near, pulse - first)
         if not segments:
             return _make_record(blocks[-1], blocks[-1], gaps)
         final = segments[-1]
         return _make_record(final.first, final.read(final.start, final.stop), gaps)
 
 
-def _find_pulses(
-    segments: list[Segment], before: int, settings: AnalysisSettings
-) -> Iterable[tuple[Segment, int]]:
-    """Yield the first pulse of each segment that has one.
-
-    With a full scale the baseline is that of the first segment as long as a pre-trigger, as far
-    as there is one.
-    """
-    known: Baseline | None = None
-    for segment in segments:
-        baseline = known
-        if baseline is None:
-            output = segment.read(segment.start, segment.stop).hammer.output
-            if segment.first.hammer.full_scale > 0.0:
-                baseline = compute_baseline(output[:before])
-                known = baseline if output.size >= before else None
-            else:
-                baseline = _find_quiet_end(output)
-        pulse = segment.find_pulse(baseline, settings, segment.stop)
-        if pulse is not None:
-            yield segment, pulse
-
-
 def _make_record(
-    first: Block,
-    window: Block,
-    gaps: Iterable[Gap] = (),
-    pulse_index: int | None = None,
-    *,
-    triggered: bool = True,
+    first: Block, window: Block, gaps: Iterable[Gap] = (), pulse_index: int | None = None
 ) -> Record:
     """Return the record of a window, stamped by the first block of its segment."""
-    hammer, specimen = (
-        Trace(
-            to_acceleration(channel, channel.output),
-            channel.full_scale,
-            channel.resolution,
-            channel.overloaded,
-        )
-        for channel in (window.hammer, window.specimen)
-    )
     delay = (window.first_sample - first.first_sample) / first.sampling_rate
     return Record(
-        label=first.label,
+        first_sample=window.first_sample,
         sampling_rate=first.sampling_rate,
-        hammer=hammer,
-        specimen=specimen if window.has_specimen else None,
-        pulse_index=pulse_index,
-        triggered=triggered,
-        flaws=tuple(gap.description for gap in gaps),
+        hammer=window.hammer,
+        specimen=window.specimen,
+        label=first.label,
+        triggered=window.triggered,
         stamp=first.stamp + round(delay * 1e9),
         origin=first.origin,
+        pulse_index=pulse_index,
+        flaws=tuple(gap.description for gap in gaps),
     )
 
 

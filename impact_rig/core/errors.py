@@ -46,6 +46,12 @@ def check_positive(name: str, value: float, unit: str) -> None:
         raise ParameterError(f"{name} is {value!r} {unit}: it must be a finite number above zero")
 
 
+def check_if_known(name: str, value: float, unit: str) -> None:
+    """Require a finite number above zero, or NaN: not known; see `check_positive`."""
+    if not math.isnan(value):
+        check_positive(name, value, unit)
+
+
 def check_not_negative(name: str, value: float, unit: str) -> None:
     """Require a finite number of zero or more; parameters and errors as `check_positive`."""
     if not (math.isfinite(value) and value >= 0):

@@ -135,7 +135,7 @@ def low_pass(traces: FloatArray, cutoff_frequency: float, sampling_rate: float) 
         )
     numerator, denominator, steady = _design_pass(float(cutoff_frequency), float(sampling_rate))
     # Mirrored, since odd padding would pin both ends to single, unfiltered points. This is
-    # scipy's `sosfiltfilt`, which finds the steady state anew for every trace and takes a detour
+    # scipy's `sosfiltfilt`, which finds the steady state again for every trace and takes a detour
     # for many sections: it needs more than twice the time.
     padding = min(count - 1, int(PADDING * sampling_rate / cutoff_frequency))
     before, after = traces[..., padding:0:-1], traces[..., -2 : -padding - 2 : -1]

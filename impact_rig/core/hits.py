@@ -15,11 +15,11 @@ from impact_rig.core.filtering import check_cutoff, interpolate_between, low_pas
 from impact_rig.core.pulse_width import BASELINE_POINTS, PulseWidth, measure_pulse
 from impact_rig.core.records import UNSTATED, FloatArray, HitLabel, Origin, Record, make_read_only
 from impact_rig.core.setup import AnalysisSettings
-from impact_rig.core.tail import ZeroShift, judge_zeros
+from impact_rig.core.tail import judge_zeros
 from impact_rig.core.verdict import (
     CHANNELS,
+    Finding,
     Reason,
-    Rejection,
     check_channels,
     check_low_pass,
     check_pulse,
@@ -66,7 +66,7 @@ class JudgedHit:
     """One hit with its verdict; NaN: not determined."""
 
     label: HitLabel
-    rejections: tuple[Rejection, ...]  # every reason against it; empty: accepted
+    rejections: tuple[Finding, ...]  # every reason against it; empty: accepted
     stamp: int = 0  # of the record's first point [ns since the epoch]
     impact_time: float = math.nan  # middle of the hammer's pulse, from the first point [s]
     contact_time: float = math.nan  # tau_p of this hit alone [s]
@@ -75,8 +75,8 @@ class JudgedHit:
     hammer_peak: float = math.nan  # largest |acceleration| after the low-pass [m/s^2]
     specimen_peak: float = math.nan
     filtered: FilteredHit | None = None  # of a hit with a pulse, rejected or not
-    overruled: tuple[Rejection, ...] = ()  # reasons that were set aside by hand
-    findings: tuple[Rejection, ...] = ()  # what was corrected, or may be harmless
+    overruled: tuple[Finding, ...] = ()  # reasons that were set aside by hand
+    findings: tuple[Finding, ...] = ()  # what was corrected, or may be harmless
     origin: Origin = UNSTATED
 
     @property
@@ -108,42 +108,37 @@ def judge_hit(
         If the sampling rate is too low for the low-pass.
     """
     check_cutoff(settings.cutoff_frequency, record.sampling_rate)
-    rejections = check_stream(record)
-    if any(item.reason is not Reason.GAP for item in rejections):
-        return JudgedHit(record.label, rejections, record.stamp)
-    rejections += check_channels(record, settings)
+    found = check_stream(record)
+    if any(item.reason is not Reason.GAP for item in found):
+        return JudgedHit(record.label, tuple(found), record.stamp)
+    found += check_channels(record, settings)
+    overloaded = any(item.reason is Reason.OVERLOAD for item in found)
     if record.pulse_index is None:
-        return JudgedHit(record.label, rejections, record.stamp)
-    baseline_stop = int(BASELINE_PART * record.pulse_index)
-    if baseline_stop < BASELINE_POINTS:
-        rejections += (Rejection(Reason.TRUNCATED, "the record starts too late for a baseline"),)
-        return JudgedHit(record.label, rejections, record.stamp)
+        return JudgedHit(record.label, tuple(found), record.stamp)
     try:
-        raw, filtered, doubtful = _filter_record(record, baseline_stop, settings)
-        hidden, changed = check_low_pass(
+        raw, filtered, doubtful = _filter_raw(record, settings)
+        hidden = check_low_pass(
             raw[0], filtered.pulse, float(filtered.raw_noise[0]), record.sampling_rate, settings
         )
-        filtered, corrected, unsure, tops = _correct_zero(filtered, settings, low_corners)
+        hit, zeros = _correct_zero(filtered, settings, low_corners)
     except SignalError as error:
-        rejections += (Rejection(Reason.TRUNCATED, str(error)),)
-        return JudgedHit(record.label, rejections, record.stamp)
-    pulse, peaks = filtered.pulse, np.abs(filtered.traces).max(axis=1).tolist()
-    overloaded = any(item.reason is Reason.OVERLOAD for item in rejections)
+        found.append(Finding(Reason.TRUNCATED, str(error)))
+        return JudgedHit(record.label, tuple(found), record.stamp)
+    pulse, peaks = hit.pulse, np.abs(hit.traces).max(axis=1).tolist()
     if not overloaded:
-        rejections += tops
-    rejections += check_strength(record, peaks, settings, overloaded=overloaded)
-    against, harmless = check_pulse(
-        filtered.traces[0], pulse, float(filtered.noise[0]), record.sampling_rate, settings
-    )
-    seen = {item.reason for item in against}
-    rejections += against + tuple(item for item in hidden if item.reason not in seen)
-    if not rejections:
-        # Whatever else is wrong may show in the tail.
-        rejections += unsure
+        # What comes after a flat top may tilt it.
+        found += check_tops(hit.traces) or (check_tops(filtered.traces) if zeros else [])
+    found += check_strength(record, peaks, settings, overloaded=overloaded)
+    course = check_pulse(hit.traces[0], pulse, float(hit.noise[0]), record.sampling_rate, settings)
+    seen = {item.reason for item in course if not item.is_harmless}
+    found += doubtful + [item for item in zeros if item.is_harmless] + course
+    found += [item for item in hidden if item.reason not in seen]
+    rejections = [item for item in found if not item.is_harmless]
     width = pulse.half_amplitude_width / record.sampling_rate
     return JudgedHit(
         label=record.label,
-        rejections=rejections,
+        # Whatever else is wrong may show in the tail.
+        rejections=tuple(rejections or [item for item in zeros if not item.is_harmless]),
         stamp=record.stamp,
         impact_time=pulse.middle / record.sampling_rate,
         contact_time=settings.pulse_factor * width,
@@ -151,20 +146,34 @@ def judge_hit(
         width_ratio=pulse.width_ratio,
         hammer_peak=peaks[0],
         specimen_peak=peaks[1] if len(peaks) > 1 else math.nan,
-        filtered=filtered,
-        findings=doubtful + corrected + harmless + changed,
+        filtered=hit,
+        findings=tuple(item for item in found if item.is_harmless),
     )
+
+
+def filter_record(
+    record: Record, settings: AnalysisSettings, low_corners: Sequence[float] = ()
+) -> FilteredHit:
+    """Return the traces behind the verdict on a hit, without judging it again.
+
+    Raises
+    ------
+    RigError
+        If the record has no whole pulse, or its sampling rate is too low for the low-pass.
+    """
+    _, filtered, _ = _filter_raw(record, settings)
+    return _correct_zero(filtered, settings, low_corners)[0]
 
 
 def _correct_zero(
     hit: FilteredHit, settings: AnalysisSettings, low_corners: Sequence[float]
-) -> tuple[FilteredHit, tuple[Rejection, ...], tuple[Rejection, ...], tuple[Rejection, ...]]:
+) -> tuple[FilteredHit, list[Finding]]:
     """Take off what the zero is after the impact.
 
     Returns
     -------
     tuple
-        The hit, what was taken off, what was not sure enough, and pulses that are flat at the top.
+        The hit, what was taken off, and, against the hit, what was not sure enough.
 
     Raises
     ------
@@ -174,8 +183,7 @@ def _correct_zero(
     shifts = judge_zeros(
         hit.traces, hit.pulse, hit.baseline_points, hit.raw_noise, hit.sampling_rate, settings
     )
-    corrected: list[Rejection] = []
-    unsure: list[Rejection] = []
+    found: list[Finding] = []
     traces = hit.traces.copy()
     peaks = np.abs(traces).max(axis=1)
     left = list(hit.zero_uncertainty)
@@ -184,12 +192,14 @@ def _correct_zero(
         if shift is None or (is_stated and shift.reason is Reason.DROOP):
             continue
         # A body that is damped comes back by itself, as a charge does.
-        if channel and not (shift.stays or _is_shifted(shifts[0])):
+        if channel and not shift.stays and (not shifts[0] or shifts[0].reason is Reason.RINGING):
             continue
-        text = f"zero of the {name} after the impact: {shift.explanation}"
         # What is not sure of the sample is in the uncertainty of its momentum.
-        is_harmless = channel or shift.reason is Reason.RINGING or shift.correction is not None
-        (corrected if is_harmless else unsure).append(Rejection(shift.reason, text))
+        is_harmless = bool(
+            channel or shift.reason is Reason.RINGING or shift.correction is not None
+        )
+        text = f"zero of the {name} after the impact: {shift.explanation}"
+        found.append(Finding(shift.reason, text, is_harmless))
         left[channel] = math.hypot(left[channel], shift.uncertainty)
         if shift.correction is None:
             continue
@@ -198,35 +208,33 @@ def _correct_zero(
             # What is corrected on one channel may be unseen on the other.
             middle = round(hit.pulse.middle)
             left[1] = float(np.abs(shift.correction[middle:]).max() * peaks[1] / peaks[0])
-    if not corrected:
-        return hit, (), tuple(unsure), check_tops(hit.traces)
-    # What comes after a flat top may tilt it.
-    tops = check_tops(traces) or check_tops(hit.traces)
+    if not any(item.is_harmless for item in found):
+        return hit, found
     traces.setflags(write=False)
-    better = replace(
-        hit, traces=traces, pulse=measure_pulse(traces[0]), zero_uncertainty=(left[0], left[1])
-    )
-    return better, tuple(corrected), tuple(unsure), tops
+    pulse = measure_pulse(traces[0])
+    return replace(hit, traces=traces, pulse=pulse, zero_uncertainty=(left[0], left[1])), found
 
 
-def _is_shifted(shift: ZeroShift | None) -> bool:
-    return shift is not None and shift.reason is not Reason.RINGING
+def _filter_raw(
+    record: Record, settings: AnalysisSettings
+) -> tuple[FloatArray, FilteredHit, list[Finding]]:
+    """Return the traces with baseline zero before and after the low-pass, and what is doubtful.
 
-
-def _filter_record(
-    record: Record, baseline_stop: int, settings: AnalysisSettings
-) -> tuple[FloatArray, FilteredHit, tuple[Rejection, ...]]:
-    """Return the traces with baseline zero before and after the low-pass, and what is doubtful."""
-    channels = [record.hammer]
-    if record.specimen is not None:
-        channels.append(record.specimen)
-    raw = np.stack([channel.acceleration for channel in channels])
+    Raises
+    ------
+    SignalError
+        If the record has no baseline, or no whole pulse.
+    """
+    baseline_stop = int(BASELINE_PART * (record.pulse_index or 0))
+    if baseline_stop < BASELINE_POINTS:
+        raise SignalError("the record starts too late for a baseline")
+    raw = np.stack([channel.acceleration for channel in record.channels])
     quiet, findings = slice(0, baseline_stop), []
     zero_uncertainty = (0.0, 0.0)
     if _begins_within_pulse(raw[0], baseline_stop):
         quiet = slice(-baseline_stop, None)
         text = "the record begins within the pulse: its zero is that of the record's end"
-        findings.append(Rejection(Reason.TRUNCATED, text))
+        findings.append(Finding(Reason.TRUNCATED, text, is_harmless=True))
         # The zero before the impact lies anywhere between that and the beginning's.
         apart = raw[:, :baseline_stop].mean(axis=1) - raw[:, quiet].mean(axis=1)
         hammer, *others = (np.abs(apart) / math.sqrt(12.0)).tolist()
@@ -240,12 +248,12 @@ def _filter_record(
         pulse=measure_pulse(traces[0]),
         noise=traces[:, quiet].std(axis=1),
         raw_noise=np.sqrt(np.square(raw[:, quiet]).sum(axis=1) / (baseline_stop - 1)),
-        resolution=np.array([channel.resolution for channel in channels]),
+        resolution=np.array([channel.resolution for channel in record.channels]),
         baseline_points=baseline_stop,
         zero_uncertainty=zero_uncertainty,
         label=record.label,
     )
-    return raw, hit, tuple(findings)
+    return raw, hit, findings
 
 
 def _begins_within_pulse(hammer: FloatArray, baseline_stop: int) -> bool:
@@ -268,32 +276,6 @@ def _shorten(hit: FilteredHit) -> FilteredHit:
 
 
 @dataclass(frozen=True)
-class HitSummary:
-    """What the hits of a mean have in common; arrays have the shape (channels,) [m/s^2]."""
-
-    count: int
-    least_noise: FloatArray  # the smallest standard deviation of a raw baseline
-    largest_step: FloatArray  # the largest acceleration of one count; 0: not known
-    square_steps: FloatArray  # sum of the squares of these accelerations
-    baseline_points: int  # that all hits have, counted from the origin: 0 ends there
-    zero_uncertainty: FloatArray  # (2,), sum over the hits: they are alike in all
-
-
-def summarise_hits(hits: Sequence[FilteredHit]) -> HitSummary:
-    """Return what shifted hits have in common."""
-    steps = np.stack([hit.resolution for hit in hits])
-    zeros = np.array([hit.zero_uncertainty for hit in hits])
-    return HitSummary(
-        count=len(hits),
-        least_noise=np.min([hit.raw_noise for hit in hits], axis=0),
-        largest_step=steps.max(axis=0),
-        square_steps=np.square(steps).sum(axis=0),
-        baseline_points=min(hit.baseline_points - hit.origin for hit in hits),
-        zero_uncertainty=np.abs(zeros).sum(axis=0),
-    )
-
-
-@dataclass(frozen=True)
 class MeanHit:
     """The mean of aligned hits; accelerations are in m/s^2."""
 
@@ -303,22 +285,13 @@ class MeanHit:
     noise: FloatArray  # (channels,), standard deviation of the mean's noise, by the baselines
     raw_noise: FloatArray  # the same before the low-pass, of white noise
     hits: tuple[FilteredHit, ...]  # that show the scatter: all, or some of a long series
-    summary: HitSummary  # of all hits in the mean
-
-    @property
-    def count(self) -> int:
-        """Hits in the mean."""
-        return self.summary.count
-
-    @property
-    def baseline_points(self) -> int:
-        """Points of the mean's baseline, 1 or more."""
-        return max(self.summary.baseline_points + self.origin, 1)
-
-    @property
-    def zero_uncertainty(self) -> FloatArray:
-        """Standard uncertainty of the zeros under the pulse by corrections [m/s^2]."""
-        return self.summary.zero_uncertainty / self.count
+    count: int  # hits in the mean
+    baseline_points: int  # of the mean's baseline, 1 or more
+    # Of all hits, of shape (channels,).
+    least_noise: FloatArray  # the smallest standard deviation of a raw baseline
+    largest_step: FloatArray  # the largest acceleration of one count; 0: not known
+    square_steps: FloatArray  # sum of the squares of these accelerations
+    zero_uncertainty: FloatArray  # (2,), of the zeros under the pulse by corrections, standard
 
     def cut_hits(self) -> Iterator[FloatArray]:
         """Yield each of `hits` over the mean's window, of shape (channels, n)."""
@@ -384,6 +357,8 @@ def make_mean(
         np.sqrt(np.square(levels).sum(axis=0)) / count
         for levels in ([hit.noise for hit in hits], [hit.raw_noise for hit in hits])
     )
+    steps = np.stack([hit.resolution for hit in hits])
+    baseline_points = min(hit.baseline_points - hit.origin for hit in hits) + total.origin
     return MeanHit(
         traces=make_read_only(traces),
         sampling_rate=rates.pop(),
@@ -391,7 +366,13 @@ def make_mean(
         noise=make_read_only(noise),
         raw_noise=make_read_only(raw_noise),
         hits=shown,
-        summary=summarise_hits(hits),
+        count=count,
+        baseline_points=max(baseline_points, 1),
+        least_noise=np.min([hit.raw_noise for hit in hits], axis=0),
+        largest_step=steps.max(axis=0),
+        square_steps=np.square(steps).sum(axis=0),
+        # They are alike in all hits.
+        zero_uncertainty=np.abs([hit.zero_uncertainty for hit in hits]).sum(axis=0) / count,
     )
 
 
@@ -480,7 +461,7 @@ def overrule_hit(hit: JudgedHit, overrules: Overrules) -> JudgedHit:
     """
     if hit.label in overrules.rejected:
         return replace(
-            hit, rejections=(*hit.rejections, Rejection(Reason.OPERATOR, "left out by hand"))
+            hit, rejections=(*hit.rejections, Finding(Reason.OPERATOR, "left out by hand"))
         )
     if hit.label not in overrules.accepted:
         return hit
@@ -493,9 +474,9 @@ def overrule_hit(hit: JudgedHit, overrules: Overrules) -> JudgedHit:
     if any(item.reason is Reason.POLARITY for item in hit.rejections):
         raise ParameterError(
             f"hit {describe_label(hit.label)} cannot be accepted by hand: a mean of both signs is"
-            " of neither; turns_polarity = true under [analysis] turns it"
+            " of neither"
         )
-    confirmed = Rejection(Reason.OPERATOR, "accepted by hand")
+    confirmed = Finding(Reason.OPERATOR, "accepted by hand")
     return replace(hit, rejections=(), overruled=(*hit.rejections, confirmed))
 
 

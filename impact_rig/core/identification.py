@@ -12,7 +12,6 @@ from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.filtering import low_pass, respond
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.model import Body, ImpactModel, ModelVariant, simulate_impacts
-from impact_rig.core.pulse_shape import Evaluation, minimise
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.pulses import VERSED_SINE
 from impact_rig.core.records import FloatArray, make_read_only
@@ -260,20 +259,26 @@ class FitProblem:
         """
         scales, low, high = self.find_bounds(start)
 
-        def evaluate(scaled: FloatArray) -> Evaluation:
-            traces, derivatives = self.evaluate(scaled * scales, self.points)
+        # Residual and derivatives are asked for apart, at the same place.
+        @lru_cache(maxsize=1)
+        def evaluate(*scaled: float) -> tuple[FloatArray, FloatArray]:
+            traces, derivatives = self.evaluate(np.array(scaled) * scales, self.points)
             residual = self.weigh(traces - self.traces[:, self.points])
-            return residual, self.weigh(derivatives) * scales[:, np.newaxis]
+            return residual, (self.weigh(derivatives) * scales[:, np.newaxis]).T
 
-        found, _, converged = minimise(
-            evaluate,
+        found = scipy.optimize.least_squares(
+            lambda scaled: evaluate(*scaled)[0],
             np.clip(start, low, high) / scales,
-            tolerance,
-            LIMITS.evaluations,
+            jac=lambda scaled: evaluate(*scaled)[1],
             bounds=(low / scales, high / scales),
+            x_scale="jac",
+            ftol=tolerance,
+            xtol=tolerance,
+            gtol=1e-12,
+            max_nfev=LIMITS.evaluations,
         )
-        values = found * scales
-        if not converged or np.any(self.compute_residual_rms(values) > LARGEST_RESIDUAL):
+        values = np.asarray(found.x * scales)
+        if found.status <= 0 or np.any(self.compute_residual_rms(values) > LARGEST_RESIDUAL):
             raise NotDeterminedError(NO_MODEL)
         return values
 
@@ -364,7 +369,7 @@ class FitProblem:
 
 def compute_raw_noise(mean: MeanHit) -> FloatArray:
     """Return the mean's raw noise [m/s^2], at least that of the converters' steps, shape (2,)."""
-    steps = np.sqrt(mean.summary.square_steps / 12.0)
+    steps = np.sqrt(mean.square_steps / 12.0)
     return np.asarray(np.maximum(mean.raw_noise, steps / mean.count))
 
 

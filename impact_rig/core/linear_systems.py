@@ -169,7 +169,7 @@ def _divide(
 def _exponentiate(
     times: Sequence[tuple[float, ...]], powers: FloatArray, size: int, squarings: int
 ) -> FloatArray:
-    """Return e^(At) of each system at times of its own, shape (systems, times, d, d)."""
+    """Return e^(At) of each system at its own times, shape (systems, times, d, d)."""
     series = np.array(times)[..., np.newaxis] ** _POWERS
     series *= _COEFFICIENTS
     if squarings:

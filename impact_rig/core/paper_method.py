@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from impact_rig.core.arithmetic import UncertainNumber
-from impact_rig.core.contact_law import ContactLaw, look_at_law
+from impact_rig.core.contact_law import NO_LAW, ContactLaw, look_at_law
 from impact_rig.core.damping import (
     LogDecrement,
     estimate_damping_coefficient,
@@ -16,8 +16,8 @@ from impact_rig.core.damping import (
 )
 from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.hits import MeanHit
+from impact_rig.core.pulse_shape import LIMITS as SHAPE_LIMITS
 from impact_rig.core.pulse_shape import (
-    LARGEST_RESIDUAL,
     NO_SHAPE,
     PulseShapeEstimate,
     compute_unexplained,
@@ -102,6 +102,10 @@ class HammerPulse:
     notes: tuple[str, ...] = ()
 
 
+UNSEEN = HammerPulse(NO_SHAPE, NO_LAW)
+"""Of a pulse that is not looked at yet: its estimates have no uncertainty."""
+
+
 def look_at_pulse(mean: MeanHit, setup: RigSetup, sample: str) -> HammerPulse:
     """Return shape and law of the mean pulse on `sample`."""
     law = look_at_law(mean, setup, sample)
@@ -148,7 +152,7 @@ def compute_shape_error(
     near = max(nearest, key=abs, default=0.0)
     far = max(durations.values(), key=abs)
     if abs(near) < abs(far):
-        near += (far - near) * min(unexplained / LARGEST_RESIDUAL, 1.0)
+        near += (far - near) * min(unexplained / SHAPE_LIMITS.residual, 1.0)
     return near / math.sqrt(3.0), own
 
 
@@ -178,8 +182,8 @@ def read_mean_hit(
             continue
         # Steps that no noise smooths make peaks of their own.
         step = compute_quantisation_error(
-            float(mean.summary.largest_step[channel]),
-            float(mean.summary.least_noise[channel]),
+            float(mean.largest_step[channel]),
+            float(mean.least_noise[channel]),
         )
         try:
             peaks = estimate_log_decrement(
@@ -194,6 +198,8 @@ def read_mean_hit(
     noise = float(mean.noise[0]) / abs(pulse.peak)
     form = form or look_at_pulse(mean, setup, sample)
     try:
+        if form is UNSEEN:
+            raise NotDeterminedError("the pulse's shape, and with it the uncertainty, comes later")
         numbers = estimate_contact_numbers(
             mean,
             pulse,

@@ -1,20 +1,19 @@
 """Which shape a pulse has."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import lru_cache
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
-import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
 from impact_rig.core.errors import NotDeterminedError, check_not_negative
 from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF, MINIMUM_POINTS, low_pass, respond
 from impact_rig.core.hits import MeanHit
+from impact_rig.core.least_squares import Evaluation, minimise
 from impact_rig.core.pulse_width import TENTH_LEVEL, PulseWidth, find_crossing, measure_pulse
 from impact_rig.core.pulses import (
-    LARGEST_ASYMMETRY,
     PULSE_SHAPES,
     VERSED_SINE,
     PulseShape,
@@ -24,21 +23,28 @@ from impact_rig.core.quantity import INTERNAL, Comparable, describe
 from impact_rig.core.records import FloatArray, make_read_only
 from impact_rig.core.sensors import FLAT, SensorResponse
 
-FEWEST_POINTS = 8
-"""In the window of a pulse [-], our choice: three more than most models have parameters."""
-MARGIN_BEFORE = 0.5
-"""Baseline in the window before the pulse is at a tenth of its peak, in w50 [-], our choice: the
-slow foot of a versed-sine takes 0.2 of it, the rest holds the offset."""
-MARGIN_AFTER = 0.1
-"""The same after the pulse [-], our choice: the foot, but not the ringing behind it."""
-POINTS_PER_WIDTH = 96
-"""Points of the model in w50, where the trace has so many [-], our choice: every second is
-compared."""
-KERNEL_REACH = 2.0
-"""Half length of the low-pass's kernel, in periods of the cutoff [-], our choice: 1e-5 of it lies
-outside, and a law's n is off by less than noise of 0.02 % makes it."""
-REMEMBERED_MATRICES = 8
-"""Of low-pass and sensor [-], our choice: the hits of a sample need two, of a megabyte or so."""
+
+@dataclass(frozen=True)
+class Limits:
+    """Of windows, fits and what is said of them; all are our choices."""
+
+    points: int = 8  # [-] in a window, at least: three more than most models have parameters
+    # [w50] of baseline before and behind a tenth of the peak: the slow foot of a versed-sine takes
+    # 0.2, the rest holds the offset; ringing behind the pulse stays out
+    margins: tuple[float, float] = (0.5, 0.1)
+    points_per_width: int = 96  # [-] of the model in w50; every second is compared
+    # [1 / cutoff] half length of the low-pass's kernel: 1e-5 of it lies outside, and a law's n is
+    # off by less than noise of 0.02 % makes it
+    kernel: float = 2.0
+    deviations: float = 2.0  # [-] by which sums of squares differ beyond chance: 95 %
+    residual_over_noise: float = 3.0  # [-] more than that is doubted, if another leaves less
+    # [-] of the peak, the same: a versed-sine leaves 0.6 % of a Hertz pulse and makes k 17 % too
+    # low, of a half-sine 3.2 % and 44 %
+    residual: float = 0.005
+    chance: float = 2.0  # [-] square of a residual over that of the noise, up to which it is noise
+
+
+LIMITS = Limits()
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,24 @@ class PulseWindow:
         """Return models at `part` of `model_time`, zero elsewhere, as the trace shows them."""
         return rows if self.smoothing is None else rows @ self.smoothing[:, part].T
 
+    def find_pulse(self) -> slice:
+        """Return its points without most of its margins."""
+        low, high = self.time[np.flatnonzero(self.measured > TENTH_LEVEL)[[0, -1]]]
+        ends = low - LIMITS.margins[0], high + LIMITS.margins[1]
+        return slice(*np.searchsorted(self.time, ends))
+
+    def cut(self, part: slice) -> "PulseWindow":
+        """Return a part of its points."""
+        points = range(self.points.start, self.points.stop, self.step)[part]
+        return replace(
+            self,
+            time=self.time[part],
+            measured=self.measured[part],
+            model_time=self.model_time[part] if self.smoothing is None else self.model_time,
+            smoothing=None if self.smoothing is None else self.smoothing[part],
+            points=slice(points.start, points.stop, points.step),
+        )
+
     def find_part(self, start: float, end: float) -> slice:
         """Return which points of `model_time` `show` needs of a pulse [w50]."""
         if self.smoothing is None:
@@ -69,7 +93,7 @@ def cut_window(
     sampling_rate: float,
     cutoff_frequency: float,
     response: SensorResponse = FLAT,
-    margins: tuple[float, float] = (MARGIN_BEFORE, MARGIN_AFTER),
+    margins: tuple[float, float] = LIMITS.margins,
 ) -> PulseWindow:
     """Cut the pulse out of a trace, and prepare what its models go through.
 
@@ -99,14 +123,14 @@ def cut_window(
             "pulse shape: the trace does not come down to a tenth of the peak on both sides;"
             " record more"
         )
-    fine = max(1, int(width / POINTS_PER_WIDTH))
-    step = fine if width < POINTS_PER_WIDTH else 2 * fine
+    fine = max(1, int(width / LIMITS.points_per_width))
+    step = fine if width < LIMITS.points_per_width else 2 * fine
     first = max(0, math.ceil(low - margins[0] * width))
     last = min(upright.size, math.floor(high + margins[1] * width) + 1)
     points = np.arange(first, last, step)
-    if points.size < FEWEST_POINTS:
+    if points.size < LIMITS.points:
         raise NotDeterminedError(
-            f"pulse shape: {points.size} points on the pulse do not tell it, {FEWEST_POINTS} may;"
+            f"pulse shape: {points.size} points on the pulse do not tell it, {LIMITS.points} may;"
             " sample faster"
         )
     relative_cutoff = cutoff_frequency / sampling_rate * fine
@@ -136,10 +160,10 @@ def _compute_reach(relative_cutoff: float) -> int:
     """Return how far the low-pass reaches to either side [points]."""
     if not relative_cutoff:
         return 0
-    return max(math.ceil(KERNEL_REACH / relative_cutoff), MINIMUM_POINTS)
+    return max(math.ceil(LIMITS.kernel / relative_cutoff), MINIMUM_POINTS)
 
 
-@lru_cache(maxsize=REMEMBERED_MATRICES)
+@lru_cache(maxsize=8)
 def _make_smoothing(
     relative_cutoff: float, response: SensorResponse, count: int, stride: int
 ) -> FloatArray:
@@ -164,15 +188,12 @@ def _make_smoothing(
     return make_read_only(np.ascontiguousarray(rows[::-stride][:count]))
 
 
-TELLING_DIFFERENCE = 2.0
-"""How many standard deviations of what noise alone makes of it two sums of squares must differ by
-[-], our choice: 95 %."""
-
-
 @dataclass(frozen=True)
 class WindowFit:
     """What a model that was fitted to a window leaves of it."""
 
+    parameters: FloatArray  # (p,)
+    jacobian: FloatArray  # (p, n), of the fitted trace in them; 0 in those that were not varied
     is_inside: bool  # False: the fit ended where no pulse is, and its parameters mean nothing
     fitted: FloatArray  # (n,), the fitted trace, filtered
     residual: float  # standard deviation of what is left, over the peak
@@ -185,134 +206,103 @@ class WindowFit:
         """
         excess = (self.residual**2 - best.residual**2) * self.fitted.size
         chance = 2.0 * level * float(np.linalg.norm(self.fitted - best.fitted))
-        return excess > TELLING_DIFFERENCE * chance
+        return excess > LIMITS.deviations * chance
+
+    def project(self, changes: FloatArray) -> FloatArray:
+        """Return what changes of the trace, shape (n, ...), do to the parameters."""
+        return np.asarray(self._inverse @ changes)
+
+    def find_rest(self, change: FloatArray) -> float:
+        """Return the RMS of what no parameter can make of a change of the trace, shape (n,)."""
+        return float(np.std(change - self.jacobian.T @ self.project(change)))
+
+    def compute_covariance(self, correlation: FloatArray) -> FloatArray:
+        """Return what noise of variance 1 does to the parameters, shape (p, p).
+
+        Parameters
+        ----------
+        correlation : ndarray
+            Of the noise, from 0 steps of the window on [-].
+        """
+        both_ways = np.concatenate((correlation[:0:-1], correlation))
+        inverse = self._inverse
+        reach = correlation.size - 1
+        correlated = [np.convolve(row, both_ways)[reach : reach + row.size] for row in inverse]
+        return np.asarray(inverse @ np.stack(correlated, axis=1))
+
+    @cached_property
+    def _inverse(self) -> FloatArray:
+        """Changes of the trace to those of the parameters, shape (p, n)."""
+        return np.asarray(np.linalg.pinv(self.jacobian.T))
 
 
-Evaluation = tuple[FloatArray, FloatArray]
-"""Residual, shape (n,), and its derivatives, shape (parameters, n)."""
-
-
-def minimise(
+def fit_window(
+    window: PulseWindow,
     evaluate: Callable[[FloatArray], Evaluation],
     start: FloatArray,
-    tolerance: float,
-    evaluations: int,
-    bounds: tuple[FloatArray, FloatArray] | None = None,
-) -> tuple[FloatArray, Evaluation, bool]:
-    """Search the least sum of squares.
+    bounds: FloatArray,
+    most: float = math.inf,
+) -> list[WindowFit]:
+    """Fit models to a window.
 
     Parameters
     ----------
-    evaluate : callable
-        Takes parameters, shape (p,).
-    start : ndarray, shape (p,)
-        Where to begin.
-    tolerance : float
-        Relative change of sum of squares and of parameters that ends the search [-].
-    evaluations : int
-        At most.
-    bounds : pair of ndarray, shape (p,)
-        Least and largest parameters; None: any.
-
-    Returns
-    -------
-    tuple
-        Parameters, the evaluation there, and whether the search ended at a minimum.
+    start, bounds : ndarray, shape (k, p) and (2, k, p)
+        Of k models' parameters; bounds are equal where one is not varied.
+    most : float
+        Residual over the peak of a model that is still of use [-].
     """
-    last: list[tuple[FloatArray, Evaluation]] = []
-
-    def look_up(parameters: FloatArray) -> Evaluation:
-        # Residual and derivatives are asked for apart, at the same place.
-        if not last or not np.array_equal(last[0][0], parameters):
-            last[:] = [(parameters.copy(), evaluate(parameters))]
-        return last[0][1]
-
-    found = scipy.optimize.least_squares(
-        lambda parameters: look_up(parameters)[0],
-        start,
-        jac=lambda parameters: look_up(parameters)[1].T,
-        method="lm" if bounds is None else "trf",
-        bounds=bounds or (-np.inf, np.inf),
-        x_scale="jac",
-        ftol=tolerance,
-        xtol=tolerance,
-        gtol=1e-12,
-        max_nfev=evaluations,
+    parameters, evaluation, is_found = minimise(
+        evaluate, start, bounds, most**2 * window.measured.size
     )
-    return found.x, look_up(found.x), found.status > 0
+    is_varied = bounds[0] < bounds[1]
+    is_inside = ((bounds[0] < parameters) & (parameters < bounds[1]) | ~is_varied).all(axis=1)
+    return [
+        WindowFit(
+            parameters=found,
+            jacobian=np.where(varied[:, np.newaxis], jacobian, 0.0),
+            is_inside=bool(inside),
+            fitted=window.measured + residual,
+            residual=math.sqrt(residual @ residual / (residual.size - varied.sum())),
+        )
+        for found, residual, jacobian, varied, inside in zip(
+            parameters, *evaluation, is_varied, is_inside & is_found, strict=True
+        )
+    ]
 
 
-FITTED = 5
-"""Parameters of a fit: start, duration, asymmetry, amplitude and offset."""
-SHORTEST_DURATION = 0.5
-"""Of a pulse, in w50 [-]: none is shorter than its own half-amplitude width."""
-TOLERANCE = 1e-5
-"""Relative change of sum of squares and of parameters that ends a fit [-], our choice: the contact
-time is then within 5e-6 of its best value, a hundredth of what noise and scatter make of it."""
-MOST_EVALUATIONS = 16
-"""Of the model [-], our choice: a pulse needs four to seven; what is none runs out of all bounds,
-and what it leaves no longer changes by more than a hundredth."""
+START, DURATION, ASYMMETRY, AMPLITUDE, OFFSET = range(5)
+"""Places of a shape's parameters."""
+LEAST, MOST = (-np.inf, 0.5, -0.9, -np.inf, -np.inf), (np.inf, np.inf, 0.9, np.inf, np.inf)
 
 
-@dataclass(frozen=True)
-class PulseFit(WindowFit):
-    """One shape on one window."""
-
-    start: float  # from the middle of the pulse [w50]
-    duration: float  # [w50]
-    asymmetry: float  # see `compute_pulse`
-    amplitude: float  # over the peak
-    offset: float  # over the peak
-
-
-def fit_pulse(window: PulseWindow, shape: PulseShape) -> PulseFit:
-    """Fit start, duration, asymmetry, amplitude and offset of one shape."""
+def fit_shapes(window: PulseWindow, shapes: Sequence[PulseShape]) -> list[WindowFit]:
+    """Fit start and duration [w50], asymmetry [-], amplitude and offset over the peak [-]."""
 
     def evaluate(parameters: FloatArray) -> Evaluation:
-        start, duration, asymmetry, amplitude, offset = parameters.tolist()
-        # What is no pulse at all may lead a step astray: it ends at the border.
-        duration = max(duration, SHORTEST_DURATION)
-        asymmetry = min(max(asymmetry, -LARGEST_ASYMMETRY), LARGEST_ASYMMETRY)
-        part = window.find_part(start, start + duration)
-        pulse, derivatives = differentiate_pulse(
-            window.model_time[part] - start, duration, shape, asymmetry
-        )
-        rows = window.show(np.concatenate((amplitude * derivatives, pulse[np.newaxis])), part)
-        residual = amplitude * rows[3] + offset - window.measured
-        return residual, np.concatenate((rows, np.ones((1, rows.shape[1]))))
+        starts, ends = parameters[:, START], parameters[:, START] + parameters[:, DURATION]
+        part = window.find_part(starts.min(), ends.max())
+        rows = np.zeros((len(shapes), 5, window.model_time[part].size))
+        for row, shape, (start, duration, asymmetry, amplitude, _) in zip(
+            rows, shapes, parameters.tolist(), strict=True
+        ):
+            pulse, derivatives = differentiate_pulse(
+                window.model_time[part] - start, duration, shape, asymmetry
+            )
+            row[:AMPLITUDE], row[AMPLITUDE] = amplitude * derivatives, pulse
+        shown = window.show(rows, part)
+        shown[:, OFFSET] = 1.0
+        fitted = np.sum(parameters[:, AMPLITUDE:, np.newaxis] * shown[:, AMPLITUDE:], axis=1)
+        return fitted - window.measured, shown
 
-    duration = shape.pulse_factor
-    begin = np.array([-duration / 2.0, duration, 0.0, 1.0, 0.0])
-    found, (residual, _), _ = minimise(evaluate, begin, TOLERANCE, MOST_EVALUATIONS)
-    start, duration, asymmetry, amplitude, offset = found.tolist()
-    return PulseFit(
-        is_inside=duration > SHORTEST_DURATION and abs(asymmetry) < LARGEST_ASYMMETRY,
-        start=start,
-        duration=duration,
-        asymmetry=asymmetry,
-        amplitude=amplitude,
-        offset=offset,
-        fitted=window.measured + residual,
-        residual=float(np.sqrt(residual @ residual / (residual.size - FITTED))),
+    start = np.array(
+        [(-one.pulse_factor / 2.0, one.pulse_factor, 0.0, 1.0, 0.0) for one in shapes]
     )
+    bounds = np.broadcast_to(np.array([LEAST, MOST])[:, np.newaxis], (2, *start.shape))
+    return fit_window(window, evaluate, start, bounds)
 
 
 NAN = math.nan
-TOP_LEVELS = (0.5, 0.9, 9)
-"""First, last and number of the levels, over the peak [-], our choice: above, noise moves the
-crossings."""
-SPLINE_POINTS = 64
-SPLINE_MARGIN = 3
-"""A pulse of fewer points at half amplitude than `SPLINE_POINTS` is interpolated, with so many
-points about it [-], our choice."""
-RESIDUAL_OVER_NOISE = 3.0
-LARGEST_RESIDUAL = 0.005
-"""A versed-sine that leaves more than this part of the peak [-] and so many times the noise [-] is
-doubted, if another shape leaves clearly less. Our choice: fitted to a Hertz pulse it leaves 0.6 %,
-and makes the stiffness 17 % too low; to a half-sine 3.2 %, and 44 %."""
-CHANCE_EXCESS = 2.0
-"""Square of a residual over that of the noise, up to which it is noise [-], our choice: the noise
-of one baseline does not tell it better."""
 
 
 @dataclass(frozen=True)
@@ -328,9 +318,6 @@ class ShapeFit(Comparable):
     # tau_p of the fit.
     duration: float = field(default=NAN, metadata=describe("s", "τp", shown="µs"))
     asymmetry: float = NAN  # the rise takes (1 + asymmetry) / 2 of the duration
-    start_time: float = field(default=NAN, metadata=INTERNAL)  # from the middle of the pulse [s]
-    amplitude: float = field(default=NAN, metadata=INTERNAL)  # signed [m/s^2]
-    offset: float = field(default=NAN, metadata=INTERNAL)  # signed [m/s^2]
 
 
 @dataclass(frozen=True)
@@ -339,7 +326,7 @@ class PulseShapeEstimate(Comparable):
 
     best_shape: str = ""  # name of the shape that leaves least
     is_told_apart: bool = False  # the next best shape leaves clearly more
-    fall_over_rise: float = NAN  # times from the peak down to half of it and up to the peak
+    fall_over_rise: float = NAN  # of the best shape's durations
     fits: tuple[ShapeFit, ...] = ()  # in the order of `PULSE_SHAPES`
     # Why a versed-sine does not describe the pulse.
     warning: str = field(default="", metadata=INTERNAL)
@@ -389,12 +376,17 @@ def estimate_pulse_shape(
     check_not_negative("cutoff frequency", cutoff_frequency, "Hz")
     rate = mean.sampling_rate
     pulse = measure_pulse(mean.traces[0])
-    upright = mean.traces[0] / pulse.peak
     width = pulse.half_amplitude_width
     window = cut_window(mean.traces[0], pulse, rate, cutoff_frequency, response)
-    fits = [fit_pulse(window, shape) for shape in PULSE_SHAPES]
+    fits = fit_shapes(window, PULSE_SHAPES)
     shape_fits = tuple(
-        _scale_fit(fit, shape, width / rate, pulse.peak)
+        ShapeFit(
+            shape=shape.name,
+            residual_percent=100.0 * fit.residual,
+            contact_time=shape.pulse_factor * width / rate,
+            duration=float(fit.parameters[DURATION]) * width / rate if fit.is_inside else NAN,
+            asymmetry=float(fit.parameters[ASYMMETRY]) if fit.is_inside else NAN,
+        )
         for shape, fit in zip(PULSE_SHAPES, fits, strict=True)
     )
     noise = float(mean.noise[0]) / abs(pulse.peak)
@@ -403,9 +395,10 @@ def estimate_pulse_shape(
     best, versed = fits[order[0]], fits[PULSE_SHAPES.index(VERSED_SINE)]
     # What even the best shape leaves makes the others' differences less telling.
     level = white * max(1.0, best.residual / noise) if noise > 0.0 else best.residual
+    asymmetry = shape_fits[order[0]].asymmetry
     return PulseShapeEstimate(
         best_shape=shape_fits[order[0]].shape,
-        fall_over_rise=_compare_sides(upright, pulse),
+        fall_over_rise=(1.0 - asymmetry) / (1.0 + asymmetry),
         fits=shape_fits,
         is_told_apart=fits[order[1]].is_worse(best, level),
         warning=_find_warning(
@@ -425,54 +418,11 @@ def estimate_pulse_shape(
 
 def compute_unexplained(residual: float, noise: float) -> float:
     """Return what is left of a pulse beyond the noise, both over its peak [-]."""
-    return math.sqrt(max(residual**2 - CHANCE_EXCESS * noise**2, 0.0))
-
-
-def _scale_fit(fit: PulseFit, shape: PulseShape, width: float, peak: float) -> ShapeFit:
-    known = 1.0 if fit.is_inside else math.nan
-    return ShapeFit(
-        shape=shape.name,
-        contact_time=shape.pulse_factor * width,
-        duration=known * fit.duration * width,
-        start_time=known * fit.start * width,
-        asymmetry=known * fit.asymmetry,
-        amplitude=known * fit.amplitude * peak,
-        offset=known * fit.offset * peak,
-        residual_percent=100.0 * fit.residual,
-    )
-
-
-def _compare_sides(upright: FloatArray, pulse: PulseWidth) -> float:
-    """Return fall over rise at half amplitude, about the pulse's peak.
-
-    The peak is where the middle of the pulse comes to as its width goes to zero, extrapolated
-    over many levels: the highest point itself is a matter of noise.
-    """
-    first = max(0, math.floor(pulse.rise) - SPLINE_MARGIN)
-    last = min(upright.size, math.ceil(pulse.fall) + SPLINE_MARGIN + 1)
-    finer = max(1, math.ceil(SPLINE_POINTS / pulse.half_amplitude_width))
-    top = upright[first:last]
-    if finer > 1:
-        points = np.arange((top.size - 1) * finer + 1) / finer
-        top = scipy.interpolate.CubicSpline(np.arange(top.size), top)(points)
-    peak_index = int(np.argmax(top))
-    levels = top[peak_index] * np.linspace(*TOP_LEVELS)
-    crossings = np.array(
-        [[find_crossing(top, peak_index, level, side) for side in (-1, 1)] for level in levels]
-    )
-    rise, fall = crossings.T
-    if not np.isfinite(crossings).all():
-        return math.nan
-    width, middle = fall - rise, (rise + fall) / 2.0
-    above = width - width.mean()
-    peak = middle.mean() - width.mean() * (above @ middle) / (above @ above)
-    if not rise[0] < peak < fall[0]:
-        return math.nan
-    return float((fall[0] - peak) / (peak - rise[0]))
+    return math.sqrt(max(residual**2 - LIMITS.chance * noise**2, 0.0))
 
 
 def _find_warning(best: ShapeFit, versed: ShapeFit, noise: float, *, told_apart: bool) -> str:
-    doubtful = max(LARGEST_RESIDUAL, RESIDUAL_OVER_NOISE * noise)
+    doubtful = max(LIMITS.residual, LIMITS.residual_over_noise * noise)
     if best.residual_percent > 100.0 * doubtful:
         return (
             f"no known shape describes the pulse: the best, {best.shape}, leaves"

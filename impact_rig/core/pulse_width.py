@@ -133,7 +133,7 @@ FLANK_LEVELS = (0.4, 0.6)
 """Between which parts of the peak a flank's slope is taken [-], our choice: near the crossing,
 far enough apart that noise does not matter."""
 TREND_SIGNIFICANCE = 2.0
-"""A baseline's slope counts as real above this many standard uncertainties of its own [-], our
+"""A baseline's slope counts as real above this many of its standard uncertainties [-], our
 choice: noise alone passes it in one case of twenty."""
 PEAK_LOSS = math.sqrt(1.0 / 320.0)
 """Root mean square of d^2 / 2 for d uniform in +-1/2 [-]: what the highest point misses of a

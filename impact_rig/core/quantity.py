@@ -52,7 +52,7 @@ class Description:
     written : str
         Its name in files without the unit; empty: that of the field.
     is_inline : bool
-        The fields of this record stand among those of its owner.
+        The fields of this record appear directly among its owner's.
     is_internal : bool
         It stays where it was made.
     """
@@ -79,7 +79,7 @@ def describe(
 
 
 INLINE: Mapping[str, Description] = {_KEY: Description(is_inline=True)}
-"""Metadata of a record whose fields stand among those of its owner."""
+"""Metadata of a record whose fields appear directly among its owner's."""
 INTERNAL: Mapping[str, Description] = {_KEY: Description(is_internal=True)}
 """Metadata of a field that stays where it was made: traces, uncertain numbers."""
 _PLAIN = Description()

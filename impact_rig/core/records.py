@@ -120,6 +120,19 @@ class ChannelBlock:
         """Acceleration of one count [m/s^2]; 0: the source does not count."""
         return abs(self.scale) if self.output.dtype == np.int32 else 0.0
 
+    @cached_property
+    def acceleration(self) -> FloatArray:
+        """What the output means [m/s^2], shape (n,); read-only."""
+        acceleration: FloatArray = np.multiply(self.scale, self.output, dtype=np.float64)
+        acceleration += self.offset
+        acceleration.setflags(write=False)
+        return acceleration
+
+    @cached_property
+    def extremes(self) -> tuple[float, float]:
+        """Least and largest acceleration [m/s^2]; of one point or more."""
+        return float(self.acceleration.min()), float(self.acceleration.max())
+
     def has_calibration_of(self, other: "ChannelBlock") -> bool:
         """Return whether another block's output means the same acceleration."""
         return (
@@ -164,6 +177,11 @@ class Block:
         return self.specimen.output.size == self.hammer.output.size
 
     @property
+    def channels(self) -> tuple[ChannelBlock, ...]:
+        """Of the hammer, then of the sample where it was measured."""
+        return (self.hammer, self.specimen) if self.has_specimen else (self.hammer,)
+
+    @property
     def ends_stream(self) -> bool:
         """Whether nothing more comes of a running stream: its last block, of no arming."""
         return self.last and self.label.record == NOT_ARMED.record
@@ -193,52 +211,8 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Trace:
-    """One channel of one hit; accelerations in m/s^2."""
-
-    acceleration: FloatArray  # (n,), read-only, see `make_read_only`
-    full_scale: float = 0.0  # largest acceleration, either sign; 0: not known
-    resolution: float = 0.0  # of one count; 0: not known
-    overloaded: bool = False  # the device says so in a block of this trace
-
-    def __post_init__(self) -> None:
-        """Make the trace read-only, and refuse one that is not a vector."""
-        values = make_read_only(self.acceleration)
-        if values.ndim != 1:
-            raise SignalError(f"a trace has shape {values.shape}: it must be one row of points")
-        object.__setattr__(self, "acceleration", values)
-        check_not_negative("full scale", self.full_scale, "m/s^2")
-        check_not_negative("resolution", self.resolution, "m/s^2")
-
-    @cached_property
-    def extremes(self) -> tuple[float, float]:
-        """Least and largest acceleration [m/s^2]; of one point or more."""
-        return float(self.acceleration.min()), float(self.acceleration.max())
-
-
-@dataclass(frozen=True)
-class Record:
+class Record(Block):
     """Both channels of one hit, cut out of the stream."""
 
-    label: HitLabel
-    sampling_rate: float  # [Hz]
-    hammer: Trace
-    specimen: Trace | None  # as long as the hammer's; None: not measured
-    pulse_index: int | None  # first point above the detection level; None: there is none
-    triggered: bool = True  # False: the arming ended without a trigger, and the traces are empty
+    pulse_index: int | None = None  # first point above the detection level; None: there is none
     flaws: tuple[str, ...] = ()  # gaps, in words
-    stamp: int = 0  # of the first point [ns since the epoch]
-    origin: Origin = UNSTATED
-
-    def __post_init__(self) -> None:
-        """Refuse traces of different length and a rate that is none."""
-        check_positive("sampling rate", self.sampling_rate, "Hz")
-        if (
-            self.specimen is not None
-            and self.hammer.acceleration.shape != self.specimen.acceleration.shape
-        ):
-            raise SignalError(
-                f"record {self.label.record} has {self.hammer.acceleration.size} hammer points"
-                f" and {self.specimen.acceleration.size} sample points: both traces must be"
-                " equally long"
-            )

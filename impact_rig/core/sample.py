@@ -7,19 +7,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from impact_rig.core.comparison import ModelComparison, compare_with_model
-from impact_rig.core.contact_law import (
-    NO_LAW,
-    ContactLaw,
-    describe_contradiction,
-)
+from impact_rig.core.contact_law import NO_LAW, ContactLaw, describe_contradiction
 from impact_rig.core.damping import estimate_free_decay
 from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.hits import MeanHit
-from impact_rig.core.identification import (
-    NAMES,
-    Identification,
-    identify_model,
-)
+from impact_rig.core.identification import NAMES, Identification, identify_model
 from impact_rig.core.model import Body, ImpactModel, ModelVariant
 from impact_rig.core.paper_method import (
     CONTACT_TIME,
@@ -32,10 +24,7 @@ from impact_rig.core.paper_method import (
     estimate_bodies,
     look_at_pulse,
 )
-from impact_rig.core.pulse_shape import (
-    NO_SHAPE,
-    PulseShapeEstimate,
-)
+from impact_rig.core.pulse_shape import NO_SHAPE, PulseShapeEstimate
 from impact_rig.core.pulse_width import measure_pulse, measure_rise
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
 from impact_rig.core.sensors import CHANNELS
@@ -51,24 +40,12 @@ from impact_rig.core.uncertainty import (
     propagate_fit,
 )
 
-
-@dataclass(frozen=True)
-class Limits:
-    """From where on a sample's results are doubted."""
-
-    near_low_pass: float = 2.0  # [cutoff] of a resonance; at twice the cutoff a sixteenth is left
-    near_contact: float = 5.0  # [-] resonance times contact time; then a pulse has 1e-3 left
-    part_of_cutoff: float = 0.5  # above it, what rings after a contact is no body's, our choice
-    same_frequency: float = 0.05  # [-] difference of two that are one: a mount's moves so far
-    dither: float = 0.4  # [count] noise; exp(-2 pi^2 0.4^2), 4 %, of the steps is left
-    mass_difference: float = 0.2  # [-] of control sample and hammer; published: 5 %
-    delay: float = 0.02  # [contact time] between the momenta; sound needs it for 20 mm of steel
-    mismatch: float = 0.1  # [-] of the momentum ratio from 1; a spring takes part to its support
-    fewest_samples: int = 3  # that ring at one frequency; two samples may well have the same k/m
-    mass_ratio: float = 1.5  # [-] of the heaviest over the lightest of them, our choice
-
-
-LIMITS = Limits()
+NEAR_LOW_PASS = 2.0
+"""Of a resonance, in cutoff frequencies [-]; at twice the cutoff a sixteenth is left."""
+SAME_FREQUENCY = 0.05
+"""Difference of two frequencies that are one [-]: a mount's moves so far."""
+FEWEST_SAMPLES = 3
+"""That ring at one frequency [-]; two samples may well have the same k/m."""
 
 
 def check_sensors(setup: RigSetup, contact_time: float) -> tuple[str, ...]:
@@ -78,13 +55,14 @@ def check_sensors(setup: RigSetup, contact_time: float) -> tuple[str, ...]:
     for channel in CHANNELS:
         resonance = setup.find_sensor(channel).resonance
         what = f"the resonance of the {channel}'s sensor, {resonance * 1e-3:.4g} kHz, lies near"
-        if resonance and cutoff and resonance < LIMITS.near_low_pass * cutoff:
+        if resonance and cutoff and resonance < NEAR_LOW_PASS * cutoff:
             warnings.append(
                 f"{what} the low-pass of {cutoff * 1e-3:.4g} kHz: the models are sent through it,"
                 " widths and peaks are read with its ringing; a low-pass of"
-                f" {resonance / LIMITS.near_low_pass * 1e-3:.3g} kHz leaves little of that"
+                f" {resonance / NEAR_LOW_PASS * 1e-3:.3g} kHz leaves little of that"
             )
-        if resonance and resonance * contact_time < LIMITS.near_contact:
+        # Beyond this a pulse has 1e-3 left.
+        if 0.0 < resonance < 5.0 / contact_time:
             warnings.append(
                 f"{what} the spectrum of a contact this short, which makes it ring: the models are"
                 " sent through it, widths and peaks are not; take a sensor with a higher one"
@@ -92,21 +70,18 @@ def check_sensors(setup: RigSetup, contact_time: float) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def explain_ringing(frequency: float, setup: RigSetup) -> str:
-    """Say why what rings at a frequency [Hz] is the sensor's and no body's; empty: it may be."""
+def explain_ringing(frequency: float, setup: RigSetup) -> str | None:
+    """Say why what rings at a frequency [Hz] is the sensor's and no body's; None: it may be."""
     sensor, cutoff = setup.find_sensor("specimen"), setup.analysis.cutoff_frequency
     rings = f"what rings at {frequency * 1e-3:.3g} kHz"
-    if abs(frequency - sensor.resonance) < LIMITS.same_frequency * sensor.resonance:
+    if abs(frequency - sensor.resonance) < SAME_FREQUENCY * sensor.resonance:
         return f"{rings} is the sensor, by the resonance that is stated of it, and no body"
-    if cutoff and frequency > LIMITS.part_of_cutoff * cutoff:
+    if cutoff and frequency > 0.5 * cutoff:
         return (
             f"{rings}, above half the low-pass of {cutoff * 1e-3:.4g} kHz, is a sensor or its"
             " mount, and no body"
         )
-    return ""
-
-
-SPECIMEN_CHANNEL = 1
+    return None
 
 
 @dataclass(frozen=True)
@@ -164,10 +139,10 @@ def _estimate_decay(
     Raises
     ------
     NotDeterminedError
-        If the tail shows none of the sample.
+        If the tail does not show the sample's oscillation.
     """
     cutoff = setup.analysis.cutoff_frequency
-    decay = estimate_free_decay(mean, SPECIMEN_CHANNEL, contact_time, cutoff)
+    decay = estimate_free_decay(mean, 1, contact_time, cutoff)
     if ringing := explain_ringing(decay.frequency, setup):
         raise NotDeterminedError(f"free decay: {ringing}")
     body = propagate_fit(
@@ -371,7 +346,7 @@ def estimate_numbers(
         hammer_peak_spread_percent=_compute_peak_spread(mean),
         peak_force=_estimate_peak_force(name, mean, setup),
         rise_time=measure_rise(mean.traces[0]) / mean.sampling_rate,
-        warnings=check_steps(mean) + check_control(setup),
+        warnings=tuple(filter(None, (check_steps(mean), check_control(setup)))),
         notes=tuple(dict.fromkeys(notes)),
     )
 
@@ -387,15 +362,21 @@ def add_checks(
 
     The model is not fitted yet: see `add_model`.
     """
-    law = traces.pulse.law
+    shape, law, contact_time = traces.pulse.shape, traces.pulse.law, estimate.contact_time.value
+    # A law that contradicts the versed-sine says all that there is to say of the shape.
+    is_said = describe_contradiction(law, contact_time, setup.analysis.pulse_factor)
+    warnings = (
+        None if is_said else shape.warning,
+        *check_sensors(setup, contact_time),
+        *law.warnings,
+        check_delay(mean, law, contact_time),
+    )
     checked = replace(
         estimate,
-        pulse_shape=_add_stiffness(traces.pulse.shape, estimate),
+        pulse_shape=_add_stiffness(shape, estimate),
         contact_law=law,
         free_decay=traces.free_decay,
-        warnings=check_shape(traces.pulse.shape, law, estimate, setup)
-        + check_delay(mean, law, estimate.contact_time.value)
-        + estimate.warnings,
+        warnings=tuple(filter(None, warnings)) + estimate.warnings,
         notes=estimate.notes + traces.notes,
     )
     return _add_comparisons(checked, mean, hammer, setup)
@@ -403,17 +384,9 @@ def add_checks(
 
 def _add_stiffness(shape: PulseShapeEstimate, estimate: SampleEstimate) -> PulseShapeEstimate:
     """Add k2 as each shape would make it: k_eq, k1 and with them k2 go as F^-2."""
-    return replace(
-        shape,
-        fits=tuple(
-            replace(
-                fit,
-                stiffness=estimate.stiffness.value
-                * (estimate.contact_time.value / fit.contact_time) ** 2,
-            )
-            for fit in shape.fits
-        ),
-    )
+    k2, tau = estimate.stiffness.value, estimate.contact_time.value
+    fits = (replace(fit, stiffness=k2 * (tau / fit.contact_time) ** 2) for fit in shape.fits)
+    return replace(shape, fits=tuple(fits))
 
 
 def _compute_peak_spread(mean: MeanHit) -> float:
@@ -513,10 +486,11 @@ STEPS = (
 )
 
 
-def check_delay(mean: MeanHit, law: ContactLaw, contact_time: float) -> tuple[str, ...]:
+def check_delay(mean: MeanHit, law: ContactLaw, contact_time: float) -> str | None:
     """Warn unless hammer and sample, if it is free, pass half of their momenta at one time."""
-    if not (law.is_known and abs(law.momentum_ratio.value - 1.0) < LIMITS.mismatch):
-        return ()
+    # A spring takes part of the momentum to its support.
+    if not (law.is_known and math.isclose(law.momentum_ratio.value, 1.0, abs_tol=0.1)):
+        return None
     pulse, rate = measure_pulse(mean.traces[0]), mean.sampling_rate
     reach = pulse.half_amplitude_width
     first, last = max(int(pulse.rise - reach), 0), math.ceil(pulse.fall + reach)
@@ -525,48 +499,37 @@ def check_delay(mean: MeanHit, law: ContactLaw, contact_time: float) -> tuple[st
         passed = np.abs(np.cumsum(trace))
         halves.append(float(np.interp(0.5 * passed[-1], passed, np.arange(passed.size))))
     delay = (halves[-1] - halves[0]) / rate
-    if abs(delay) <= LIMITS.delay * contact_time:
-        return ()
+    # Sound needs so long for 20 mm of steel.
+    if abs(delay) <= 0.02 * contact_time:
+        return None
     side = "after" if delay > 0.0 else "before"
-    warning = (
+    return (
         f"the sample's momentum comes {abs(delay) * 1e6:.2g} µs {side} the hammer's: a channel is"
         " late, or points are missing"
     )
-    return (warning,)
 
 
-def check_shape(
-    shape: PulseShapeEstimate, law: ContactLaw, estimate: SampleEstimate, setup: RigSetup
-) -> tuple[str, ...]:
-    """Warn of sensors, of momenta, and of a pulse that is neither versed-sine nor the law's."""
-    others = check_sensors(setup, estimate.contact_time.value) + law.warnings
-    contradiction = describe_contradiction(
-        law, estimate.contact_time.value, setup.analysis.pulse_factor
-    )
-    is_doubtful = shape.warning and not contradiction
-    return ((shape.warning,) if is_doubtful else ()) + others
-
-
-def check_steps(mean: MeanHit) -> tuple[str, ...]:
+def check_steps(mean: MeanHit) -> str | None:
     """Warn unless the noise dithers the converter."""
-    step, noise = mean.summary.largest_step, mean.summary.least_noise
-    return (STEPS,) if np.any((step > 0.0) & (noise < LIMITS.dither * step)) else ()
+    step, noise = mean.largest_step, mean.least_noise
+    # Of so much noise exp(-2 pi^2 0.4^2), 4 %, of the steps is left.
+    return STEPS if np.any((step > 0.0) & (noise < 0.4 * step)) else None
 
 
-def check_control(setup: RigSetup) -> tuple[str, ...]:
+def check_control(setup: RigSetup) -> str | None:
     """Warn unless control sample and hammer are alike."""
     control = setup.samples.control_sample
     if not control or setup.find_unknown_masses(control):
-        return ()
+        return None
     mass, hammer = setup.samples.get_moving_mass(control), setup.hammer_mass
-    if abs(mass - hammer) <= LIMITS.mass_difference * hammer:
-        return ()
-    warning = (
+    # The published control sample differs by 5 %.
+    if abs(mass - hammer) <= 0.2 * hammer:
+        return None
+    return (
         f"the control sample {control!r} of {mass * 1e3:.4g} g is not alike to the hammer of"
         f" {hammer * 1e3:.4g} g, as k1 = 2 k_eq assumes: k1, and with it every k2 and c2, may be"
         " wrong"
     )
-    return (warning,)
 
 
 def withdraw_shared_ringing(
@@ -575,12 +538,12 @@ def withdraw_shared_ringing(
     """Take free decay, damping and model from samples that all ring at one frequency."""
     rings = [sample for sample in samples if sample.free_decay.is_known]
     masses = [setup.samples.get_moving_mass(sample.name) for sample in rings]
-    if len(rings) < LIMITS.fewest_samples or not max(masses) >= LIMITS.mass_ratio * min(masses):
+    if len(rings) < FEWEST_SAMPLES or not max(masses) >= 1.5 * min(masses):
         return tuple(samples)
     shared = float(np.median([sample.free_decay.frequency for sample in rings]))
 
     def is_shared(frequency: float) -> bool:
-        return abs(frequency - shared) < LIMITS.same_frequency * shared
+        return abs(frequency - shared) < SAME_FREQUENCY * shared
 
     if not all(is_shared(sample.free_decay.frequency) for sample in rings):
         return tuple(samples)
@@ -590,25 +553,18 @@ def withdraw_shared_ringing(
     )
 
     def withdraw(sample: SampleEstimate) -> SampleEstimate:
+        if not sample.free_decay.is_known:
+            return sample
+        sample = replace(sample, free_decay=NO_DECAY, notes=(*sample.notes, note))
         period = sample.second_peak_time - sample.first_peak_time
         if is_shared(1.0 / period if period else 0.0):
             sample = replace(
-                sample,
-                damping_ratio=UNKNOWN,
-                damping_coefficient=UNKNOWN,
-                log_decrement=float("nan"),
+                sample, damping_ratio=UNKNOWN, damping_coefficient=UNKNOWN, log_decrement=NAN
             )
-        if any(
-            is_shared(find_frequency(model, sample.name, setup))
-            for model in sample.identifications
-            if model.stiffness.is_known
-        ):
-            sample = replace(sample, identifications=())
-        return replace(
-            sample,
-            free_decay=NO_DECAY,
-            notes=(*sample.notes, note),
-        )
+        model = sample.identification
+        if model is None or not model.stiffness.is_known:
+            return sample
+        is_same = is_shared(find_frequency(model, sample.name, setup))
+        return replace(sample, identifications=()) if is_same else sample
 
-    names = {sample.name for sample in rings}
-    return tuple(withdraw(sample) if sample.name in names else sample for sample in samples)
+    return tuple(map(withdraw, samples))

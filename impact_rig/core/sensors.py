@@ -4,7 +4,12 @@ import math
 import re
 from dataclasses import dataclass, field
 
-from impact_rig.core.errors import ParameterError, check_not_negative, check_positive
+from impact_rig.core.errors import (
+    ParameterError,
+    check_if_known,
+    check_not_negative,
+    check_positive,
+)
 from impact_rig.core.quantity import Comparable, describe
 
 STANDARD_GRAVITY = 9.80665
@@ -82,11 +87,6 @@ def normalize_unit(unit: str) -> str:
     return SPELLINGS.get(unit.strip(), unit.strip())
 
 
-def list_units() -> str:
-    """Return all units, for messages."""
-    return ", ".join(UNITS[:-1]) + f" or {UNITS[-1]}"
-
-
 def compute_scale(
     unit: str, mass: float = math.nan, sensitivity: Sensitivity | None = None
 ) -> float:
@@ -122,7 +122,7 @@ def compute_scale(
         check_positive("hammer mass", mass, "kg")
         return FORCES[name] / mass
     if name not in VOLTAGES:
-        raise ParameterError(f"unit {unit!r} is unknown: a channel is in {list_units()}")
+        raise ParameterError(f"unit {unit!r} is unknown: a channel is in {', '.join(UNITS)}")
     if sensitivity is None:
         raise ParameterError(f"a channel in {unit} needs a sensitivity, for example 10 mV/g")
     return VOLTAGES[name] * compute_scale(sensitivity.unit, mass) / sensitivity.voltage
@@ -135,9 +135,6 @@ QUANTITIES = {"acceleration": tuple(ACCELERATIONS), "force": tuple(FORCES)}
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 
-LONGEST_INTERVAL = 1
-"""Age of a calibration above which a warning is due [years]: the interval that makers of
-accelerometers and force sensors usually recommend."""
 DEFAULT_RESONANCE_DAMPING = 0.02
 """Of a mounted accelerometer's resonance where its sheet states none [-], our choice."""
 
@@ -238,11 +235,6 @@ class Sensor(Comparable):
                 f"unit of the {name} is {self.unit!r}: {self.quantity} is in one of"
                 f" {', '.join(QUANTITIES[self.quantity])}"
             )
-        if math.isinf(self.sensitivity) or self.sensitivity == 0.0:
-            raise ParameterError(
-                f"sensitivity of the {name} is {self.sensitivity!r} V per {self.unit}: it must be"
-                " a finite number, not zero"
-            )
         check_not_negative(f"full scale of the {name}", self.full_scale, self.unit)
         if self.calibration_date and not _DATE.fullmatch(self.calibration_date):
             raise ParameterError(
@@ -263,17 +255,12 @@ class Sensor(Comparable):
         return SensorResponse(self.resonance, self.resonance_damping, self.low_corner)
 
     def compute_scale(self, moving_mass: float = math.nan) -> float:
-        """Return the acceleration that one volt stands for.
+        """Return the acceleration that one volt stands for [m/s^2 per V].
 
         Parameters
         ----------
         moving_mass : float
             Of the body that a force acts on [kg]; needed for a force only.
-
-        Returns
-        -------
-        float
-            [m/s^2 per V]
 
         Raises
         ------
@@ -301,10 +288,10 @@ class Sensor(Comparable):
             return ""
         serial = f" {self.serial_number}" if self.serial_number else ""
         told = f"the {self.channel} sensor{serial} was calibrated on {day}"
-        year, rest = today[:4], today[4:]
-        # Days written year-month-day sort as texts.
-        if day < f"{int(year) - LONGEST_INTERVAL:04d}{rest}":
-            return f"{told}, over a year before {today}: have it calibrated anew"
+        # Makers of accelerometers and force sensors recommend a year. Days written year-month-day
+        # sort as texts.
+        if day < f"{int(today[:4]) - 1:04d}{today[4:]}":
+            return f"{told}, over a year before {today}: have it calibrated again"
         if day > today:
             return f"{told}, which lies ahead of {today}: check calibration_date and this clock"
         return ""
@@ -381,7 +368,7 @@ class ChannelUse:
         for what, unit in (("", self.unit), ("full scale: ", self.full_scale_unit)):
             if unit and normalize_unit(unit) not in UNITS:
                 raise ParameterError(
-                    f"{what}unit {unit!r} is unknown: a channel is in {list_units()}"
+                    f"{what}unit {unit!r} is unknown: a channel is in {', '.join(UNITS)}"
                 )
         check_not_negative("full scale", self.full_scale, self.full_scale_unit)
         check_response("channel's sensor", self.response)
@@ -416,10 +403,17 @@ class ChannelPlan(Comparable):
 
     def __post_init__(self) -> None:
         """Refuse roles that contradict each other."""
-        if not math.isnan(self.sampling_rate):
-            check_positive("sampling rate", self.sampling_rate, "Hz")
+        check_if_known("sampling rate", self.sampling_rate, "Hz")
         if self.time_unit:
-            object.__setattr__(self, "time_unit", _read_time_unit(self.time_unit))
+            unit = normalize_time_unit(self.time_unit)
+            if unit == SAMPLES:
+                raise ParameterError(
+                    "times that count samples need a sampling rate in place of a unit"
+                )
+            if not unit:
+                known = ", ".join(TIME_UNITS)
+                raise ParameterError(f"time unit {self.time_unit!r} is unknown: it is {known}")
+            object.__setattr__(self, "time_unit", unit)
         if self.columns is not None:
             self._check_columns(self.columns)
         if normalize_unit(self.specimen.unit) in FORCES:
@@ -449,18 +443,9 @@ class ChannelPlan(Comparable):
         if specimens not in (0, hits):
             raise ParameterError(
                 f"{hits} columns are the hammer's and {specimens} the sample's: several hits need"
-                " as many of both, or none of the sample"
+                " as many of both, or only the hammer's"
             )
         if self.hammer.channel or self.specimen.channel:
             raise ParameterError(
                 "channels are told by the roles of all columns or by name: one of the two"
             )
-
-
-def _read_time_unit(text: str) -> str:
-    unit = normalize_time_unit(text)
-    if unit == SAMPLES:
-        raise ParameterError("times that count samples need a sampling rate in place of a unit")
-    if not unit:
-        raise ParameterError(f"time unit {text!r} is unknown: it is {', '.join(TIME_UNITS)}")
-    return unit

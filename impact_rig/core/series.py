@@ -1,9 +1,7 @@
 """All hits of one sample: which are averaged, and which disagree with the others."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +16,8 @@ from impact_rig.core.hits import (
     shift_hit,
     sum_up,
 )
-from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import FloatArray
-from impact_rig.core.verdict import CHANNELS, Reason, Rejection
+from impact_rig.core.verdict import CHANNELS, Finding, Reason
 
 FEWEST_HITS = 5
 """Hits that a test needs, the tested one included [-], our choice: of four, the median absolute
@@ -34,10 +31,6 @@ probability of a third of 1e-4, since there are three quantities. Found by simul
 values for each n, rounded up by 1 to 3 %. Between them it is linear in 1 / n."""
 ENDLESS_THRESHOLD = 4.2
 """T of many values [-]: the two-sided quantile of the normal distribution is 4.15."""
-_INVERSE_COUNTS = (0.0, *(1.0 / count for count in reversed(THRESHOLDS)))
-_INVERSE_THRESHOLDS = (ENDLESS_THRESHOLD, *reversed(THRESHOLDS.values()))
-"""T over 1 / n, ascending."""
-Values = TypeVar("Values", float, FloatArray)
 
 
 @dataclass(frozen=True)
@@ -60,118 +53,84 @@ MEASURES = (
 2 %, and 12 bits tell the ratio of widths within a part of 1 %."""
 
 
-def compute_threshold(count: int) -> float:
-    """Return T(n) for `count` hits [-], see `THRESHOLDS`."""
-    return float(np.interp(1.0 / count, _INVERSE_COUNTS, _INVERSE_THRESHOLDS))
+def compute_thresholds(counts: NDArray[np.int64]) -> FloatArray:
+    """Return T(n) of each count of hits, 1 or more [-], see `THRESHOLDS`."""
+    inverse = [0.0, *(1.0 / count for count in reversed(THRESHOLDS))]
+    return np.interp(1.0 / counts, inverse, [ENDLESS_THRESHOLD, *reversed(THRESHOLDS.values())])
 
 
 @dataclass(frozen=True)
-class Criterion:
-    """What makes an outlier in one quantity."""
+class Criteria:
+    """What makes an outlier; arrays have one element for each of `MEASURES`."""
 
-    measure: Measure
-    column: int  # of the figures
-    count: int  # hits that have it
-    median: float
-    spread: float  # robust standard deviation, or its floor
-    threshold: float  # deviation from the median that makes an outlier, over the spread
+    counts: NDArray[np.int64]  # hits that have the quantity
+    medians: FloatArray
+    spreads: FloatArray  # robust standard deviations, or their floors
+    thresholds: FloatArray  # [spread] of a deviation; infinite: too few hits have the quantity
 
-    def compute_deviation(self, values: Values) -> Values:
-        """Return how far a value, or each of several, is from the median, over the spread [-]."""
-        return abs(values - self.median) / self.spread
+    def measure_deviations(self, figures: FloatArray) -> FloatArray:
+        """Return how far figures, shape (..., quantities), are from the medians [spread]."""
+        return np.abs(figures - self.medians) / self.spreads
+
+    def explain(self, figures: FloatArray) -> tuple[Finding, ...]:
+        """Return a reason for each quantity in which a hit, shape (quantities,), is an outlier."""
+        found = []
+        deviations = self.measure_deviations(figures)
+        for column in np.flatnonzero(deviations > self.thresholds).tolist():
+            measure = MEASURES[column]
+            shown, median = (
+                f"{number * measure.unit_scale:.4g}{measure.unit}"
+                for number in (figures[column], self.medians[column])
+            )
+            text = (
+                f"{measure.name} {shown} is {deviations[column]:.1f} robust standard deviations"
+                f" from the median {median} of {self.counts[column]} hits"
+            )
+            found.append(Finding(Reason.INCONSISTENT, text))
+        return tuple(found)
 
 
-def read_figures(hit: JudgedHit) -> tuple[float, ...]:
+def read_figures(hit: JudgedHit) -> FloatArray:
     """Return the figures that a hit is compared by, in the order of `MEASURES` [SI units]."""
-    return tuple(getattr(hit, measure.attribute) for measure in MEASURES)
+    return np.array([getattr(hit, measure.attribute) for measure in MEASURES])
 
 
-def compute_criteria(figures: FloatArray) -> tuple[Criterion, ...]:
-    """Return the criteria of the quantities that enough hits have; NaN is not known.
-
-    Parameters
-    ----------
-    figures : ndarray, shape (hits, quantities)
-        As `read_figures` has them.
-    """
-    criteria = []
-    for column, measure in enumerate(MEASURES):
-        values = _list_known(figures[:, column])
-        if values.size >= FEWEST_HITS:
-            threshold = compute_threshold(values.size)
-            spread = _compute_spread(values, measure.floor * ENDLESS_THRESHOLD / threshold)
-            criteria.append(Criterion(measure, column, values.size, *spread, threshold))
-    return tuple(criteria)
-
-
-def find_outliers(figures: FloatArray, criteria: Sequence[Criterion]) -> NDArray[np.bool_]:
-    """Return which hits are outliers in any quantity, shape (hits,).
-
-    Parameters
-    ----------
-    figures : ndarray, shape (hits, quantities)
-        What is not known, NaN, makes no outlier.
-    """
-    found = np.zeros(len(figures), dtype=np.bool_)
-    for criterion in criteria:
-        deviations = criterion.compute_deviation(figures[:, criterion.column])
-        found |= deviations > criterion.threshold
-    return found
+def compute_criteria(figures: FloatArray) -> Criteria:
+    """Return the criteria of hits by their figures, shape (hits, quantities); NaN: not known."""
+    counts = np.count_nonzero(np.isfinite(figures), axis=0)
+    thresholds = compute_thresholds(np.maximum(counts, 1))
+    floors = np.array([measure.floor for measure in MEASURES])
+    medians, spreads = _compute_spreads(figures, floors * ENDLESS_THRESHOLD / thresholds)
+    return Criteria(
+        counts, medians, spreads, np.where(counts >= FEWEST_HITS, thresholds, math.inf)
+    )
 
 
 def compute_distances(figures: FloatArray) -> FloatArray:
     """Return hits' sums of squared deviations from the medians, in standard deviations.
 
-    Parameters
-    ----------
-    figures : ndarray, shape (hits, quantities)
-        What is not known, NaN, counts nothing.
-
-    Returns
-    -------
-    ndarray, shape (hits,)
+    For the shapes see `compute_criteria`; what is not known counts nothing.
     """
-    total = np.zeros(len(figures))
-    for column, measure in enumerate(MEASURES):
-        values = _list_known(figures[:, column])
-        if values.size:
-            median, spread = _compute_spread(values, measure.floor)
-            total += np.nan_to_num((figures[:, column] - median) / spread) ** 2
-    return total
+    medians, spreads = _compute_spreads(figures, np.array([item.floor for item in MEASURES]))
+    return np.asarray(np.square(np.nan_to_num((figures - medians) / spreads)).sum(axis=1))
 
 
-def explain_outlier(
-    figures: Sequence[float], criteria: Sequence[Criterion]
-) -> tuple[Rejection, ...]:
-    """Return a reason for each quantity in which a hit is an outlier."""
-    found = []
-    for criterion in criteria:
-        measure, value = criterion.measure, figures[criterion.column]
-        deviation = criterion.compute_deviation(value)
-        if deviation > criterion.threshold:
-            shown, median = (
-                f"{number * measure.unit_scale:.4g}{measure.unit}"
-                for number in (value, criterion.median)
-            )
-            found.append(
-                Rejection(
-                    Reason.INCONSISTENT,
-                    f"{measure.name} {shown} is {deviation:.1f} robust"
-                    f" standard deviations from the median {median} of {criterion.count} hits",
-                )
-            )
-    return tuple(found)
+def _compute_spreads(figures: FloatArray, floors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return medians and robust standard deviations, not below `floors` of the medians."""
+    medians = _compute_medians(figures)
+    deviations = SPREAD_OF_MEDIAN * _compute_medians(np.abs(figures - medians))
+    return medians, np.maximum(deviations, floors * np.abs(medians))
 
 
-def _list_known(values: FloatArray) -> FloatArray:
-    return values[np.isfinite(values)]
-
-
-def _compute_spread(values: FloatArray, floor: float) -> tuple[float, float]:
-    """Return median and robust standard deviation, which is `floor` of the median at least."""
-    median = float(np.median(values))
-    deviation = float(np.median(abs(values - median)))
-    return median, max(SPREAD_OF_MEDIAN * deviation, floor * abs(median))
+def _compute_medians(figures: FloatArray) -> FloatArray:
+    """Return the median of each column; what is not known is left out."""
+    if not len(figures):
+        return np.full(len(MEASURES), math.nan)
+    ascending, columns = np.sort(figures, axis=0), np.arange(figures.shape[1])
+    count = np.count_nonzero(np.isfinite(figures), axis=0)
+    # NaN is last.
+    low, high = ascending[(count - 1) // 2, columns], ascending[count // 2, columns]
+    return np.asarray(0.5 * (low + high))
 
 
 SCATTER_HITS = 128
@@ -208,14 +167,10 @@ class HitSeries:
     def __init__(self, keep: int = 0) -> None:
         self._keep = keep
         self._hits: list[JudgedHit] = []
-        # Accepted hits have numbers, counted from 0: of each its row in the list of all hits,
-        # its figures and its traces.
-        self._rows: list[int] = []
-        self._figures: list[tuple[float, ...]] = []
-        self._traces: list[FilteredHit] = []
-        self._criteria: tuple[Criterion, ...] = ()
-        self._outliers: frozenset[int] = frozenset()
-        self._surplus: frozenset[int] = frozenset()
+        # Of accepted hits, by their places in the list of all hits.
+        self._figures: dict[int, FloatArray] = {}
+        self._traces: dict[int, FilteredHit] = {}
+        self._left_out: dict[int, tuple[Finding, ...]] = {}  # those in no mean, and why
         self._sum: TraceSum | None = None
         self._mean: MeanHit | None = None
         self._alone: FilteredHit | None = None  # the only accepted hit so far
@@ -227,20 +182,15 @@ class HitSeries:
     @property
     def contact_time_spread(self) -> float:
         """Standard deviation of tau_p over the hits in the mean [s]; NaN: fewer than two."""
-        times = [self._figures[number][0] for number in self._list_kept()]
+        times = [self._figures[place][0] for place in self._list_kept()]
         return float(np.std(times, ddof=1)) if len(times) > 1 else math.nan
-
-    @property
-    def overruled(self) -> tuple[JudgedHit, ...]:
-        """Hits in the mean by hand, with all that is against them."""
-        return tuple(hit for hit in self.select().kept if hit.overruled)
 
     def describe_findings(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Say what was corrected in the hits in the mean, and what could not be told."""
-        kept = [self._hits[self._rows[number]] for number in self._list_kept()]
+        kept = self._list_kept()
         found: dict[Reason, dict[int, str]] = {}
-        for place, hit in enumerate(kept):
-            for item in hit.findings:
+        for place in kept:
+            for item in self._hits[place].findings:
                 found.setdefault(item.reason, {})[place] = item.explanation
         corrected: list[str] = []
         doubtful: list[str] = []
@@ -253,61 +203,35 @@ class HitSeries:
             )
         return tuple(corrected), tuple(doubtful)
 
-    def match_polarity(self, hit: JudgedHit, *, turns: bool) -> JudgedHit:
-        """Return an accepted hit with its polarity held against the hits in the mean so far.
+    def check(self, hit: JudgedHit) -> tuple[Finding, ...]:
+        """Return what the hits before have against an accepted one: its sign, or its figures.
 
-        The first one says how the sensors are: a mean of both signs would be of neither.
-
-        Parameters
-        ----------
-        hit : JudgedHit
-            Accepted as far as it is judged alone.
-        turns : bool
-            Turn a channel of the other sign; False: reject the hit.
+        The first hit says how the sensors are: a mean of both signs would be of neither.
         """
-        filtered = hit.filtered
-        if filtered is None or self._sum is None:
-            return hit
-        turned = _find_turned(filtered, self._sum)
-        if not turned:
-            return hit
-        names = " and ".join(CHANNELS[channel] for channel in turned)
-        why = f"{names} of the other sign than in the hits before"
-        if not turns:
-            why += "; turns_polarity = true under [analysis] turns them"
-            return replace(hit, rejections=(Rejection(Reason.POLARITY, why),))
-        signs = np.ones((len(filtered.traces), 1))
-        signs[turned] = -1.0
-        traces = signs * filtered.traces
-        traces.setflags(write=False)
-        return replace(
-            hit,
-            filtered=replace(filtered, traces=traces, pulse=measure_pulse(traces[0])),
-            findings=(*hit.findings, Rejection(Reason.POLARITY, why)),
-        )
-
-    def check(self, hit: JudgedHit) -> tuple[Rejection, ...]:
-        """Return a reason for each quantity in which an accepted hit is an outlier so far."""
+        turned = _find_turned(hit.filtered, self._sum) if hit.filtered and self._sum else []
+        if turned:
+            names = " and ".join(CHANNELS[channel] for channel in turned)
+            why = f"{names} of the other sign than in the hits before"
+            return (Finding(Reason.POLARITY, why),)
         figures = read_figures(hit)
-        others = [self._figures[number] for number in self._list_compared()]
-        return explain_outlier(figures, compute_criteria(np.array([*others, figures])))
+        others = [self._figures[place] for place in self._list_compared()]
+        return compute_criteria(np.array([*others, figures])).explain(figures)
 
     def add(self, hit: JudgedHit) -> None:
         """Take in a hit with its verdict; one accepted by hand stays in the mean."""
+        place = len(self._hits)
         self._hits.append(replace(hit, filtered=None))
         if not hit.accepted or hit.filtered is None:
             return
-        number, traces = len(self._rows), shift_hit(hit.filtered)
-        self._rows.append(len(self._hits) - 1)
-        self._figures.append(read_figures(hit))
-        self._traces.append(traces)
-        self._alone = hit.filtered if number == 0 else None
+        self._alone = None if self._traces else hit.filtered
+        self._figures[place] = read_figures(hit)
+        self._traces[place] = traces = shift_hit(hit.filtered)
         self._mean = None
-        before = self._left_out
+        before = self._left_out.keys()
         self._choose()
-        if self._left_out == before and self._sum is not None:
+        if self._left_out.keys() == before and self._sum is not None:
             self._sum = self._sum.add(traces)
-        elif self._left_out != before | {number}:
+        elif self._left_out.keys() != before | {place}:
             self._sum = sum_up([self._traces[kept] for kept in self._list_kept()])
 
     def compute_mean(self) -> MeanHit | None:
@@ -319,7 +243,7 @@ class HitSeries:
             If the hits do not belong together.
         """
         if self._mean is None and self._sum is not None:
-            kept = [self._traces[number] for number in self._list_kept()]
+            kept = [self._traces[place] for place in self._list_kept()]
             # Every one, every other, every fourth ...: a new hit seldom changes the others.
             step = 1 << max(math.ceil(len(kept) / SCATTER_HITS) - 1, 0).bit_length()
             self._mean = make_mean(self._sum, kept, step, self._alone)
@@ -328,58 +252,47 @@ class HitSeries:
     def select(self) -> Selection:
         """Return which hits are in the mean so far, and why others are not."""
         kept, left_out = [], []
-        numbers = {row: number for number, row in enumerate(self._rows)}
-        for row, hit in enumerate(self._hits):
-            number = numbers.get(row)
-            if number is None:
+        for place, hit in enumerate(self._hits):
+            if place not in self._traces:
                 left_out.append(hit)
-            elif number in self._left_out:
-                left_out.append(replace(hit, rejections=self._explain(number)))
+            elif place in self._left_out:
+                left_out.append(replace(hit, rejections=self._left_out[place]))
             else:
                 kept.append(self._complete(hit) if hit.overruled else hit)
         return Selection(tuple(kept), tuple(left_out))
 
-    def _explain(self, number: int) -> tuple[Rejection, ...]:
-        """Return why an accepted hit is left out."""
-        if number in self._outliers:
-            return explain_outlier(self._figures[number], self._criteria)
-        count = len(self._rows) - len(self._outliers)
-        why = f"not among the {self._keep} most consistent of {count}"
-        return (Rejection(Reason.SURPLUS, why),)
-
     def _complete(self, hit: JudgedHit) -> JudgedHit:
         """Return a hit accepted by hand with what the others have against it, once."""
-        if any(rejection.reason is Reason.INCONSISTENT for rejection in hit.overruled):
+        if any(item.reason is Reason.INCONSISTENT for item in hit.overruled):
             return hit
         return replace(hit, overruled=(*self.check(hit), *hit.overruled))
 
-    @property
-    def _left_out(self) -> frozenset[int]:
-        """Numbers of accepted hits that are not in the mean."""
-        return self._outliers | self._surplus
-
     def _list_kept(self) -> list[int]:
-        """Return the numbers of the hits in the mean, ascending."""
-        left_out = self._left_out
-        return [number for number in range(len(self._rows)) if number not in left_out]
+        """Return the places of the hits in the mean."""
+        return [place for place in self._traces if place not in self._left_out]
 
     def _list_compared(self) -> list[int]:
-        """Return the numbers of the hits that were not accepted by hand, ascending."""
-        return [number for number, row in enumerate(self._rows) if not self._hits[row].overruled]
+        """Return the places of the hits that were not accepted by hand."""
+        return [place for place in self._figures if not self._hits[place].overruled]
 
     def _choose(self) -> None:
         """Leave out the outliers, then all but the most consistent."""
         compared = np.array(self._list_compared(), dtype=np.int64)
-        figures = np.array(self._figures)[compared]
-        self._criteria = compute_criteria(figures)
-        outlying = find_outliers(figures, self._criteria)
-        self._outliers = frozenset(compared[outlying].tolist())
-        self._surplus = frozenset()
+        figures = np.reshape([self._figures[place] for place in compared], (-1, len(MEASURES)))
+        criteria = compute_criteria(figures)
+        deviations = criteria.measure_deviations(figures)
+        outlying = np.any(deviations > criteria.thresholds, axis=1)
+        self._left_out = {
+            place: criteria.explain(self._figures[place]) for place in compared[outlying].tolist()
+        }
         if self._keep:
-            wanted = max(self._keep - len(self._rows) + compared.size, 0)
+            count = len(self._traces) - len(self._left_out)
+            why = f"not among the {self._keep} most consistent of {count}"
+            wanted = max(self._keep - len(self._traces) + compared.size, 0)
             # Of equal ones the earlier stay.
             order = np.argsort(compute_distances(figures[~outlying]), kind="stable")
-            self._surplus = frozenset(compared[~outlying][order[wanted:]].tolist())
+            surplus = compared[~outlying][order[wanted:]].tolist()
+            self._left_out |= dict.fromkeys(surplus, (Finding(Reason.SURPLUS, why),))
 
 
 def _find_turned(hit: FilteredHit, before: TraceSum) -> list[int]:

@@ -20,7 +20,7 @@ from impact_rig.core.hits import (
     judge_hit,
     overrule_hit,
 )
-from impact_rig.core.paper_method import HammerEstimate, estimate_hammer
+from impact_rig.core.paper_method import UNSEEN, HammerEstimate, HammerPulse, estimate_hammer
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import Block, Record
 from impact_rig.core.sample import (
@@ -79,27 +79,18 @@ class Session:
     def feed_records(self, block: Block) -> tuple[tuple[Record, JudgedHit], ...]:
         """Take the next block as `feed`; return the hits with their records."""
         self.setup.samples.find(block.label.sample)
-        return tuple((record, self.judge(record)) for record in self._detector.feed(block))
+        return tuple((record, self._judge(record)) for record in self._detector.feed(block))
 
-    def judge(self, record: Record) -> JudgedHit:
+    def _judge(self, record: Record) -> JudgedHit:
         """Judge one record, compare it with the hits so far, and count it in.
 
         What is accepted here may still turn out an outlier, or surplus, once more hits have come.
-
-        Raises
-        ------
-        ParameterError
-            As `feed`.
         """
-        self.setup.samples.find(record.label.sample)
         self._modelled = ()
         corners = [response.low_corner for response in self.setup.responses]
-        judged = judge_hit(record, self.setup.analysis, corners)
-        hit = replace(judged, origin=record.origin)
+        hit = replace(judge_hit(record, self.setup.analysis, corners), origin=record.origin)
         keep = self.setup.analysis.keep_hits
         series = self._series.setdefault(hit.label.sample, HitSeries(keep))
-        if hit.accepted:
-            hit = series.match_polarity(hit, turns=self.setup.analysis.turns_polarity)
         if hit.accepted:
             hit = replace(hit, rejections=series.check(hit))
         hit = overrule_hit(hit, self._overrules)
@@ -133,27 +124,27 @@ class Session:
             return HammerEstimate(Quantity(setup.hammer_stiffness), control_sample=control)
         if not control:
             return HammerEstimate(notes=("k1: the sample set has no control sample",))
-        mean, note = self.compute_mean(control), ""
-        if mean is None:
+        mean, unknown = self.compute_mean(control), setup.find_unknown_masses(control)
+        if mean is None or unknown:
             note = f"k1: the control sample {control!r} has no accepted hit yet"
-        elif unknown := setup.find_unknown_masses(control):
-            note = f"k1: the mass of {' and '.join(unknown)} is not known"
-        if mean is None or note:
+            if mean is not None:
+                note = f"k1: the mass of {' and '.join(unknown)} is not known"
             return HammerEstimate(notes=(note,), control_sample=control)
-        return estimate_hammer(mean, setup, self._get_traces(control, mean).pulse)
+        return estimate_hammer(mean, setup, self._get_pulse(control))
 
     def estimate_numbers(self, name: str) -> SampleEstimate:
         """Return tau_p, k and c of one sample so far: at once after a hit.
 
         The budget of tau_p has the pulse's form as it was last found, with the hits before: its
-        fits take as long as all else together, and `estimate_sample` repeats them.
+        fits take as long as all else together, and `estimate_sample` repeats them. Before the
+        first time there is no uncertainty.
         """
         series, mean, setup = self._series[name], self.compute_mean(name), self.get_setup(name)
         if mean is None:
-            note = f"{name}: not determined, none of {len(series)} hits was accepted"
+            note = f"{name}: not determined: 0 of {len(series)} hits accepted"
             return SampleEstimate(name, 0, len(series), notes=(note,))
         spread, rejected = series.contact_time_spread, len(series) - mean.count
-        hammer, pulse = self.estimate_hammer(name), self._get_traces(name, mean).pulse
+        hammer, pulse = self.estimate_hammer(name), self._get_pulse(name)
         estimate = estimate_numbers(name, mean, spread, rejected, hammer, setup, pulse)
         corrected, doubtful = series.describe_findings()
         notes = estimate.notes
@@ -164,28 +155,31 @@ class Session:
             shown = f"{len(mean.hits)} of {mean.count} hits, evenly over the series"
             notes = (*notes, f"scatter of the traces: that of {shown}")
         warnings = corrected + tuple(
-            describe_overruled(hit, f"hit {describe_label(hit.label)}") for hit in series.overruled
+            describe_overruled(hit, f"hit {describe_label(hit.label)}")
+            for hit in series.select().kept
+            if hit.overruled
         )
         return replace(estimate, notes=notes, warnings=estimate.warnings + warnings)
 
     def estimate_sample(self, name: str) -> SampleEstimate:
         """Return the same with what stands beside it, but for the fitted model."""
         for struck in {name, self.get_setup(name).samples.control_sample}:
-            if struck in self._traces and self._traces[struck][0] is not self.compute_mean(struck):
-                del self._traces[struck]
+            mean, (known, _) = self.compute_mean(struck), self._traces.get(struck, (None, None))
+            if mean is not None and mean is not known:
+                self._traces[struck] = mean, estimate_traces(struck, mean, self.get_setup(struck))
         estimate, mean = self.estimate_numbers(name), self.compute_mean(name)
         if mean is None:
             return estimate
-        hammer, traces = self.estimate_hammer(name), self._get_traces(name, mean)
+        hammer, (_, traces) = self.estimate_hammer(name), self._traces[name]
         return add_checks(estimate, mean, hammer, self.get_setup(name), traces)
 
-    def _get_traces(self, name: str, mean: MeanHit) -> TraceEstimates:
-        """Return what was last found in the traces of a sample: of this mean, or an older one."""
-        if name not in self._traces:
-            self._traces[name] = mean, estimate_traces(name, mean, self.get_setup(name))
-        return self._traces[name][1]
+    def _get_pulse(self, name: str) -> HammerPulse:
+        """Return what was last found in the pulse of a sample: of this mean, or an older one."""
+        return self._traces[name][1].pulse if name in self._traces else UNSEEN
 
-    def estimate_all(self, report: Callable[[int], None] | None = None) -> SessionResults:
+    def estimate_all(
+        self, report: Callable[[int], None] | None = None, *, with_models: bool = True
+    ) -> SessionResults:
         """Return everything found so far, the model fitted to every sample.
 
         Asked again before another hit has come, it costs nothing.
@@ -194,28 +188,21 @@ class Session:
         ----------
         report : callable, optional
             Called after each sample with the number of those that are done.
+        with_models : bool
+            False: without the fitted models, which take most of the time.
         """
-        if not self._modelled:
-            self._modelled = self._estimate_each(self._estimate_with_models, report)
-        return self._gather(self._modelled)
-
-    def estimate_all_without_models(self) -> SessionResults:
-        """Return the same without the fitted models, which take most of the time."""
-        return self._gather(self._estimate_each(self.estimate_sample))
-
-    def _estimate_each(
-        self,
-        estimate: Callable[[str], SampleEstimate],
-        report: Callable[[int], None] | None = None,
-    ) -> tuple[SampleEstimate, ...]:
-        found: dict[str, SampleEstimate] = {}
-        for name in sorted(self.names, key=lambda name: not self.is_control(name)):
-            found[name] = estimate(name)
-            if report is not None:
-                report(len(found))
-        return withdraw_shared_ringing([found[name] for name in self.names], self.setup)
-
-    def _gather(self, samples: tuple[SampleEstimate, ...]) -> SessionResults:
+        samples = self._modelled
+        if not (with_models and samples):
+            found: dict[str, SampleEstimate] = {}
+            for name in sorted(self.names, key=lambda name: not self.is_control(name)):
+                estimate, mean = self.estimate_sample(name), self.compute_mean(name)
+                if with_models and mean is not None and not self.setup.find_unknown_masses(name):
+                    estimate = add_model(estimate, mean, self.get_setup(name))
+                found[name] = estimate
+                if report is not None:
+                    report(len(found))
+            samples = withdraw_shared_ringing([found[name] for name in self.names], self.setup)
+            self._modelled = samples if with_models else ()
         selections = [series.select() for series in self._series.values()]
         return SessionResults(
             setup=self.setup,
@@ -225,12 +212,6 @@ class Session:
             rejected=_sort_hits(selection.left_out for selection in selections),
             speed_exponents=estimate_speed_exponents(self.setup, samples),
         )
-
-    def _estimate_with_models(self, name: str) -> SampleEstimate:
-        estimate, mean = self.estimate_sample(name), self.compute_mean(name)
-        if mean is None or self.setup.find_unknown_masses(name):
-            return estimate
-        return add_model(estimate, mean, self.get_setup(name))
 
     def compute_mean(self, name: str) -> MeanHit | None:
         """Return the mean hit of one sample so far; None: no hit was accepted.

@@ -8,18 +8,13 @@ from typing import Self
 from impact_rig.core.errors import (
     ParameterError,
     check_between,
+    check_if_known,
     check_mass_uncertainty,
     check_not_negative,
     check_positive,
 )
 from impact_rig.core.quantity import INLINE, Comparable, describe
 from impact_rig.core.sensors import Sensor, SensorResponse
-
-CONTACT_EXPONENTS = (0.6, 3.9)
-"""Least and largest n of a contact law that is given [-], our choice: 1 is a linear spring, 3/2
-Hertz; the family ends a little beyond."""
-MOST_KEPT_HITS = 1_000_000
-"""Largest `keep_hits` [-], our choice: more than any campaign strikes."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +51,6 @@ class AnalysisSettings:
         all.
     double_hit_window : float
         Distance of two pulses up to which the second counts [s]; 0: any.
-    turns_polarity : bool
-        Turn hits of the other sign than those before, instead of rejecting them.
     contact_exponent : float
         n of the contact law where it is known [-]; 0: it is fitted.
     """
@@ -73,13 +66,11 @@ class AnalysisSettings:
     double_hit_level: float = 0.02
     keep_hits: int = 0
     double_hit_window: float = field(default=0.0, metadata=describe("s"))
-    turns_polarity: bool = False
     contact_exponent: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse values that cannot be meant."""
         check_not_negative("cutoff_frequency", self.cutoff_frequency, "Hz")
-        check_between("pulse_factor", self.pulse_factor, 1.0, 4.0)
         check_positive("record_duration", self.record_duration, "s")
         check_positive("pre_trigger", self.pre_trigger, "s")
         if self.pre_trigger >= self.record_duration:
@@ -87,20 +78,26 @@ class AnalysisSettings:
                 f"pre_trigger is {self.pre_trigger} s: it must be shorter than the record"
                 f" of {self.record_duration} s"
             )
-        check_between("detection_level", self.detection_level, 1e-6, 1.0)
-        check_between("minimum_peak", self.minimum_peak, 0.0, 1.0)
-        check_between("maximum_peak", self.maximum_peak, 0.0, 1.0)
+        for name, low, high in (
+            ("pulse_factor", 1.0, 4.0),
+            ("detection_level", 1e-6, 1.0),
+            ("minimum_peak", 0.0, 1.0),
+            ("maximum_peak", 0.0, 1.0),
+            ("overload_run", 1, 1000),
+            ("double_hit_level", 1e-3, 1.0),
+            # More than any campaign strikes.
+            ("keep_hits", 0, 1_000_000),
+        ):
+            check_between(name, getattr(self, name), low, high)
         if self.maximum_peak <= self.minimum_peak:
             raise ParameterError(
                 f"maximum_peak is {self.maximum_peak!r}: it must lie above the minimum_peak of"
                 f" {self.minimum_peak!r}"
             )
-        check_between("overload_run", self.overload_run, 1, 1000)
-        check_between("double_hit_level", self.double_hit_level, 1e-3, 1.0)
         check_not_negative("double_hit_window", self.double_hit_window, "s")
         if self.contact_exponent:
-            check_between("contact_exponent", self.contact_exponent, *CONTACT_EXPONENTS)
-        check_between("keep_hits", self.keep_hits, 0, MOST_KEPT_HITS)
+            # 1 is a linear spring, 3/2 Hertz; the family of laws ends a little beyond.
+            check_between("contact_exponent", self.contact_exponent, 0.6, 3.9)
         if self.keep_hits != int(self.keep_hits):
             raise ParameterError(f"keep_hits is {self.keep_hits!r}: it must be whole")
 
@@ -166,8 +163,7 @@ class Sample(Comparable):
                 raise ParameterError(
                     f"the {what} of a sample is {text!r}: it must be of letters that can be shown"
                 )
-        if not math.isnan(self.mass):
-            check_positive(f"mass of sample {self.name!r}", self.mass, "kg")
+        check_if_known(f"mass of sample {self.name!r}", self.mass, "kg")
         check_mass_uncertainty(
             f"mass uncertainty of sample {self.name!r}", self.mass_uncertainty, self.mass
         )
@@ -176,8 +172,7 @@ class Sample(Comparable):
             ("reference stiffness", self.reference_stiffness, "N/m"),
             ("reference damping coefficient", self.reference_damping_coefficient, "N s/m"),
         ):
-            if not math.isnan(value):
-                check_positive(f"{quantity} of sample {self.name!r}", value, unit)
+            check_if_known(f"{quantity} of sample {self.name!r}", value, unit)
         if self.has_angle:
             check_release_angles([self.release_angle])
 
@@ -330,12 +325,9 @@ class RigSetup(Comparable):
         channels = [sensor.channel for sensor in self.sensors]
         if len(set(channels)) < len(channels):
             raise ParameterError(f"sensors are of {', '.join(channels)}: a channel has one")
-        if not math.isnan(self.hammer_mass):
-            check_positive("hammer mass", self.hammer_mass, "kg")
-        if not math.isnan(self.hammer_stiffness):
-            check_positive("hammer stiffness", self.hammer_stiffness, "N/m")
-        if not math.isnan(self.impact_speed):
-            check_positive("impact speed", self.impact_speed, "m/s")
+        check_if_known("hammer mass", self.hammer_mass, "kg")
+        check_if_known("hammer stiffness", self.hammer_stiffness, "N/m")
+        check_if_known("impact speed", self.impact_speed, "m/s")
         if not math.isnan(self.release_angle):
             check_release_angles([self.release_angle])
         check_mass_uncertainty(
@@ -415,15 +407,9 @@ HAMMER_MASS = 0.100
 ACCELEROMETER_MASS = 3e-3
 """Accelerometer on every sample, Table 1 [kg]. It belongs to m2: only so do equations (5) and
 (6) turn Table 2 into Table 3."""
-HAMMER_MASS_UNCERTAINTY = 0.29e-3
-ACCELEROMETER_MASS_UNCERTAINTY = 0.29e-3
-SAMPLE_MASS_UNCERTAINTY = 0.0029e-3
+GRAM_UNCERTAINTY, SAMPLE_MASS_UNCERTAINTY = 0.29e-3, 0.0029e-3
 """Standard uncertainties of the printed masses by their rounding alone [kg]: half a unit of the
 last digit of 100 g, 3 g and 21.31 g, rectangular, so over sqrt(3)."""
-IMPACT_SPEED = 0.0819
-"""v1 as printed [m/s]; 0.312 rad/s times 265 mm would be 0.0827."""
-RELEASE_ANGLE = math.radians(3.7)
-"""Section 3: the hammer swings from here [rad]."""
 HAMMER_STIFFNESS = 22.54e6
 """k1, Table 3 [N/m]."""
 HAMMER_DAMPING_COEFFICIENT = 1909.0
@@ -435,31 +421,15 @@ CONTROL_SAMPLE = "aluminium large"
 
 @dataclass(frozen=True)
 class PublishedSample:
-    """One cell of Tables 1 to 4, in SI units.
-
-    Attributes
-    ----------
-    name, material, size : str
-        `name` is material and size.
-    mass : float
-        Without accelerometer [kg], Table 1.
-    printed_contact_time : float
-        tau_p as Table 2 prints it [s].
-    stiffness : float
-        k2 [N/m], Table 3.
-    damping_coefficient : float
-        c2 [N s/m], Table 4.
-    contact_time : float
-        tau_p that agrees with Table 3 [s]: the printed one unless that is a misprint.
-    """
+    """One cell of Tables 1 to 4, in SI units."""
 
     material: str
     size: str
-    mass: float
-    printed_contact_time: float
-    stiffness: float
-    damping_coefficient: float
-    contact_time: float
+    mass: float  # without accelerometer [kg], Table 1
+    printed_contact_time: float  # tau_p as Table 2 prints it [s]
+    stiffness: float  # k2 [N/m], Table 3
+    damping_coefficient: float  # c2 [N s/m], Table 4
+    contact_time: float  # tau_p that agrees with Table 3 [s]: as printed unless that is a misprint
 
     @property
     def name(self) -> str:
@@ -472,38 +442,24 @@ class PublishedSample:
         return self.contact_time != self.printed_contact_time
 
 
-def _cell(
-    material: str,
-    size: str,
-    numbers: tuple[float, float, float, float],
-    corrected: float | None = None,
-) -> PublishedSample:
-    mass_g, contact_time_us, stiffness_mn_per_m, damping = numbers
-    return PublishedSample(
-        material=material,
-        size=size,
-        mass=mass_g / 1e3,
-        printed_contact_time=contact_time_us / 1e6,
-        stiffness=stiffness_mn_per_m * 1e6,
-        damping_coefficient=damping,
-        contact_time=(contact_time_us if corrected is None else corrected) / 1e6,
+PUBLISHED_SAMPLES = tuple(
+    PublishedSample(material, size, mass / 1e3, time / 1e6, stiffness * 1e6, damping, right / 1e6)
+    for material, size, mass, time, stiffness, damping, right in (
+        # [g], [us], [MN/m], [N s/m], and the contact time by Table 3 [us].
+        ("aluminium", "small", 21.31, 144.8, 15.56, 206, 144.8),
+        ("aluminium", "medium", 61.62, 196.8, 17.99, 531, 196.8),
+        ("aluminium", "large", 102.38, 212.0, 22.54, 802, 212.0),
+        ("steel", "small", 56.32, 170.0, 29.18, 483, 170.0),
+        ("steel", "medium", 166.91, 203.2, 45.29, 1170, 203.2),
+        ("steel", "large", 277.10, 219.2, 46.11, 1670, 219.2),
+        ("bronze", "small", 70.48, 188.0, 24.89, 848, 188.0),
+        ("bronze", "medium", 209.53, 226.4, 31.26, 2028, 226.4),
+        ("bronze", "large", 348.13, 239.2, 33.22, 2423, 239.2),
+        ("brass", "small", 60.86, 189.0, 20.71, 667, 189.0),
+        # 288.10 us would give 11.7 MN/m; Table 3's 26.99 MN/m needs 228.0 us.
+        ("brass", "medium", 180.14, 288.1, 26.99, 1070, 228.0),
+        ("brass", "large", 299.60, 244.0, 27.87, 2768, 244.0),
     )
-
-
-PUBLISHED_SAMPLES = (
-    _cell("aluminium", "small", (21.31, 144.8, 15.56, 206)),
-    _cell("aluminium", "medium", (61.62, 196.8, 17.99, 531)),
-    _cell("aluminium", "large", (102.38, 212.0, 22.54, 802)),
-    _cell("steel", "small", (56.32, 170.0, 29.18, 483)),
-    _cell("steel", "medium", (166.91, 203.2, 45.29, 1170)),
-    _cell("steel", "large", (277.10, 219.2, 46.11, 1670)),
-    _cell("bronze", "small", (70.48, 188.0, 24.89, 848)),
-    _cell("bronze", "medium", (209.53, 226.4, 31.26, 2028)),
-    _cell("bronze", "large", (348.13, 239.2, 33.22, 2423)),
-    _cell("brass", "small", (60.86, 189.0, 20.71, 667)),
-    # 288.10 us would give 11.7 MN/m; Table 3's 26.99 MN/m needs 228.0 us.
-    _cell("brass", "medium", (180.14, 288.1, 26.99, 1070), corrected=228.0),
-    _cell("brass", "large", (299.60, 244.0, 27.87, 2768)),
 )
 
 PAPER_SETUP = RigSetup(
@@ -522,12 +478,14 @@ PAPER_SETUP = RigSetup(
         ),
         control_sample=CONTROL_SAMPLE,
         accelerometer_mass=ACCELEROMETER_MASS,
-        accelerometer_mass_uncertainty=ACCELEROMETER_MASS_UNCERTAINTY,
+        accelerometer_mass_uncertainty=GRAM_UNCERTAINTY,
     ),
     hammer_mass=HAMMER_MASS,
-    hammer_mass_uncertainty=HAMMER_MASS_UNCERTAINTY,
-    impact_speed=IMPACT_SPEED,
-    release_angle=RELEASE_ANGLE,
+    hammer_mass_uncertainty=GRAM_UNCERTAINTY,
+    # As printed; 0.312 rad/s times 265 mm would be 0.0827 m/s.
+    impact_speed=0.0819,
+    # Section 3: the hammer swings from here.
+    release_angle=math.radians(3.7),
     name="paper",
     description="twelve metal cylinders struck by a pendulum hammer",
 )

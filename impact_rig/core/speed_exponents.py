@@ -16,7 +16,7 @@ from impact_rig.core.setup import RigSetup
 from impact_rig.core.uncertainty import make_label, make_quantity
 
 ALL_SAMPLES = "all"
-"""Stands for all samples together, each with a constant of its own."""
+"""Name of the fit to all samples together, each with its own constant."""
 HERTZ_SPEED_EXPONENTS = {"duration": -1.0 / 5.0, "peak_force": 6.0 / 5.0}
 SPRING_SPEED_EXPONENTS = {"duration": 0.0, "peak_force": 1.0}
 ROUNDING = 1e-9

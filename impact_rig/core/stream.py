@@ -1,7 +1,6 @@
 """Cuts impacts out of a running stream."""
 
 from collections import deque
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,51 +37,6 @@ class Arming:
         return not self.has_hit and self.label.record != NOT_ARMED.record
 
 
-class Armings:
-    """The armings of a running stream that are not finished, in their order."""
-
-    def __init__(self) -> None:
-        self._armings: deque[Arming] = deque()
-        self._answered = NOT_ARMED
-
-    def follow(self, block: Block) -> None:
-        """Take the label of the next block of the stream."""
-        current = self._armings[-1] if self._armings else None
-        if current is None or current.stop is not None or current.label != block.label:
-            if current is not None and current.stop is None:
-                current.stop = block.first_sample
-            has_hit = block.label == self._answered
-            current = Arming(block.label, block.first_sample, has_hit)
-            self._armings.append(current)
-        if block.last:
-            current.stop = block.stop
-            current.is_complete = True
-
-    def lose(self, points: int) -> None:
-        """Count the points that a gap took from the arming that goes on."""
-        if self._armings and self._armings[-1].stop is None:
-            self._armings[-1].missing += points
-
-    def answer(self, arming: Arming) -> None:
-        """Note that the hit of an arming was found."""
-        arming.has_hit, self._answered = True, arming.label
-
-    def find(self, point: int) -> Arming:
-        """Return the arming that a point belongs to."""
-        return next(
-            (item for item in reversed(self._armings) if item.start <= point), self._armings[0]
-        )
-
-    def take_ended(self, point: int) -> Iterator[Arming]:
-        """Yield, and forget, those that ended before a point."""
-        while self._armings and (stop := self._armings[0].stop) is not None and stop <= point:
-            yield self._armings.popleft()
-
-    def clear(self) -> None:
-        """Forget all of them: the points are counted anew."""
-        self._armings.clear()
-
-
 @dataclass(frozen=True)
 class Window:
     """What is to be cut out: the points from `first` up to `last`, for an impact at `pulse`."""
@@ -93,14 +47,16 @@ class Window:
     last: int
 
 
-NANOSECONDS = 1_000_000_000
-"""In a second [ns]."""
 QUIET_LEAD = 2
 """What a cut holds before its impact, in pre-triggers [-], our choice: one for the record, and one
 before it, out of which the record's own baseline is read."""
 BASELINE_RECORDS = 100
-"""How often the baseline is read anew, in record durations [-], our choice: five times a second,
+"""Interval between readings of the baseline, in record durations [-], our choice: 0.2 s,
 for what drifts with the temperature and not with the hits."""
+
+
+ZERO_POINTS = 100_000
+"""Points at least that the zero of a long record is read from [-], our choice."""
 
 
 @dataclass
@@ -120,29 +76,23 @@ def cut_impacts(block: Block, settings: AnalysisSettings) -> list[tuple[int, Blo
     Returns the first point of each hit in the record, and the hit. Where the record does not say
     the full scale, an impact has a tenth of the height of the largest.
     """
-    hammer, count = block.hammer, block.hammer.output.size
+    hammer = block.hammer
     full_scale = hammer.full_scale
     if not full_scale > 0.0:
-        height = float(np.abs(hammer.output - np.median(hammer.output)).max())
+        # Every so many points give the zero: a file may have more points than memory.
+        zero = np.median(hammer.output[:: 1 + hammer.output.size // ZERO_POINTS])
+        height = float(max(hammer.output.max() - zero, zero - hammer.output.min()))
         full_scale = RELATIVE_LEVEL * height * abs(hammer.scale) / settings.detection_level
         if not 0.0 < full_scale < np.inf:
             return []
-    before, length = count_window_points(settings, block.sampling_rate)
-    stream = replace(
-        block, hammer=replace(hammer, full_scale=full_scale), last=False, stamp=NANOSECONDS
-    )
-    cutter = StreamCutter(settings)
-    found: list[Block] = []
-    # Each piece is an arming, so short that the window of a hit covers the rest of it.
-    for number, piece in enumerate(stream.split(max(length - before, 1)), start=1):
-        found += cutter.feed(replace(piece, label=HitLabel("", record=number)))
-    found += cutter.feed(replace(stream.cut(count, count), label=NOT_ARMED, last=True))
-    hits = []
-    for hit in found:
-        if hit.hammer.output.size:
-            first = round((hit.stamp - NANOSECONDS) * 1e-9 * block.sampling_rate)
-            whole = block.cut(first, first + hit.hammer.output.size)
-            hits.append((first, replace(whole, first_sample=hit.first_sample, last=True)))
+    before, _ = count_window_points(settings, block.sampling_rate)
+    segment = Segment(replace(block, hammer=replace(hammer, full_scale=full_scale)))
+    cutter, hits = StreamCutter(settings), []
+    while (pulse := cutter.find_pulse(segment, is_over=True)) is not None:
+        first = pulse - QUIET_LEAD * before
+        begin = max(first, 0)
+        hit = block.cut(begin, segment.searched)
+        hits.append((begin, replace(hit, first_sample=begin - first, last=True)))
     return hits
 
 
@@ -166,7 +116,8 @@ class StreamCutter:
         self._segment: Segment | None = None
         self._baseline: Baseline | None = None
         self._next_baseline = 0
-        self._armings = Armings()
+        self._armings: deque[Arming] = deque()  # not finished, in their order
+        self._answered = NOT_ARMED  # whose hit was found last
         self._window: Window | None = None
 
     def feed(self, block: Block) -> tuple[Block, ...]:
@@ -197,7 +148,7 @@ class StreamCutter:
         elif block.hammer.output.size:
             segment.append(block)
         self._segment = segment
-        self._armings.follow(block)
+        self._follow(block)
         cuts += self._search(segment, is_over=block.ends_stream)
         if block.ends_stream:
             cuts += self._cut_off(segment)
@@ -218,8 +169,22 @@ class StreamCutter:
             self._armings.clear()
         else:
             self.flow.missing_points += gap.high - gap.low
-            self._armings.lose(gap.high - gap.low)
+            if self._armings and self._armings[-1].stop is None:
+                self._armings[-1].missing += gap.high - gap.low
         return cuts
+
+    def _follow(self, block: Block) -> None:
+        """Take the label of the next block of the stream."""
+        current = self._armings[-1] if self._armings else None
+        if current is None or current.stop is not None or current.label != block.label:
+            if current is not None and current.stop is None:
+                current.stop = block.first_sample
+            has_hit = block.label == self._answered
+            current = Arming(block.label, block.first_sample, has_hit)
+            self._armings.append(current)
+        if block.last:
+            current.stop = block.stop
+            current.is_complete = True
 
     def _search(self, segment: Segment, *, is_over: bool) -> list[Block]:
         """Return the hits whose windows have come, and the armings that ended without one."""
@@ -235,22 +200,25 @@ class StreamCutter:
     def _find_window(self, segment: Segment, *, is_over: bool) -> Window | None:
         """Search on for the hit of an arming, and return its window."""
         while self._window is None:
-            pulse = self._find_pulse(segment, is_over=is_over)
+            pulse = self.find_pulse(segment, is_over=is_over)
             if pulse is None:
                 return None
-            before, length = count_window_points(self._settings, segment.first.sampling_rate)
-            last = pulse - before + length
-            segment.searched = self._next_baseline = last
-            arming = self._armings.find(pulse)
+            earlier = (item for item in reversed(self._armings) if item.start <= pulse)
+            arming = next(earlier, self._armings[0])
             if not arming.wants_hit:
                 self.flow.other_impacts += 1
                 continue
-            self._armings.answer(arming)
-            self._window = Window(arming.label, pulse - QUIET_LEAD * before, pulse, last)
+            arming.has_hit, self._answered = True, arming.label
+            before, _ = count_window_points(self._settings, segment.first.sampling_rate)
+            first = pulse - QUIET_LEAD * before
+            self._window = Window(arming.label, first, pulse, segment.searched)
         return self._window
 
-    def _find_pulse(self, segment: Segment, *, is_over: bool) -> int | None:
-        """Return the next pulse; the baseline is read at points that no block border moves."""
+    def find_pulse(self, segment: Segment, *, is_over: bool) -> int | None:
+        """Return the next pulse, and search on behind its window from then on.
+
+        The baseline is read at points that no block border moves.
+        """
         before, length = count_window_points(self._settings, segment.first.sampling_rate)
         if self._baseline is None:
             count = segment.stop - segment.start
@@ -268,6 +236,7 @@ class StreamCutter:
             end = min(segment.stop, self._next_baseline)
             pulse = segment.find_pulse(self._baseline, self._settings, end)
             if pulse is not None:
+                segment.searched = self._next_baseline = pulse - before + length
                 return pulse
             segment.searched = end
         return None
@@ -282,22 +251,24 @@ class StreamCutter:
         return [part, end]
 
     def _end_armings(self, segment: Segment, point: int) -> list[Block]:
-        """Return an empty block for each arming that ended without a hit.
+        """Return an empty block for each arming that ended before a point without a hit.
 
         It is a gap if points are missing, which may have held the hit; else it has no trigger.
         """
-        return [
-            replace(
-                segment.read(arming.start, arming.start),
-                label=arming.label,
-                first_sample=arming.missing,
-                triggered=arming.missing > 0,
-                last=True,
-                stamp=segment.get_time(arming.stop or arming.start),
-            )
-            for arming in self._armings.take_ended(point)
-            if arming.wants_hit and arming.is_complete
-        ]
+        cuts = []
+        while self._armings and (stop := self._armings[0].stop) is not None and stop <= point:
+            arming = self._armings.popleft()
+            if arming.wants_hit and arming.is_complete:
+                empty = replace(
+                    segment.read(arming.start, arming.start),
+                    label=arming.label,
+                    first_sample=arming.missing,
+                    triggered=arming.missing > 0,
+                    last=True,
+                    stamp=segment.get_time(stop or arming.start),
+                )
+                cuts.append(empty)
+        return cuts
 
 
 def _read_window(segment: Segment, window: Window) -> Block:

@@ -17,20 +17,12 @@ ZERO_AFTER = "zero after the impact"
 
 @dataclass(frozen=True)
 class Limits:
-    """What is asked of a tail before it is believed."""
+    """What is asked of a tail before it is believed; limits of one test alone stand there."""
 
-    begin: float = 1.5  # [w50] behind the fall; at e = 0.5 a contact's foot takes one
     parts: int = 16  # [-] of the tail; their means take noise and ringing out
     baseline_parts: int = 4  # [-] which tell a drift
     shortest_part: int = 8  # [points] our choice
-    least_level: float = 2e-3  # [peak] RMS; it changes tau_p by 0.15 %
-    chance: float = 1e-12  # [-] of F, our choice: 5 % of the squares are left; it is for ringing
-    simpler: float = 1e-6  # [-] of F, up to which a simpler cause does not do as well
-    exactness: float = 0.02  # [level] what hum and an integrated baseline leave, our choice
-    fastest: float = 1.0  # [-] rate of a droop times the time to the tail; sooner comes a contact
     remaining: float = 0.5  # [level] what is left at the record's end of what a body does not do
-    uncertainty: float = 0.03  # [peak] of what is taken off the pulse: that of a step of 10 %
-    surprise: float = 0.4  # [level] RMS that one wave may leave of the means it predicts
     cycles: int = 6  # [-] in the tail from which a narrow line is ringing, our choice
 
 
@@ -63,7 +55,8 @@ def judge_zeros(
     tail. A hammer's tail below the level of double hits, RMS over the peak, needs no explanation.
     """
     count, points = traces.shape
-    begin = math.ceil(pulse.fall + LIMITS.begin * pulse.half_amplitude_width)
+    # At e = 0.5 the foot of a contact takes one width.
+    begin = math.ceil(pulse.fall + 1.5 * pulse.half_amplitude_width)
     size, before = (points - begin) // LIMITS.parts, baseline // LIMITS.baseline_parts
     found: list[ZeroShift | None] = [None] * count
     if min(size, before) < LIMITS.shortest_part:
@@ -73,18 +66,18 @@ def judge_zeros(
     means = tails.reshape(count, LIMITS.parts, size).mean(axis=2)
     levels = np.sqrt(np.mean(np.square(means), axis=1))
     peaks = np.abs(traces[:, math.floor(pulse.rise) : math.ceil(pulse.fall) + 1]).max(axis=1)
-    is_off = (levels > LIMITS.least_level * peaks) & (peaks > 0.0)
+    # So much changes tau_p by 0.15 %.
+    is_off = (levels > 2e-3 * peaks) & (peaks > 0.0)
     for channel in np.flatnonzero(is_off).tolist():
-        tail = _Tail(traces[channel], share, pulse, baseline, begin, size, before)
         known = float(peaks[channel]), float(noise[channel]), sampling_rate
+        tail = _Tail(traces[channel], share, pulse, baseline, begin, size, before, *known)
         is_droop = channel and found[0] is not None and found[0].reason is Reason.DROOP
         models = DROOP_FIRST if is_droop else MODELS
-        shift = tail.explain(models, *known)
+        shift = tail.explain(models)
         if not channel and shift is not None and shift.correction is not None:
             # What was corrected is no momentum.
             share = compute_share(traces[0] - shift.correction, pulse)
-            tail = replace(tail, share=share)
-            shift = tail.explain(models, *known)
+            shift = replace(tail, share=share).explain(models)
         found[channel] = shift
     if found[0] is None:
         whole = math.sqrt(float(np.mean(np.square(tails[0]))))
@@ -95,9 +88,8 @@ def judge_zeros(
             text = f"it rings by {percent}, at {frequency * sampling_rate * 1e-3:.2g} kHz"
             found[0] = ZeroShift(Reason.RINGING, text)
         elif levels[0] > level and not _is_wave(means[0]):
-            text = (
-                f"it wanders by {percent}, as by noise of a cable or strain of the sensor's base"
-            )
+            text = f"it wanders by {percent}, as by noise of a cable or strain of the sensor's"
+            text += " base"
             found[0] = ZeroShift(Reason.UNSTEADY_ZERO, text)
     return found
 
@@ -117,7 +109,7 @@ def _is_wave(means: FloatArray) -> bool:
     """Tell whether each mean follows from the two before it, as in any one decaying wave."""
     earlier = np.stack([means[1:-1], means[:-2], np.ones(means.size - 2)], axis=1)
     rest = means[2:] - earlier @ np.linalg.lstsq(earlier, means[2:], rcond=None)[0]
-    return float(rest @ rest) < LIMITS.surprise**2 * float(means[2:] @ means[2:])
+    return float(rest @ rest) < 0.4**2 * float(means[2:] @ means[2:])
 
 
 def compute_share(hammer: FloatArray, pulse: PulseWidth) -> FloatArray:
@@ -165,31 +157,31 @@ class _Tail:
     begin: int
     size: int
     before: int
+    peak: float
+    noise: float
+    sampling_rate: float
 
-    def explain(
-        self,
-        models: tuple[tuple[int, ...], ...],
-        peak: float,
-        noise: float,
-        sampling_rate: float,
-    ) -> ZeroShift | None:
+    def explain(self, models: tuple[tuple[int, ...], ...]) -> ZeroShift | None:
         """Return the simplest cause that leaves no more than all together; None: none is sure."""
         terms = self._make_terms()
         rows, measured = self._average(terms), self._average(self.trace[np.newaxis])[0]
         fits = [self._fit(rows, measured, chosen) for chosen in models]
         full = fits[-1]
-        floor = noise**2 / self.size + np.mean(np.square(LIMITS.exactness * measured))
+        # Hum and an integrated baseline leave a fiftieth of the level, our choice.
+        floor = self.noise**2 / self.size + np.mean(np.square(0.02 * measured))
         variance = max(full.squares / full.freedom, floor)
         adequate = [fit for fit in fits if self._is_alike(fit, full, variance)]
         fewest = min(len(fit.terms) for fit in adequate)
         chosen = next(fit for fit in adequate if len(fit.terms) == fewest)
-        if self._find_rate(chosen) * (self.begin - self.pulse.fall) > LIMITS.fastest:
+        # A droop that is gone before the tail is a contact.
+        if self._find_rate(chosen) * (self.begin - self.pulse.fall) > 1.0:
             return None
         variance = max(chosen.squares / chosen.freedom, floor)
         gained = (float(measured @ measured) - chosen.squares) / fewest / variance
-        if gained < scipy.special.fdtri(fewest, chosen.freedom, 1.0 - LIMITS.chance):
+        # Of ringing, so rare an F leaves 5 % of the squares, our choice.
+        if gained < scipy.special.fdtri(fewest, chosen.freedom, 1.0 - 1e-12):
             return None
-        return self._describe(chosen, variance, terms, peak, sampling_rate)
+        return self._describe(chosen, variance, terms)
 
     def _make_terms(self) -> FloatArray:
         """Return step, droop and drift of the whole trace, each 1 in size, shape (3, n)."""
@@ -238,16 +230,9 @@ class _Tail:
         if fit.terms[-1] == DROOP and fit.factors[-1] < 0.0:
             return False  # it would grow
         ratio = (fit.squares - full.squares) / more / variance
-        return bool(ratio < scipy.special.fdtri(more, full.freedom, 1.0 - LIMITS.simpler))
+        return bool(ratio < scipy.special.fdtri(more, full.freedom, 1.0 - 1e-6))
 
-    def _describe(
-        self,
-        fit: _Fit,
-        variance: float,
-        terms: FloatArray,
-        peak: float,
-        sampling_rate: float,
-    ) -> ZeroShift:
+    def _describe(self, fit: _Fit, variance: float, terms: FloatArray) -> ZeroShift:
         rows = terms[list(fit.terms)]
         correction = fit.factors @ rows
         level, end = (float(correction[place]) for place in (self.begin, -1))
@@ -256,31 +241,27 @@ class _Tail:
         standard, spread = (
             math.sqrt(variance * float(row @ fit.covariance @ row)) for row in (under, after)
         )
-        percent = 100.0 / peak
+        percent = 100.0 / self.peak
         if fit.terms == (DROOP,):
-            corner = self._find_rate(fit) * sampling_rate / (2.0 * math.pi)
+            corner = self._find_rate(fit) * self.sampling_rate / (2.0 * math.pi)
             wide = abs(corner) * 2.0 * spread / max(abs(float(fit.factors @ after)), 1e-300)
             reason = Reason.DROOP
             text = f"it droops as by a lower corner of {corner:.3g} Hz (± {wide:.1g} Hz)"
         elif fit.terms == (DRIFT,):
-            wide = 2.0 * math.sqrt(variance * float(fit.covariance[0, 0]))
+            wide = 2.0 * percent * math.sqrt(variance * float(fit.covariance[0, 0]))
             reason = Reason.DRIFT
-            text = (
-                f"it drifts by {percent * end:.2g} % of the peak to the record's end"
-                f" (± {percent * wide:.1g} %)"
-            )
+            text = f"it drifts by {percent * end:.2g} % of the peak to the record's end"
+            text += f" (± {wide:.1g} %)"
         else:
             reason = Reason.ZERO_SHIFT
             step = float(fit.factors @ after)
-            text = (
-                f"a step of {percent * step:.2g} % of the peak"
-                f" (± {percent * 2.0 * spread:.1g} %) came with the impact"
-            )
+            text = f"a step of {percent * step:.2g} % of the peak"
+            text += f" (± {percent * 2.0 * spread:.1g} %) came with the impact"
             if abs(end) < LIMITS.remaining * abs(step):
                 text += " and goes"
             # When within the shock it came is evenly distributed.
             standard = math.hypot(standard, step / math.sqrt(12.0))
-        is_sure = standard <= LIMITS.uncertainty * peak
         stays = reason is Reason.DROOP or abs(end) > LIMITS.remaining * abs(level)
-        taken = correction if is_sure else None
+        # As sure as of a step of 10 %.
+        taken = correction if standard <= 0.03 * self.peak else None
         return ZeroShift(reason, text, taken, standard, stays)

@@ -38,7 +38,7 @@ campaign share are asked for within some dozen others. Each hit brings ten, whic
 REMEMBERED_ENSEMBLES = 64
 """The same of ensembles [-], which are larger: each hit brings two."""
 NEGLIGIBLE_SHARE = 1e-9
-"""Share of the variance below which an input has no line of its own [-], our choice: its
+"""Share of the variance below which an input is left out of the budget [-], our choice: its
 contribution would be less than the rounding of the last digit that anyone prints."""
 SINGULAR_PART = 1e-14
 """Part of the largest variance below which a combination of parameters does not scatter [-], our
@@ -255,38 +255,26 @@ def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
         If the set has no such sample.
     """
     struck, samples = setup.samples.find(sample), setup.samples
-    hammer_mass = make_input(
-        "mass of the hammer", setup.hammer_mass, setup.hammer_mass_uncertainty
+    stated = {
+        "the hammer": (setup.hammer_mass, setup.hammer_mass_uncertainty),
+        "the accelerometer": (
+            samples.accelerometer_mass,
+            samples.accelerometer_mass_uncertainty,
+        ),
+        struck.body: (struck.mass, struck.mass_uncertainty),
+    }
+    hammer_mass, accelerometer_mass, sample_mass = (
+        make_input(f"mass of {name}", *numbers) for name, numbers in stated.items()
     )
-    accelerometer_mass = make_input(
-        "mass of the accelerometer",
-        samples.accelerometer_mass,
-        samples.accelerometer_mass_uncertainty,
+    unstated = " and ".join(
+        name for name, (mass, standard) in stated.items() if mass > 0.0 == standard
     )
-    sample_mass = make_input(f"mass of {struck.body}", struck.mass, struck.mass_uncertainty)
-    unstated = [
-        name
-        for name, mass, uncertainty in (
-            ("the hammer", setup.hammer_mass, setup.hammer_mass_uncertainty),
-            (
-                "the accelerometer",
-                samples.accelerometer_mass,
-                samples.accelerometer_mass_uncertainty,
-            ),
-            (struck.body, struck.mass, struck.mass_uncertainty),
-        )
-        if mass > 0.0 and uncertainty == 0.0
-    ]
-    notes = (
-        (f"uncertainty of k and c: none is stated for the mass of {' and '.join(unstated)}",)
-        if unstated
-        else ()
-    )
+    note = f"uncertainty of k and c: none is stated for the mass of {unstated}"
     return RigNumbers(
         hammer_mass=hammer_mass,
         moving_mass=sample_mass + accelerometer_mass,
         clock=make_input("sampling clock", 1.0, setup.clock_uncertainty),
-        notes=notes,
+        notes=(note,) if unstated else (),
         gains=make_gains(
             *(setup.find_sensor(channel).sensitivity_uncertainty for channel in CHANNELS)
         ),
@@ -541,8 +529,8 @@ def _describe_mean(mean: MeanHit, channel: int, cutoff_frequency: float) -> Trac
     return TraceQuality(
         noise=float(mean.noise[channel]),
         raw_noise=float(mean.raw_noise[channel]),
-        dither=float(mean.summary.least_noise[channel]),
-        resolution=float(mean.summary.largest_step[channel]),
+        dither=float(mean.least_noise[channel]),
+        resolution=float(mean.largest_step[channel]),
         baseline_points=mean.baseline_points,
         relative_cutoff=cutoff_frequency / mean.sampling_rate,
         zero_uncertainty=0.0 if channel else float(mean.zero_uncertainty[0]),

@@ -2,9 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
-from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -14,7 +13,7 @@ from impact_rig.core.detection import SPREAD_OF_MEDIAN
 from impact_rig.core.errors import SignalError
 from impact_rig.core.pulse_width import PulseWidth, find_crossing, measure_pulse
 from impact_rig.core.pulses import HALF_SINE, VERSED_SINE
-from impact_rig.core.records import FloatArray, Record, Trace
+from impact_rig.core.records import ChannelBlock, FloatArray, Record
 from impact_rig.core.setup import AnalysisSettings
 
 
@@ -46,11 +45,12 @@ class Reason(Enum):
 
 
 @dataclass(frozen=True)
-class Rejection:
-    """One reason against a hit, with a sentence that has the figures."""
+class Finding:
+    """What was found in a hit, with a sentence that has the figures."""
 
     reason: Reason
     explanation: str
+    is_harmless: bool = False  # it was corrected, or cannot be told from what is harmless
 
     def __str__(self) -> str:
         """Return ``code: explanation``."""
@@ -59,57 +59,23 @@ class Rejection:
 
 @dataclass(frozen=True)
 class Limits:
-    """From where on a hit is doubted."""
+    """From where on a hit is doubted; those of one test alone stand there."""
 
-    rail_tolerance: float = 2e-3  # [full scale] four steps of 12 bits, room for an offset
-    rail_steps: float = 1.0  # [counts] of b bits the largest is 2^(b-1) - 1
     same: float = 1e-9  # [peak] of extremes that are one count: rounding by a scale
     least_extreme: float = 0.3  # [peak] of a rail; a quiet baseline repeats its extremes
-    fewest_equal: int = 3  # [points] two are the top of any symmetric pulse
-    chance: float = 1e-6  # [-] probability of a run by noise, our choice
-    top_values: int = 4  # [-] noise leaves out some counts below a rail
-    decade: float = 8.0  # [-] ratio of the steps of two decades, 10
-    flatness: float = 1.5  # [-] top within a step over a versed-sine's; a linear spring's 1.06
     top_noise: float = 3.0  # [-] standard deviations by which noise holds a point on a step
-    least_dropout: float = 0.05  # [range] our choice
-    dropout_noise: float = 10.0  # [-] standard deviations, our choice
-    dropout_steps: float = 3.0  # [counts] noise moves a point by one, seldom two
-    dropout_rest: float = 0.25  # [dropout] bend without the point; more is a sharp signal
+    steps: float = 3.0  # [counts] noise moves a point by one, seldom two
     reach: int = 4  # [points] on either side that show whether a point belongs to them
-    jump_noise: float = 8.0  # [-] standard deviations; noise does it once in 10^12 records
     least_jump: float = 0.02  # [range] our choice
-    jump_rest: float = 0.5  # [jump] of the steps beside it; more is a sharp signal
-    jump_level: float = 0.1  # [range] from the baseline; a contact may begin or end at once
-    wrapped: float = 0.6  # [range] from which a jump is of counts that wrap around, our choice
-    top_share: float = 0.985  # [peak] between this and the next a top has its shoulders
-    shoulder_share: float = 0.95  # [peak] our choice
-    flat_top: float = (
-        4.5  # [shoulders] pulses of sensors that ring have up to 3.8, clipped at 85 % 5.2
-    )
     fewest_top_points: float = 12.0  # [points] of w50 that show shoulders, our choice
-    level_margin: float = 0.9  # [level] so that no pulse of just that level goes unseen
-    second_pulse_delay: float = 1.2  # [contact time] sooner it is the same contact
-    delay_margin: float = 0.9  # [delay] the contact time is known within 5 % by the shape
-    ringing_swing: float = 0.5  # [bump] to the other side: a wave has 1, a contact 0
-    swing_reach: float = 1.5  # [contact time] half a period of what comes again
-    shortest_second_pulse: float = 0.5  # [w50] a softer hit lasts longer (Hertz)
-    noise_margin: float = 6.0  # [-] standard deviations; noise does it once in 10^4 records
-    wander: float = 0.1  # [bump] of the rest of the record; beside a contact there is noise alone
-    dead_level: float = 0.005  # [full scale] half of the smallest signal worth a range
-    dead_noise: float = 6.0  # [-] standard deviations; noise does it once in 10^5 records
-    quiet_part: float = 0.05  # [record] half the default pre-trigger: a weak pulse begins early
-    highest_wander: float = 0.05  # [peak] of a bump; it changes tau_p by some 3 %
     fewest_points: float = 3.0  # [points] of w50; below, the flanks have no points
     least_crest: float = 8.0  # [-] standard deviations; vibration has crests of 3 to 5
-    low_pass_change: float = 0.01  # [-] of width or peak that is worth a warning
-    low_pass_noise: float = 6.0  # [-] standard deviations of what noise changes of them
-    tail_contacts: float = 1.0  # [w50] that must follow the pulse, our choice
 
 
 LIMITS = Limits()
 
 
-def find_longest_rail_run(trace: Trace, quiet: int) -> int:
+def find_longest_rail_run(trace: ChannelBlock, quiet: int) -> int:
     """Return how many points in a row stand at a rail [points].
 
     The rail is full scale where that is known. Whether it is or not, extremes that are equal in a
@@ -121,10 +87,9 @@ def find_longest_rail_run(trace: Trace, quiet: int) -> int:
     bottom, top = trace.extremes
     run = 0
     if trace.full_scale > 0.0:
-        # A converter of b bits ends one step below its positive full scale.
-        rail = (
-            1.0 - LIMITS.rail_tolerance
-        ) * trace.full_scale - LIMITS.rail_steps * trace.resolution
+        # A converter of b bits ends one step below its positive full scale, at 2^(b-1) - 1; four
+        # steps of 12 bits are room for an offset.
+        rail = (1.0 - 2e-3) * trace.full_scale - trace.resolution
         if max(top, -bottom) >= rail:
             run = _find_longest_run(np.abs(values) >= rail)[1]
     # No rail lies nearer to the baseline than the last points before a pulse do.
@@ -135,7 +100,8 @@ def find_longest_rail_run(trace: Trace, quiet: int) -> int:
             continue
         at_extreme = values >= extreme - same if sign > 0.0 else values <= extreme + same
         start, found = _find_longest_run(at_extreme)
-        if found > max(run, LIMITS.fewest_equal - 1):
+        # Two equal points are the top of any symmetric pulse.
+        if found > max(run, 2):
             baseline = float(np.median(values[:quiet]))
             upright = sign * (values - baseline)
             if found > count_chance_run(upright, start, quiet, trace.resolution):
@@ -173,16 +139,16 @@ def count_chance_run(upright: FloatArray, start: int, quiet: int, step: float) -
         int(after.argmax()) if after.any() else after.size
     )
     curvature = 0.5 * height * (math.pi / max(width, 1)) ** 2
-    rounded = (
-        LIMITS.flatness * 2.0 * math.sqrt(2.0 * (step + LIMITS.top_noise * noise) / curvature)
-        + 1.0
-    )
+    # A top may be half as long again as that of a versed-sine; a linear spring's is 1.06 times it.
+    within = step + LIMITS.top_noise * noise
+    rounded = 1.5 * 2.0 * math.sqrt(2.0 * within / curvature) + 1.0
     alike = math.erf(step / (2.0 * math.sqrt(2.0) * noise)) if noise > 0.0 else 1.0
     if alike > 1.0 - LIMITS.same:
         return rounded
     if alike == 0.0:  # noise beyond all counts
         return 1.0
-    return min(rounded, 1.0 + math.log(LIMITS.chance / max(width, 1)) / math.log(alike))
+    # By noise in one record of a million, our choice.
+    return min(rounded, 1.0 + math.log(1e-6 / max(width, 1)) / math.log(alike))
 
 
 def find_step(values: FloatArray, extreme: float) -> float:
@@ -197,8 +163,9 @@ def find_step(values: FloatArray, extreme: float) -> float:
     steps = steps[steps > LIMITS.same * extreme]
     if steps.size == 0:
         return extreme
-    last, top = float(steps[-1]), float(steps[-LIMITS.top_values :].min())
-    return min(last if last > LIMITS.decade * top else top, 10.0 * float(steps.min()))
+    # Noise leaves out some counts below a rail. The steps of two decades differ by ten, or nearly.
+    last, top = float(steps[-1]), float(steps[-4:].min())
+    return min(last if last > 8.0 * top else top, 10.0 * float(steps.min()))
 
 
 def _find_longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
@@ -206,13 +173,15 @@ def _find_longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
     places = np.flatnonzero(flags)
     if places.size == 0:
         return 0, 0
-    ends = (np.flatnonzero(places[1:] - places[:-1] > 1) + 1).tolist()
-    first, stop = max(pairwise([0, *ends, places.size]), key=lambda run: run[1] - run[0])
-    return int(places[first]), stop - first
+    ends = np.flatnonzero(np.diff(places) > 1) + 1
+    longest = max(np.split(places, ends), key=len)
+    return int(longest[0]), longest.size
 
 
-def find_dropout(trace: Trace, quiet: int) -> tuple[int, float] | None:
-    """Find a single point off a smooth curve through its neighbours: where, and by how much.
+def find_dropout(
+    name: str, trace: ChannelBlock, quiet: int, sampling_rate: float
+) -> Finding | None:
+    """Find a single point off a smooth curve through its neighbours.
 
     The trace is finite and as recorded, since a low-pass would smear the point; `quiet` points
     before the pulse show the noise.
@@ -220,9 +189,9 @@ def find_dropout(trace: Trace, quiet: int) -> tuple[int, float] | None:
     values, reach = trace.acceleration, LIMITS.reach
     if values.size <= 2 * reach:
         return None
-    # It is far off both neighbours, and these on the same side.
+    # It is far off both neighbours, and these on the same side: by a twentieth, our choice.
     steps = values[1:] - values[:-1]
-    least = LIMITS.least_dropout * (trace.extremes[1] - trace.extremes[0])
+    least = 0.05 * (trace.extremes[1] - trace.extremes[0])
     if min(float(steps.max()), -float(steps.min())) < least:
         return None
     index = 1 + int(np.abs(np.diff(steps)).argmax())
@@ -230,23 +199,28 @@ def find_dropout(trace: Trace, quiet: int) -> tuple[int, float] | None:
         return None
     near = values[index - reach : index + reach + 1].copy()
     curve = (4.0 * (near[reach - 1] + near[reach + 1]) - near[reach - 2] - near[reach + 2]) / 6.0
-    off = float(near[reach] - curve)
+    off = abs(float(near[reach] - curve))
     near[reach] = curve
     left = float(np.abs(np.diff(near, n=2)).max()) / 2.0
     noise = float(np.std(values[:quiet]))
     upright = np.abs(values)
     step = trace.resolution or find_step(upright, float(upright.max()))
-    least = max(least, LIMITS.dropout_noise * noise, LIMITS.dropout_steps * step)
-    is_alone = left <= LIMITS.dropout_rest * abs(off) + LIMITS.top_noise * noise
-    return (index, off) if abs(off) >= least and is_alone else None
+    least = max(least, 10.0 * noise, LIMITS.steps * step)
+    # A bend that is left without the point is a sharp signal.
+    if off < least or left > 0.25 * off + LIMITS.top_noise * noise:
+        return None
+    text = (
+        f"a single point of the {name}, {index / sampling_rate * 1e6:.0f} µs into the record, is"
+        f" {off:.4g} m/s^2 off its neighbours"
+    )
+    return Finding(Reason.DROPOUT, text)
 
 
-def find_jump(trace: Trace, quiet: int) -> tuple[Reason, int, float] | None:
+def find_jump(name: str, trace: ChannelBlock, quiet: int, sampling_rate: float) -> Finding | None:
     """Find the largest step between two points of a trace that is smooth on both sides.
 
-    An overload: the counts wrap around; a gap: points are missing. With the point before it, and
-    its height. The trace is finite and as recorded; `quiet` points before the pulse show the
-    noise.
+    An overload: the counts wrap around; a gap: points are missing. The trace is finite and as
+    recorded; `quiet` points before the pulse show the noise.
     """
     values, reach = trace.acceleration, 2 * LIMITS.reach
     steps = values[1:] - values[:-1]
@@ -257,26 +231,33 @@ def find_jump(trace: Trace, quiet: int) -> tuple[Reason, int, float] | None:
     if abs(steps[place]) < LIMITS.least_jump * extent or not reach <= place < steps.size - reach:
         return None
     noise = math.sqrt(2.0) * float(np.std(values[:quiet]))
-    least = max(
-        LIMITS.jump_noise * noise,
-        LIMITS.least_jump * extent,
-        LIMITS.dropout_steps * trace.resolution,
-    )
+    # Noise reaches 8 standard deviations once in 10^12 records.
+    least = max(8.0 * noise, LIMITS.least_jump * extent, LIMITS.steps * trace.resolution)
     baseline = float(np.median(values[:quiet]))
     before, after = (float(value) - baseline for value in values[place : place + 2])
-    is_far = min(abs(before), abs(after)) > LIMITS.jump_level * extent
-    if not is_far or abs(after - before) < least:
+    height = after - before
+    # Near the baseline a contact may begin or end at once.
+    if min(abs(before), abs(after)) <= 0.1 * extent or abs(height) < least:
         return None
-    if abs(after - before) > LIMITS.wrapped * extent:
-        return (Reason.OVERLOAD, place, after - before) if before * after < 0.0 else None
-    near = steps[place - reach : place + reach + 1]
-    slope = float(np.median(near))
-    off = near - slope
-    height = float(off[reach])
-    others = float(np.abs(np.delete(off, reach)).max())
-    # Missing points go on in the direction of the trace; a zero that shifts may not.
-    is_gap = abs(height) >= least and others <= LIMITS.jump_rest * abs(height)
-    return (Reason.GAP, place, height) if is_gap and height * slope > 0.0 else None
+    if abs(height) > 0.6 * extent:
+        reason, what = Reason.OVERLOAD, "its counts wrap around"
+        is_found = before * after < 0.0
+    else:
+        reason, what = Reason.GAP, "points are missing"
+        near = steps[place - reach : place + reach + 1]
+        slope = float(np.median(near))
+        off = near - slope
+        height = float(off[reach])
+        others = float(np.abs(np.delete(off, reach)).max())
+        # Beside steps of half its height it is a sharp signal.
+        is_alone = abs(height) >= least and others <= 0.5 * abs(height)
+        # Missing points go on in the direction of the trace; a zero that shifts may not.
+        is_found = is_alone and height * slope > 0.0
+    text = (
+        f"the {name} jumps by {abs(height):.4g} m/s^2 between two points"
+        f" {place / sampling_rate * 1e6:.0f} µs into the record: {what}"
+    )
+    return Finding(reason, text) if is_found else None
 
 
 def is_flat(trace: FloatArray) -> bool:
@@ -286,9 +267,10 @@ def is_flat(trace: FloatArray) -> bool:
     half, low, high = (
         find_crossing(upright, peak_index, part * float(upright[peak_index]), 1)
         - find_crossing(upright, peak_index, part * float(upright[peak_index]), -1)
-        for part in (0.5, LIMITS.shoulder_share, LIMITS.top_share)
+        for part in (0.5, 0.95, 0.985)
     )
-    return half > LIMITS.fewest_top_points and high > LIMITS.flat_top * (low - high)
+    # Its top over its shoulders: sensors that ring have up to 3.8, clipped at 85 % it is 5.2.
+    return half > LIMITS.fewest_top_points and high > 4.5 * (low - high)
 
 
 @dataclass(frozen=True)
@@ -340,9 +322,11 @@ def find_second_pulse(
         Largest distance of two contacts that counts, middle to middle [points].
     """
     upright = trace if pulse.peak > 0 else -trace
-    least = max(LIMITS.level_margin * level * abs(pulse.peak), LIMITS.noise_margin * noise)
+    # A pulse of just that level is seen; noise of 6 standard deviations is, once in 10^4 records.
+    least = max(0.9 * level * abs(pulse.peak), 6.0 * noise)
     duration = estimate_duration(pulse)
-    apart = LIMITS.delay_margin * LIMITS.second_pulse_delay * duration
+    # Sooner it is the same contact, whose duration is known within 5 % by the shape.
+    apart = 0.9 * 1.2 * duration
     peaks, _ = scipy.signal.find_peaks(np.append(upright, -math.inf), height=least)
     if peaks.size <= 1:
         return None
@@ -352,42 +336,31 @@ def find_second_pulse(
     for index in sorted(map(int, peaks), key=lambda index: -upright[index]):
         if index == pulse.peak_index:
             continue
-        rise, fall = _find_half_crossings(upright, index)
+        height = float(upright[index])
+        rise, fall = (find_crossing(upright, index, 0.5 * height, step) for step in (-1, 1))
+        rise = 0.0 if math.isnan(rise) else rise
+        fall = float(upright.size) if math.isnan(fall) else fall
         is_cut = fall > upright.size - 1
         delay = (index if is_cut else (rise + fall) / 2.0) - pulse.middle
         is_apart = apart <= abs(delay) <= window
-        shortest = 0.0 if is_cut else LIMITS.shortest_second_pulse * pulse.half_amplitude_width
+        # A softer hit lasts longer (Hertz).
+        shortest = 0.0 if is_cut else 0.5 * pulse.half_amplitude_width
         if not is_apart or fall - rise < shortest:
             continue
-        height = float(upright[index])
-        reason = Reason.DOUBLE_HIT
-        if _find_swing(upright, pulse, index, duration) >= LIMITS.ringing_swing * height:
-            reason = Reason.RINGING
-        elif _find_wander(upright, pulse, rise, fall, duration) > LIMITS.wander * height:
-            reason = Reason.UNSTEADY_ZERO
-        found = SecondPulse(height / abs(pulse.peak), delay, reason)
-        if reason is Reason.DOUBLE_HIT:
+        found = SecondPulse(height / abs(pulse.peak), delay)
+        # A wave swings by 1 to the other side, a contact by 0.
+        if _find_swing(upright, pulse, index, duration) >= 0.5 * height:
+            doubtful = doubtful or replace(found, reason=Reason.RINGING)
+        elif _find_wander(upright, pulse, rise, fall, duration) > 0.1 * height:
+            doubtful = doubtful or replace(found, reason=Reason.UNSTEADY_ZERO)
+        else:
             return found
-        doubtful = doubtful or found
     return doubtful
 
 
-def _find_half_crossings(upright: FloatArray, index: int) -> tuple[float, float]:
-    """Return where a pulse crosses half its height; the trace's end where it does not [points].
-
-    Behind the last point where it is cut off there.
-    """
-    half = 0.5 * float(upright[index])
-    rise, fall = (find_crossing(upright, index, half, step) for step in (-1, 1))
-    return (
-        0.0 if math.isnan(rise) else rise,
-        float(upright.size) if math.isnan(fall) else fall,
-    )
-
-
 def _find_swing(upright: FloatArray, pulse: PulseWidth, index: int, duration: float) -> float:
-    """Return how far the trace swings to the other side near a bump."""
-    reach = int(LIMITS.swing_reach * duration)
+    """Return how far the trace swings to the other side near a bump, one that comes again."""
+    reach = int(1.5 * duration)
     low, high = max(index - reach, 0), index + reach + 1
     if index > pulse.peak_index:
         low = max(low, math.ceil(pulse.fall))
@@ -409,90 +382,65 @@ CHANNELS = ("hammer", "sample")
 """For people; the first tells how strong a hit was."""
 
 
-def check_stream(record: Record) -> tuple[Rejection, ...]:
+def check_stream(record: Record) -> list[Finding]:
     """Find what is wrong with a record before anyone looks for a pulse in it."""
     if not record.triggered:
-        return (Rejection(Reason.NO_TRIGGER, "the arming ended without a trigger"),)
-    found = [Rejection(Reason.GAP, flaw) for flaw in record.flaws]
+        return [Finding(Reason.NO_TRIGGER, "the arming ended without a trigger")]
+    found = [Finding(Reason.GAP, flaw) for flaw in record.flaws]
     if record.hammer.acceleration.size == 0:
-        return (*found, Rejection(Reason.NO_PULSE, "the record is empty"))
-    for name, trace in _name_channels(record):
+        return [*found, Finding(Reason.NO_PULSE, "the record is empty")]
+    for name, trace in zip(CHANNELS, record.channels, strict=False):
         if not all(map(math.isfinite, trace.extremes)):
             bad = int(np.count_nonzero(~np.isfinite(trace.acceleration)))
-            found.append(
-                Rejection(Reason.NON_FINITE, f"{bad} points of the {name} trace are no numbers")
-            )
-    return tuple(found)
+            text = f"{bad} points of the {name} trace are no numbers"
+            found.append(Finding(Reason.NON_FINITE, text))
+    return found
 
 
-def check_channels(record: Record, settings: AnalysisSettings) -> tuple[Rejection, ...]:
+def check_channels(record: Record, settings: AnalysisSettings) -> list[Finding]:
     """Find dead and overloaded channels of a finite record, and points that cannot be."""
-    channels = _name_channels(record)
-    quiet = int(LIMITS.quiet_part * record.hammer.acceleration.size)
+    channels = list(zip(CHANNELS, record.channels, strict=False))
+    # Half the default pre-trigger: a weak pulse begins early.
+    quiet = int(0.05 * record.hammer.acceleration.size)
     if record.pulse_index is not None:
         quiet = min(quiet, record.pulse_index)
     quiet = max(quiet, 1)
     dead = [name for name, trace in channels if _is_dead(trace, quiet)]
-    found = []
+    found: list[Finding | None] = []
     if dead and len(dead) < len(channels):
-        found.append(Rejection(Reason.DEAD_CHANNEL, f"the {dead[0]} channel shows no signal"))
+        found.append(Finding(Reason.DEAD_CHANNEL, f"the {dead[0]} channel shows no signal"))
     elif record.pulse_index is None:
-        found.append(Rejection(Reason.NO_PULSE, "the hammer trace never leaves its baseline"))
+        found.append(Finding(Reason.NO_PULSE, "the hammer trace never leaves its baseline"))
     for name, trace in channels:
         run = find_longest_rail_run(trace, quiet)
         if run >= settings.overload_run:
             rail = float(np.max(np.abs(trace.acceleration)))
-            found.append(
-                Rejection(
-                    Reason.OVERLOAD,
-                    f"{run} points in a row of the {name} at the rail of {rail:.4g} m/s^2"
-                    f" ({rail / scipy.constants.g:.4g} g)",
-                )
+            text = (
+                f"{run} points in a row of the {name} at the rail of {rail:.4g} m/s^2"
+                f" ({rail / scipy.constants.g:.4g} g)"
             )
+            found.append(Finding(Reason.OVERLOAD, text))
         elif trace.overloaded:
-            found.append(
-                Rejection(Reason.OVERLOAD, f"the device says that the {name} channel overloaded")
-            )
-        dropout = find_dropout(trace, quiet)
-        if dropout is not None:
-            point, off = dropout
-            found.append(
-                Rejection(
-                    Reason.DROPOUT,
-                    f"a single point of the {name},"
-                    f" {point / record.sampling_rate * 1e6:.0f} µs into the record, is"
-                    f" {abs(off):.4g} m/s^2 off its neighbours",
-                )
-            )
-        jump = find_jump(trace, quiet)
-        if jump is not None:
-            reason, point, height = jump
-            what = "points are missing" if reason is Reason.GAP else "its counts wrap around"
-            found.append(
-                Rejection(
-                    reason,
-                    f"the {name} jumps by {abs(height):.4g} m/s^2 between two points"
-                    f" {point / record.sampling_rate * 1e6:.0f} µs into the record: {what}",
-                )
-            )
-    return tuple(found)
+            text = f"the device says that the {name} channel overloaded"
+            found.append(Finding(Reason.OVERLOAD, text))
+        found.append(find_dropout(name, trace, quiet, record.sampling_rate))
+        found.append(find_jump(name, trace, quiet, record.sampling_rate))
+    return [item for item in found if item is not None]
 
 
-def check_tops(traces: FloatArray) -> tuple[Rejection, ...]:
+def check_tops(traces: FloatArray) -> list[Finding]:
     """Find filtered traces, shape (channels, n), baseline zero, whose pulse has no top."""
-    return tuple(
-        Rejection(
-            Reason.OVERLOAD,
-            f"the {name}'s pulse is flat at its top, as of an amplifier that is overloaded",
-        )
+    text = "the {}'s pulse is flat at its top, as of an amplifier that is overloaded"
+    return [
+        Finding(Reason.OVERLOAD, text.format(name))
         for name, trace in zip(CHANNELS, traces, strict=False)
         if is_flat(trace)
-    )
+    ]
 
 
 def check_strength(
     record: Record, peaks: Sequence[float], settings: AnalysisSettings, *, overloaded: bool
-) -> tuple[Rejection, ...]:
+) -> list[Finding]:
     """Find whether a hit is too weak or too strong for the ranges of its channels.
 
     Parameters
@@ -506,19 +454,15 @@ def check_strength(
         A channel stood at its rail: then the peak is not known, and the overload says so.
     """
     found = []
-    for (name, trace), peak in zip(_name_channels(record), peaks, strict=True):
-        least, most = (
-            part * trace.full_scale for part in (settings.minimum_peak, settings.maximum_peak)
-        )
+    for name, trace, peak in zip(CHANNELS, record.channels, peaks, strict=False):
+        least = settings.minimum_peak * trace.full_scale
+        most = settings.maximum_peak * trace.full_scale
+        what = f"{name} peak {peak:.4g} m/s^2 is"
         if name == CHANNELS[0] and peak < least:
-            found.append(
-                Rejection(Reason.WEAK, f"{name} peak {peak:.4g} m/s^2 is below {least:.4g} m/s^2")
-            )
+            found.append(Finding(Reason.WEAK, f"{what} below {least:.4g} m/s^2"))
         if trace.full_scale > 0.0 and peak > most and not overloaded:
-            found.append(
-                Rejection(Reason.STRONG, f"{name} peak {peak:.4g} m/s^2 is above {most:.4g} m/s^2")
-            )
-    return tuple(found)
+            found.append(Finding(Reason.STRONG, f"{what} above {most:.4g} m/s^2"))
+    return found
 
 
 def check_pulse(
@@ -527,7 +471,7 @@ def check_pulse(
     noise: float,
     sampling_rate: float,
     settings: AnalysisSettings,
-) -> tuple[tuple[Rejection, ...], tuple[Rejection, ...]]:
+) -> list[Finding]:
     """Find what is wrong with the course of a pulse that could be measured.
 
     Parameters
@@ -540,51 +484,43 @@ def check_pulse(
         [Hz]
     settings : AnalysisSettings
         `double_hit_level` and `double_hit_window` are used.
-
-    Returns
-    -------
-    tuple of tuple of Rejection
-        What is against the hit, and what looks like it but cannot be told from what is harmless.
     """
-    against, doubtful = [], []
+    found = []
     if pulse.half_amplitude_width < LIMITS.fewest_points:
         text = (
             f"its width at half amplitude is {pulse.half_amplitude_width:.2g} points, it takes"
             f" {LIMITS.fewest_points:g}: sample faster"
         )
-        against.append(Rejection(Reason.FEW_POINTS, text))
+        found.append(Finding(Reason.FEW_POINTS, text))
     if abs(pulse.peak) < LIMITS.least_crest * noise:
         text = (
             f"the largest pulse is {abs(pulse.peak) / noise:.2g} times the standard deviation of"
             f" what comes before it, an impact is {LIMITS.least_crest:g} or more"
         )
-        against.append(Rejection(Reason.NO_PULSE, text))
-    if pulse.fall + LIMITS.tail_contacts * pulse.half_amplitude_width > hammer.size - 1:
-        against.append(Rejection(Reason.TRUNCATED, "the record ends too soon after the pulse"))
+        found.append(Finding(Reason.NO_PULSE, text))
+    if pulse.fall + pulse.half_amplitude_width > hammer.size - 1:
+        found.append(Finding(Reason.TRUNCATED, "the record ends too soon after the pulse"))
     level, window = settings.double_hit_level, settings.double_hit_window
     second = find_second_pulse(hammer, pulse, level, noise, window * sampling_rate or math.inf)
     if second is not None:
-        height = f"{float(f'{second.height * 100:.2g}'):g} % of the largest"
         place = (
-            f"{'follows after' if second.delay > 0 else 'precedes it by'}"
+            f"of {float(f'{second.height * 100:.2g}'):g} % of the largest"
+            f" {'follows after' if second.delay > 0 else 'precedes it by'}"
             f" {abs(second.delay) / sampling_rate * 1e6:.0f} µs"
         )
-        counts = f"from {level * 100:g} % on"
-        counts += f" within {window * 1e6:g} µs one counts" if window else " one counts"
+        within = f" within {window * 1e6:g} µs" if window else ""
+        is_harmless = second.reason is Reason.RINGING
         if second.reason is Reason.DOUBLE_HIT:
-            text = f"a second pulse of {height} {place}; {counts}"
-            against.append(Rejection(Reason.DOUBLE_HIT, text))
-        elif second.reason is Reason.RINGING:
-            text = f"a bump of {height} {place}: ringing, or a second contact in it"
-            doubtful.append(Rejection(Reason.RINGING, text))
+            text = f"a second pulse {place}; from {level * 100:g} % on{within} one counts"
+        elif is_harmless:
+            text = f"a bump {place}: ringing, or a second contact in it"
         else:
-            text = (
-                f"a bump of {height} {place}, as the zero wanders: noise of a cable, strain of the"
-                " sensor's base"
-            )
-            target = against if second.height >= max(LIMITS.highest_wander, level) else doubtful
-            target.append(Rejection(Reason.UNSTEADY_ZERO, text))
-    return tuple(against), tuple(doubtful)
+            text = f"a bump {place}, as the zero wanders: noise of a cable, strain of the"
+            text += " sensor's base"
+            # It changes tau_p by some 3 %.
+            is_harmless = second.height < max(0.05, level)
+        found.append(Finding(second.reason, text, is_harmless))
+    return found
 
 
 def check_low_pass(
@@ -593,8 +529,8 @@ def check_low_pass(
     noise: float,
     sampling_rate: float,
     settings: AnalysisSettings,
-) -> tuple[tuple[Rejection, ...], tuple[Rejection, ...]]:
-    """Hold a pulse against the same trace without the low-pass.
+) -> list[Finding]:
+    """Find a second contact that the low-pass hides, and whether it changes the pulse.
 
     Parameters
     ----------
@@ -604,39 +540,29 @@ def check_low_pass(
         What is left of its pulse.
     noise : float
         Standard deviation of `raw` [m/s^2].
-
-    Returns
-    -------
-    tuple of tuple of Rejection
-        A second contact that the low-pass hides, and what it does to the pulse where that is worth
-        a warning.
     """
     try:
         pulse = measure_pulse(raw)
     except SignalError:
-        return (), ()
+        return []
     width = filtered.half_amplitude_width / pulse.half_amplitude_width
     peak = abs(filtered.peak / pulse.peak)
-    allowed = LIMITS.low_pass_change + LIMITS.low_pass_noise * noise / abs(pulse.peak)
+    # A hundredth is worth a warning, beyond what noise may change of them.
+    allowed = 0.01 + 6.0 * noise / abs(pulse.peak)
     if max(abs(width - 1.0), abs(peak - 1.0)) <= allowed:
-        return (), ()
+        return []
     widths = [item.half_amplitude_width / sampling_rate * 1e6 for item in (filtered, pulse)]
     text = (
         f"width at half amplitude {widths[0]:.4g} µs with the {settings.cutoff_frequency / 1e3:g}"
         f" kHz low-pass, {widths[1]:.4g} µs without; peak {peak * 100:.1f} % of that without"
     )
-    against, _ = check_pulse(raw, pulse, noise, sampling_rate, settings)
-    hidden = tuple(item for item in against if item.reason is Reason.DOUBLE_HIT)
-    return hidden, (Rejection(Reason.SMOOTHED, text),)
+    found = check_pulse(raw, pulse, noise, sampling_rate, settings)
+    hidden = [item for item in found if item.reason is Reason.DOUBLE_HIT]
+    return [*hidden, Finding(Reason.SMOOTHED, text, is_harmless=True)]
 
 
-def _is_dead(trace: Trace, quiet_count: int) -> bool:
+def _is_dead(trace: ChannelBlock, quiet_count: int) -> bool:
     values, quiet = trace.acceleration, trace.acceleration[:quiet_count]
     largest = float(np.max(np.abs(values - np.median(quiet))))
-    level = LIMITS.dead_level * trace.full_scale
-    return largest <= max(level, LIMITS.dead_noise * float(np.std(quiet)))
-
-
-def _name_channels(record: Record) -> list[tuple[str, Trace]]:
-    traces = (record.hammer, record.specimen)
-    return [(n, trace) for n, trace in zip(CHANNELS, traces, strict=True) if trace is not None]
+    # Half of the smallest signal worth a range, and noise once in 10^5 records.
+    return largest <= max(0.005 * trace.full_scale, 6.0 * float(np.std(quiet)))

@@ -3,13 +3,13 @@
 from typing import ClassVar
 
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.devices.protocols import ToldHolder
+from impact_rig.devices.protocols import CommandedHolder
 
 IDENTITY = "operator"
 
 
-class ManualHolder(ToldHolder):
-    """An operator releases the hammer when the rig says that he may.
+class ManualHolder(CommandedHolder):
+    """An operator releases the hammer on the rig's request.
 
     Raises
     ------
@@ -28,6 +28,6 @@ class ManualHolder(ToldHolder):
         self.patience = options.take_quantity("patience", "s", "60 s", 60.0, low=1.0, high=3600.0)
 
     def configure(self) -> str:
-        """Assume that he holds the hammer."""
+        """Assume that the operator holds the hammer."""
         self.hold()
         return IDENTITY

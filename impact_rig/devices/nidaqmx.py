@@ -4,22 +4,22 @@ import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.records import Block, ChannelBlock, FloatArray
+from impact_rig.core.records import Block, FloatArray
 from impact_rig.devices.protocols import (
     NOT_MEASURED,
     Acquisition,
     AcquisitionPlan,
+    ChannelScale,
+    CommandedHolder,
     FoundDevice,
     HolderState,
     SourceChannel,
-    ToldHolder,
     take_energized_state,
 )
 
@@ -118,22 +118,7 @@ def close_task(task: "Task | None") -> None:
 RAIL = 0.999  # part of the range from which on a channel is overloaded; 16 bits end at 0.99997
 
 
-@dataclass(frozen=True)
-class Input:
-    """A channel of a task, whose numbers are volts."""
-
-    name: str  # of the virtual channel
-    scale: float  # [m/s^2 per V], signed
-    full_scale: float  # [m/s^2], that sensor and input can show
-    limit: float  # [V], end of the input's range
-
-    def make_block(self, volts: FloatArray, *, overloaded: bool) -> ChannelBlock:
-        """Return voltages as a block; at the end of the range they are overloaded, too."""
-        at_rail = bool(np.any(np.abs(volts) >= RAIL * self.limit))
-        return ChannelBlock(volts, self.scale, 0.0, self.full_scale, overloaded or at_rail)
-
-
-def add_input(task: "Task", channel: SourceChannel) -> Input:
+def add_input(task: "Task", channel: SourceChannel) -> ChannelScale:
     """Add a sensor's channel to a task; options: iepe_current, coupling, range.
 
     Raises
@@ -145,8 +130,6 @@ def add_input(task: "Task", channel: SourceChannel) -> Input:
 
     options = channel.options
     options.check_keys("iepe_current", "coupling", "range")
-    with options.locating():
-        scale = channel.compute_scale()
     limit = _take_range(channel)
     current = _take_current(options)
     name = channel.sensor.channel
@@ -165,7 +148,8 @@ def add_input(task: "Task", channel: SourceChannel) -> Input:
             # AC keeps the supply's bias out.
             found.ai_coupling = Coupling[options.take_choice("coupling", ("AC", "DC"), "AC")]
         limit = float(found.ai_rng_high)
-    return Input(name, scale, channel.compute_full_scale(limit), limit)
+    with options.locating():
+        return channel.make_scale(1.0, limit, RAIL * limit)
 
 
 def _take_range(channel: SourceChannel) -> float:
@@ -232,7 +216,7 @@ range = "5 V"
         self._subject = "NI device"
         self._task: Task | None = None
         self._plan: AcquisitionPlan | None = None
-        self._inputs: tuple[Input, ...] = ()
+        self._scales: dict[str, ChannelScale] = {}  # by the name of the virtual channel
         self._reader: Any = None
         self._rate = 0.0  # [Hz]
         self._is_running = False
@@ -308,7 +292,9 @@ range = "5 V"
         identity, is_simulated = _check_devices(plan.channels)
         self._task = task = Task()
         self._plan = plan
-        self._inputs = tuple(add_input(task, channel) for channel in plan.channels)
+        self._scales = {
+            channel.sensor.channel: add_input(task, channel) for channel in plan.channels
+        }
         self._rate = self._set_clock(task, plan)
         if plan.continuous:
             # A late reader loses samples, not the stream.
@@ -338,14 +324,15 @@ range = "5 V"
             raise self._options.make_error(
                 "sampling_rate",
                 f"sampling_rate of {self._options.place} is {plan.sampling_rate:g} Hz: the"
-                f" nearest that the device can is {rate:g} Hz",
+                f" nearest rate of the device is {rate:g} Hz",
             )
         return rate
 
     def _set_trigger(self, task: "Task", plan: AcquisitionPlan) -> None:
         from nidaqmx.constants import WindowTriggerCondition1
 
-        hammer = self._inputs[0]
+        name = plan.hammer.sensor.channel
+        hammer = self._scales[name]
         if plan.trigger_level >= hammer.full_scale:
             raise self._options.make_error(
                 "trigger_level",
@@ -355,7 +342,7 @@ range = "5 V"
         level = plan.trigger_level / abs(hammer.scale)
         with report_errors("trigger", self._options, "trigger_level"):
             task.triggers.reference_trigger.cfg_anlg_window_ref_trig(
-                hammer.name, level, -level, plan.pre_trigger_points,
+                name, level, -level, plan.pre_trigger_points,
                 WindowTriggerCondition1.LEAVING_WINDOW,
             )  # fmt: skip
 
@@ -403,7 +390,7 @@ range = "5 V"
         """Return samples, one row per channel; fewer if not all come in time [s]."""
         from nidaqmx.errors import DaqReadError
 
-        volts = np.full((len(self._inputs), count), np.nan)
+        volts = np.full((len(self._scales), count), np.nan)
         try:
             size = self._reader.read_many_sample(volts, count, timeout)
         except DaqReadError as error:
@@ -411,16 +398,16 @@ range = "5 V"
                 raise
             size = error.samps_per_chan_read
         # Too few samples lie together at the beginning, channel by channel.
-        taken = volts.ravel()[: len(self._inputs) * size]
-        return taken.reshape(len(self._inputs), size)
+        taken = volts.ravel()[: len(self._scales) * size]
+        return taken.reshape(len(self._scales), size)
 
     def _make_block(
         self, task: "Task", first: int, volts: FloatArray, *, last: bool, stamp: int
     ) -> Block:
         overloaded = self._list_overloaded(task)
         channels = [
-            channel.make_block(row, overloaded=channel.name in overloaded)
-            for channel, row in zip(self._inputs, volts, strict=True)
+            scale.make_block(row, overloaded=name in overloaded)
+            for (name, scale), row in zip(self._scales.items(), volts, strict=True)
         ]
         specimen = (*channels[1:], NOT_MEASURED)[0]
         return Block(first, self._rate, channels[0], specimen, last=last, stamp=stamp)
@@ -446,8 +433,8 @@ def _check_devices(channels: tuple[SourceChannel, ...]) -> tuple[str, bool]:
         if len(channels) > 1 and not device.ai_simultaneous_sampling_supported:
             raise channel.options.make_error(
                 "channel",
-                f"{device.name} samples its inputs one behind the other, hammer and sample must be"
-                " sampled at once: take another device, or leave [source.specimen] out",
+                f"{device.name} samples its inputs one after the other, but hammer and sample need"
+                " the same moment: use another device, or remove [source.specimen]",
             )
         identities.append(f"{describe_device(device)}, {device.name}")
         is_simulated = is_simulated or device.is_simulated
@@ -457,7 +444,7 @@ def _check_devices(channels: tuple[SourceChannel, ...]) -> tuple[str, bool]:
 WRITE_TIME = 0.1  # [s], of the line itself
 
 
-class NidaqmxHolder(ToldHolder):
+class NidaqmxHolder(CommandedHolder):
     """A line that drives what holds the hammer, by NI-DAQmx.
 
     The line keeps its level when the task ends. What it does while the computer starts is the
@@ -515,24 +502,24 @@ energized = "holds"          # with a high line the hammer is held (default), or
         self._require_task()
         with report_errors(self._subject):
             is_high = bool(self._reader.read_one_sample_one_line(WRITE_TIME))
-        if is_high is not (self.told is self._when_high):
+        if is_high is not (self.commanded is self._when_high):
             raise DeviceError(
-                f"{self._subject} is {'high' if is_high else 'low'}, though it was told"
-                f" {self.told.value}"
+                f"{self._subject} is {'high' if is_high else 'low'}, but the last command was"
+                f" {self.commanded.value}"
             )
-        return self.told
+        return self.commanded
 
     def close(self) -> None:
         """End the task; the line stays as it is."""
         task, self._task = self._task, None
         close_task(task)
 
-    def tell(self, state: HolderState) -> None:
+    def command(self, state: HolderState) -> None:
         """Bring the device into a state; raises `DeviceError` if it does not obey."""
         self._require_task()
         with report_errors(self._subject):
             self._writer.write_one_sample_one_line(state is self._when_high, WRITE_TIME)
-        self.told = state
+        self.commanded = state
 
     def _require_task(self) -> None:
         if self._task is None:

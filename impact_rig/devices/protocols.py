@@ -1,4 +1,4 @@
-"""What a driver of accelerometers, and one of a hammer's holder, must do and is given."""
+"""The interfaces of drivers: acceleration sources and hammer holders."""
 
 import math
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ import numpy as np
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import ParameterError, check_between, check_positive
 from impact_rig.core.quantity import Comparable
-from impact_rig.core.records import Block, ChannelBlock, HitLabel
+from impact_rig.core.records import Block, ChannelBlock, HitLabel, RawArray
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import RigSetup
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 NOT_MEASURED = ChannelBlock(np.empty(0, np.int32), scale=1.0, offset=0.0, full_scale=0.0)
-"""Of a channel of which nothing is known."""
+"""Stands for a channel that is not measured."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,20 @@ class FoundDevice:
 
     address: str  # as the rig file names it: "Dev1", "/dev/ttyUSB0"
     identity: str = ""  # model and serial number, as far as known without opening it
+
+
+@dataclass(frozen=True)
+class ChannelScale:
+    """What the numbers of a device's channel mean."""
+
+    scale: float  # [m/s^2], of one
+    full_scale: float  # [m/s^2], that sensor and input can show
+    rail: float  # number, either sign, from which on the channel is overloaded
+
+    def make_block(self, numbers: RawArray, *, overloaded: bool = False) -> ChannelBlock:
+        """Return numbers, shape (n,), as a calibrated block; at the rail it is overloaded, too."""
+        at_rail = bool(np.any((numbers >= self.rail) | (numbers <= -self.rail)))
+        return ChannelBlock(numbers, self.scale, 0.0, self.full_scale, overloaded or at_rail)
 
 
 @dataclass(frozen=True)
@@ -43,17 +57,22 @@ class SourceChannel(Comparable):
         """Return the acceleration of one volt [m/s^2 per V]; errors as `Sensor.compute_scale`."""
         return self.sensor.compute_scale(self.moving_mass)
 
-    def compute_full_scale(self, input_range: float) -> float:
-        """Return the largest acceleration that sensor and input can show [m/s^2].
+    def make_scale(self, step: float, input_range: float, rail: float) -> ChannelScale:
+        """Return what numbers mean that are `step` volts each.
 
         Parameters
         ----------
+        step : float
+            [V]
         input_range : float
             Largest voltage of the device's input, either sign [V].
+        rail : float
+            As in `ChannelScale`.
         """
-        electrical = abs(self.compute_scale()) * input_range
+        scale = self.compute_scale()
+        electrical = abs(scale) * input_range
         mechanical = self.sensor.compute_full_scale(self.moving_mass)
-        return min(electrical, mechanical) if mechanical else electrical
+        return ChannelScale(step * scale, min(electrical, mechanical or electrical), rail)
 
 
 @dataclass(frozen=True)
@@ -108,7 +127,7 @@ class Acquisition:
 
 
 class AccelerationSource(Protocol):
-    """Delivers what the accelerometers see: one object for one device.
+    """Delivers the accelerometers' signals; one object for one device.
 
     The life of a source: `configure`, then any number of times `arm`, `read` ..., `disarm`, then
     `close`, after which it may be configured again; `check` now and then while it is not armed.
@@ -178,9 +197,9 @@ class AccelerationSource(Protocol):
         ...
 
     def check(self) -> None:
-        """See that the device is still there; asked now and then while it is not armed.
+        """Check that the device is still there; called every second while it is not armed.
 
-        It changes nothing, and takes as short as can be: an arming waits for it.
+        It must change nothing and be short: arming waits for it.
 
         Raises
         ------
@@ -210,7 +229,7 @@ class HammerlessSource(AccelerationSource, Protocol):
         ...
 
     def strike(self, label: HitLabel, swing_time: float) -> "VirtualHit | None":
-        """Let the hammer of an armed record be on its way, `swing_time` seconds from contact.
+        """Simulate the release for an armed record; contact comes after `swing_time` seconds.
 
         Returns
         -------
@@ -245,8 +264,8 @@ class HammerHolder(Protocol):
     example : str
         Table `[holder]` of a rig file to copy, with the driver's own keys explained.
     is_by_hand : bool
-        An operator releases the hammer: `release` only says that he may. How long he may take
-        from then to the contact is the holder's attribute `patience` [s].
+        An operator releases the hammer: `release` only permits it. The time that this may take
+        until the contact is the holder's attribute `patience` [s].
     """
 
     description: ClassVar[str]
@@ -279,12 +298,12 @@ class HammerHolder(Protocol):
         ...
 
     def read_state(self) -> HolderState:
-        """Ask the device, where it can tell, else return what it was told last.
+        """Ask the device for its state; where it cannot tell, return the last commanded one.
 
         Raises
         ------
         DeviceError
-            If it is gone, or contradicts what it was told.
+            If it is gone, or contradicts the last command.
         """
         ...
 
@@ -295,7 +314,7 @@ class HammerHolder(Protocol):
 
 @runtime_checkable
 class AngledHolder(Protocol):
-    """What a `HammerHolder` has besides if it can bring the hammer to a release angle."""
+    """A `HammerHolder` that can bring the hammer to a release angle."""
 
     def set_angle(self, angle: float) -> bool:
         """Move the held hammer towards an angle from its rest position [rad]; errors as all.
@@ -315,14 +334,14 @@ def take_energized_state(options: TomlTable, default: HolderState) -> HolderStat
     return states[options.take_choice("energized", tuple(states), usual)]
 
 
-class ToldHolder:
-    """What holders share that do what they were told last.
+class CommandedHolder:
+    """Base of holders that remember the last commanded state.
 
     By itself a holder without a device, which nothing can go wrong with.
     """
 
     is_by_hand: ClassVar[bool] = False
-    told = HolderState.HOLDING
+    commanded = HolderState.HOLDING
 
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
@@ -331,19 +350,19 @@ class ToldHolder:
 
     def hold(self) -> None:
         """Hold, or go on holding."""
-        self.tell(HolderState.HOLDING)
+        self.command(HolderState.HOLDING)
 
     def release(self) -> None:
         """Release the hammer."""
-        self.tell(HolderState.RELEASED)
+        self.command(HolderState.RELEASED)
 
-    def tell(self, state: HolderState) -> None:
+    def command(self, state: HolderState) -> None:
         """Bring the device into a state; raises `DeviceError` if it does not obey."""
-        self.told = state
+        self.commanded = state
 
     def read_state(self) -> HolderState:
-        """Return what it was told last."""
-        return self.told
+        """Return the last commanded state."""
+        return self.commanded
 
     def close(self) -> None:
         """Do nothing: there is no device."""

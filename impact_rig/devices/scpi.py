@@ -230,9 +230,7 @@ sensitivity = "5 mV/g"
             If rate, duration, channel, range, coupling or level are not possible.
         """
         if plan.continuous:
-            raise ParameterError(
-                "a source that speaks SCPI gives records of single hits: set mode to triggered"
-            )
+            raise ParameterError("the driver scpi records single hits only: set mode to triggered")
         self.close()
         self._plan = plan
         self._check_plan(plan)
@@ -363,14 +361,8 @@ sensitivity = "5 mV/g"
 
     def _make_block(self, channel: SourceChannel, counts: NDArray[np.int32]) -> ChannelBlock:
         largest = 2 ** (self._board.bits - 1)
-        input_range = _take_range(channel.options)
-        return ChannelBlock(
-            output=counts,
-            scale=channel.compute_scale() * input_range / largest,
-            offset=0.0,
-            full_scale=channel.compute_full_scale(input_range),
-            overloaded=bool(np.any((counts <= -largest) | (counts >= largest - 1))),
-        )
+        volts = _take_range(channel.options)
+        return channel.make_scale(volts / largest, volts, largest - 1).make_block(counts)
 
     def _check_plan(self, plan: AcquisitionPlan) -> None:
         """Raise `ParameterError` if the board cannot do what the plan says."""
@@ -424,7 +416,7 @@ sensitivity = "5 mV/g"
         if abs(clock / best - rate) > RATE_TOLERANCE * rate:
             raise self._options.make_error(
                 "sampling_rate",
-                f"sampling_rate is {rate:.9g} Hz: the nearest that the board can is"
+                f"sampling_rate is {rate:.9g} Hz: the nearest rate of the board is"
                 f" {clock / best:.9g} Hz",
             )
         return best

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError
 from impact_rig.devices.protocols import (
+    CommandedHolder,
     FoundDevice,
     HolderState,
-    ToldHolder,
     take_energized_state,
 )
 
@@ -25,7 +25,7 @@ def make_frame(channel: int, operation: int) -> bytes:
     return bytes((START, channel, operation, (START + channel + operation) & 0xFF))
 
 
-class SerialRelay(ToldHolder):
+class SerialRelay(CommandedHolder):
     """Switches a relay by a serial port.
 
     The relay is not asked what it does: it counts as obeying as long as its port is there. A board
@@ -101,10 +101,10 @@ baud_rate = 9600
         return f"relay at {self._path}"
 
     def read_state(self) -> HolderState:
-        """Return what it was told last, if its port is there."""
+        """Return the last commanded state, if the port is there."""
         with self._report_loss():
             _ = self._get_port().in_waiting
-        return self.told
+        return self.commanded
 
     def close(self) -> None:
         """Close the port, and leave the relay as it is."""
@@ -113,11 +113,11 @@ baud_rate = 9600
             with contextlib.suppress(OSError, termios.error):
                 port.close()
 
-    def tell(self, state: HolderState) -> None:
+    def command(self, state: HolderState) -> None:
         """Switch the relay; raises `DeviceError` if its port is gone."""
         with self._report_loss():
             self._get_port().write(self._frames[state])
-        self.told = state
+        self.commanded = state
 
     def _get_port(self) -> Any:
         if self._port is None:
@@ -130,6 +130,5 @@ baud_rate = 9600
             yield
         except (OSError, termios.error) as error:
             raise DeviceError(
-                f"the relay at {self._path} is gone ({error}): plug it in again, and see to its"
-                " cable"
+                f"the relay at {self._path} is gone ({error}): check its cable and plug it in"
             ) from None

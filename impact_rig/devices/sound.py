@@ -10,8 +10,8 @@ import numpy as np
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.devices.protocols import AcquisitionPlan, FoundDevice, SourceChannel
-from impact_rig.devices.streaming import CountScale, StreamCapture, StreamedSource
+from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, FoundDevice, SourceChannel
+from impact_rig.devices.streaming import StreamCapture, StreamedSource
 
 FULL_COUNT = 2**31
 """Counts of PortAudio at full scale [-]: fewer bits stand at the upper end of its 32."""
@@ -20,8 +20,8 @@ RAIL_COUNT = FULL_COUNT - 2**16
 3e-5 below full scale; those of more bits reach it, too."""
 
 
-def compute_count_scale(channel: SourceChannel) -> CountScale:
-    """Return what a count of a channel stands for.
+def compute_count_scale(channel: SourceChannel) -> ChannelScale:
+    """Return the acceleration of a channel's counts.
 
     A sensor with a sensitivity gives a voltage, and its channel needs the voltage at full scale,
     `input_range`. One without gives its acceleration, and `full_scale` is that at the largest
@@ -36,17 +36,16 @@ def compute_count_scale(channel: SourceChannel) -> CountScale:
     options.check_keys("input_range")
     if not math.isnan(sensor.sensitivity):
         voltage = options.take_quantity("input_range", "V", "1.4 V", low=1e-6, high=1e6)
-        scale = channel.compute_scale() * voltage / FULL_COUNT
-        return CountScale(scale, channel.compute_full_scale(voltage), RAIL_COUNT)
+        return channel.make_scale(voltage / FULL_COUNT, voltage, RAIL_COUNT)
     full_scale = sensor.compute_full_scale(channel.moving_mass)
     if not full_scale:
         raise options.make_error(
             "full_scale",
-            f"{options.place} says neither sensitivity nor full_scale: give"
+            f"{options.place} lacks sensitivity or full_scale: give"
             ' sensitivity = "10 mV/g" and input_range = "1.4 V" for a sensor at a sound card, or'
             ' full_scale = "20 g", the acceleration of the largest count',
         )
-    return CountScale(full_scale / FULL_COUNT, full_scale, RAIL_COUNT)
+    return ChannelScale(full_scale / FULL_COUNT, full_scale, RAIL_COUNT)
 
 
 NO_SUCH_CHANNELS = -9998
@@ -235,7 +234,7 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
 
 
 def _parse_column(channel: SourceChannel, device: dict[str, Any]) -> int:
-    """Return which of a device's channels is meant, counted from 0."""
+    """Return the number of a channel, counted from 0."""
     number = int(channel.name) if channel.name.isdecimal() else 0
     if not 1 <= number <= device["max_input_channels"]:
         raise channel.options.make_error(

@@ -1,4 +1,4 @@
-"""The table [source] of a rig file: which device it names, and what that is asked to do."""
+"""The table [source] of a rig file: its device, and the acquisition plan for it."""
 
 import math
 from collections.abc import Mapping
@@ -54,7 +54,7 @@ def make_source(
     block_size: int = AcquisitionPlan.block_size,
     depth: int = AcquisitionPlan.depth,
 ) -> tuple[AccelerationSource, AcquisitionPlan]:
-    """Return the source of a table [source], not yet configured, and what it is asked to do.
+    """Return the source of a table [source], not yet configured, and its plan.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def make_source(
 
 
 def make_plan(table: TomlTable, setup: RigSetup) -> AcquisitionPlan:
-    """Return what the source of a table [source] is asked to do, if it is triggered.
+    """Return the plan of a triggered source from a table [source].
 
     Raises
     ------
@@ -91,7 +91,8 @@ def make_plan(table: TomlTable, setup: RigSetup) -> AcquisitionPlan:
     hammer = _make_channel(table, "hammer", setup)
     if hammer is None:
         raise table.make_error(
-            "hammer", f"{table.place} has no [source.hammer]: its pulse is what is measured"
+            "hammer",
+            f"{table.place} has no [source.hammer]: add it, the hammer's pulse is measured",
         )
     pre_trigger = table.take_quantity(
         "pre_trigger", "s", "300 us", PRE_TRIGGER_MARGIN * analysis.pre_trigger, low=0.0

@@ -4,31 +4,17 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.core.records import Block, ChannelBlock
-from impact_rig.devices.protocols import NOT_MEASURED, Acquisition, AcquisitionPlan
+from impact_rig.core.records import Block
+from impact_rig.devices.protocols import NOT_MEASURED, Acquisition, AcquisitionPlan, ChannelScale
 
 CountArray = NDArray[np.int32]
-
-
-@dataclass(frozen=True)
-class CountScale:
-    """What the counts of a channel mean."""
-
-    scale: float  # [m/s^2], of one count
-    full_scale: float  # [m/s^2], that the channel can show, either sign
-    rail: int  # counts, either sign, from which on it is overloaded
-
-    def make_block(self, counts: CountArray) -> ChannelBlock:
-        """Return counts, shape (n,), as a calibrated block."""
-        is_overloaded = bool(np.any((counts >= self.rail) | (counts <= -self.rail)))
-        return ChannelBlock(counts, self.scale, 0.0, self.full_scale, is_overloaded)
 
 
 class StreamCapture:
@@ -40,7 +26,7 @@ class StreamCapture:
         What messages call the device: "sound device USB Audio".
     sampling_rate : float
         [Hz]
-    scales : tuple of CountScale
+    scales : tuple of ChannelScale
         Of the hammer's and, where it is measured, the sample's channel.
     capacity : int
         Points to keep at least.
@@ -58,7 +44,7 @@ class StreamCapture:
     longest_silence = 2.0  # [s], without a point: the device is lost
 
     def __init__(
-        self, name: str, sampling_rate: float, scales: tuple[CountScale, ...], capacity: int
+        self, name: str, sampling_rate: float, scales: tuple[ChannelScale, ...], capacity: int
     ) -> None:
         self.name = name
         self.sampling_rate = sampling_rate
@@ -98,7 +84,7 @@ class StreamCapture:
             self.changed.notify_all()
 
     def end(self, reason: str) -> None:
-        """Note that no more will come, and why."""
+        """Mark the device as gone, with the reason."""
         with self.changed:
             self._end = self._end or reason
             self.changed.notify_all()
@@ -112,7 +98,7 @@ class StreamCapture:
     def wait(self, deadline: float) -> None:
         """Wait for points until a time of `time.monotonic`; `changed` held; raises as `check`."""
         self.check()
-        # The silence is noticed by waking up in vain.
+        # Wakes in time to notice a silent device.
         self.changed.wait(max(min(deadline - time.monotonic(), self.longest_silence), 0.0))
 
     def check(self) -> None:

@@ -73,7 +73,7 @@ device is armed in one request, and nothing else of the node waits for long."""
 class AccelerometerNode(DeviceNode):
     """Streams what a source of accelerations delivers: of each arming a record, or all the time.
 
-    The source is read in a thread of its own, which also publishes the blocks; everything else
+    A separate thread reads the source and publishes the blocks; everything else
     happens in the executor.
 
     Each release gets one verdict, see `SourceThread`. When the device is lost the arming is over,
@@ -171,7 +171,7 @@ class AccelerometerNode(DeviceNode):
         self._publish(AcquisitionState.FAULT, text)
 
     def describe_warning(self) -> str:
-        """Return what has been lost since the last call."""
+        """Return what has been lost since the node was activated."""
         return self._thread.describe_warning() if self._thread else ""
 
     def diagnose(self) -> dict[str, Any]:
@@ -186,13 +186,12 @@ class AccelerometerNode(DeviceNode):
 
     # Campaign and set-up.
 
-    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> str:
+    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> None:
         """Take part in a campaign: what is streamed from now on belongs to it."""
         self._use_stream()
         response.stream_id = id_to_msg(self._stream_id)
         self._setup = setup_from_msg(request.setup)
         self._use_setup()
-        return ""
 
     def _use_stream(self) -> None:
         campaign_id = self.membership.identity.campaign_id
@@ -248,7 +247,7 @@ class AccelerometerNode(DeviceNode):
             return "no set-up has been received: start the campaign node first"
         hits, blocks = interfaces.ACCELERATION.name, self._blocks
         if self._hits is not None and not self.count_publishers(hits):
-            return f"nobody finds impacts in {blocks.topic_name}"
+            return f"no node finds impacts in {blocks.topic_name}: start the estimator"
         topic = self.resolve_topic_name(hits)
         if name := self.find_missing_subscriber(topic, self.get_value("required_subscribers")):
             return (

@@ -33,6 +33,7 @@ from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import Membership
 from impact_rig.nodes.messages import block_to_msg, fill_block
 from impact_rig.nodes.rig_node import RateMeter
+from impact_rig.recordings.hits import BlockCount
 
 
 @dataclass(frozen=True)
@@ -86,15 +87,6 @@ def open_source(node: DeviceNode, *, continuous: bool) -> OpenSource:
         if path and str(error).startswith("line "):
             raise FileError(f"rig file {path}: {error}") from None
         raise
-
-
-@dataclass
-class Flow:
-    """Counts of what was published."""
-
-    blocks: int = 0
-    points: int = 0  # per channel
-    missing_points: int = 0  # that the source has lost, per channel
 
 
 @dataclass(eq=False)
@@ -160,7 +152,7 @@ class SourceThread:
         on_ended: Callable[[Arming, str], None],
         on_failed: Callable[[RigError], None],
     ) -> None:
-        self.flow = Flow()
+        self.flow = BlockCount(expected=0)  # of what was published
         self._source, self._plan = opened.source, opened.plan
         self._publisher = publisher
         self._membership = membership
@@ -172,12 +164,10 @@ class SourceThread:
         self._arming: Arming | None = None
         self._has_begun = False  # the record of the arming has a block
         self._next_due = math.inf
-        self._next_sample = 0
         # An empty block has the calibration of the block before it; the first has none.
         self._newest = Block(0, rate, NOT_MEASURED, NOT_MEASURED)
         self._stream_message = StreamBlock()  # of all blocks: each is sent before the next
         self._rate = RateMeter()
-        self._reported_loss = 0
         self._orders: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="source", daemon=True)
 
@@ -202,9 +192,8 @@ class SourceThread:
         self._orders.put(lambda: self._end(arming, is_judged=is_judged))
 
     def describe_warning(self) -> str:
-        """Return what has been lost since the last call; empty: nothing."""
-        lost = self.flow.missing_points - self._reported_loss
-        self._reported_loss += lost
+        """Return what has been lost; empty: nothing."""
+        lost = self.flow.missing_points
         if not lost:
             return ""
         return f"{lost} points of the source were lost: this computer does not hold its rate"
@@ -257,7 +246,7 @@ class SourceThread:
     def _arm(self, arming: Arming) -> None:
         if not self._plan.continuous:
             self._source.arm()
-            self._next_sample = 0
+            self.flow.expected = 0
         self._arming, self._has_begun = arming, False
         arming.armed.set()
 
@@ -294,10 +283,8 @@ class SourceThread:
 
     def _end_record(self, *, is_awaited: bool) -> None:
         """End the record of the arming under way, if there is one or a verdict is awaited."""
-        if self._has_begun and is_awaited:
-            self._publish_end(max(self._record_points, self._next_sample))
-        elif self._has_begun or is_awaited:
-            self._publish_end(self._next_sample)
+        if self._has_begun or is_awaited:
+            self._publish_end(self._record_points if self._has_begun and is_awaited else 0)
         self._arming, self._has_begun = None, False
 
     def _finish(self) -> None:
@@ -305,21 +292,18 @@ class SourceThread:
         if self._arming is not None:
             self._end_record(is_awaited=self._arming.is_released)
         if self._plan.continuous and self.flow.blocks:
-            self._publish_end(self._next_sample)
+            self._publish_end()
 
     def _publish(self, block: Block) -> None:
         """Publish a block, in pieces if it is too long."""
-        flow, size = self.flow, block.hammer.output.size
         for piece in self._complete(block).split(self._plan.block_size):
             self._publisher.publish(self._make_message(piece))
-            flow.blocks += 1
-        flow.points += size
-        flow.missing_points += max(block.first_sample - self._next_sample, 0)
-        self._next_sample = block.first_sample + size
+            self.flow.add(piece.first_sample, piece.hammer.output.size)
         self._newest = block
 
-    def _publish_end(self, first_sample: int) -> None:
-        """Publish an empty last block."""
+    def _publish_end(self, points: int = 0) -> None:
+        """Publish an empty last block, behind all points of the record if that has so many."""
+        first_sample = max(points, self.flow.expected or 0)
         empty = replace(self._newest.cut(0, 0), first_sample=first_sample, last=True, stamp=0)
         self._publisher.publish(self._make_message(self._complete(empty)))
 

@@ -14,9 +14,6 @@ from impact_rig.core.errors import DeviceError, RigError
 
 WAITING_PERIOD = 0.02
 """How often a condition without a callback is checked [s], our choice."""
-SERVICE_TIMEOUT = 20.0
-"""How long another node may take to appear or answer [s], our choice: six Python processes start
-in seconds on two cores."""
 RESEND_PERIOD = 3.0
 """How soon an unanswered request is sent again [s], our choice: longer than any answer takes but
 that of a hammer which has not met the rest of the rig yet."""
@@ -26,10 +23,18 @@ class AsyncNode(LifecycleNode):
     """A lifecycle node whose callbacks may wait without holding up its others.
 
     Timers run by a steady clock: setting the computer's clock does not delay them.
+
+    Parameters
+    ----------
+    name : str
+        Node name, unless remapped.
+    pace : float
+        How many times as often the node looks at what it looks at now and then [-].
     """
 
-    def __init__(self, name: str, **options: Any) -> None:
+    def __init__(self, name: str, *, pace: float = 1.0, **options: Any) -> None:
         super().__init__(name, **options)
+        self.pace = pace
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.stop_requested: Future = Future()
         self._waiters: list[Callable[[], None]] = []
@@ -122,7 +127,7 @@ class AsyncNode(LifecycleNode):
         self,
         client: Any,
         request: Any,
-        timeout: float = SERVICE_TIMEOUT,
+        timeout: float,
         is_given_up: Callable[[], bool] = lambda: False,
     ) -> Any:
         """Call a service of another node of the rig and return its answer.
@@ -139,7 +144,7 @@ class AsyncNode(LifecycleNode):
         await self.wait_until(lambda: client.service_is_ready() or is_given_up(), timeout)
         if not client.service_is_ready():
             raise DeviceError(
-                f"nobody offers the service {client.srv_name}: start the node that does"
+                f"the service {client.srv_name} is not there: start the node that offers it"
             )
         pending: list[Future] = []
         deadline = time.monotonic() + timeout

@@ -11,7 +11,7 @@ from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import HammerState, Impact, SampleCount
 from impact_rig_msgs.msg import RigSetup as RigSetupMessage
 from impact_rig_msgs.srv import Arm, ConfirmSample, GetResults, JoinCampaign, Release, SetAngle
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from std_srvs.srv import Trigger
 
@@ -94,7 +94,6 @@ class CampaignNode(RigNode):
             RunCampaign,
             interfaces.RUN_CAMPAIGN,
             execute_callback=self._execute,
-            goal_callback=self._on_goal,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )
 
@@ -147,15 +146,17 @@ class CampaignNode(RigNode):
 
     async def _join_nodes(self, campaign: Campaign) -> State:
         """Ask every node to take part, and whether it is ready; then arm the hammer, once."""
-        if self.get_value("require_recorder"):
-            campaign.recording = (await self._join_node(campaign, "recorder")).recording
+        # Who joins publishes its state, which those take that have joined before: the hammer needs
+        # those of all others, and by the accelerometers' id the others know the running stream.
+        self.membership.join(Identity(id_from_msg(campaign.setup.campaign_id)))
+        await self._join_node(campaign, "hammer")
         answer = await self._join_node(campaign, "accelerometer")
         campaign.stream_id = id_from_msg(answer.stream_id)
-        self.membership.join(Identity(id_from_msg(campaign.setup.campaign_id)))
+        if self.get_value("require_recorder"):
+            campaign.recording = (await self._join_node(campaign, "recorder")).recording
         await self._join_node(campaign, "estimator")
         if self._joins["visualizer"].service_is_ready():
             await self._join_node(campaign, "visualizer")
-        await self._join_node(campaign, "hammer")
         self._setup.publish(campaign.setup)
         if not campaign.has_armed:
             answer = await self.call(self._arm_hammer, Trigger.Request(), ANSWER_TIMEOUT)
@@ -268,7 +269,7 @@ class CampaignNode(RigNode):
         """Wait a little, or until the hammer's state changes."""
         campaign.stands_since = min(campaign.stands_since, time.monotonic())
         hammer = self._hammer
-        await self._wait(campaign, lambda: self._hammer is not hammer, LOOK_PERIOD)
+        await self._wait(campaign, lambda: self._hammer is not hammer, LOOK_PERIOD / self.pace)
         return State.JOINING
 
     async def _wait_for_hammer(self, campaign: Campaign) -> State:
@@ -289,7 +290,7 @@ class CampaignNode(RigNode):
             is_at = hammer is not None and hammer.armed and hammer.state == place
             return not is_at or campaign.is_cancelled
 
-        while not await self.wait_until(has_left, LOOK_PERIOD):
+        while not await self.wait_until(has_left, LOOK_PERIOD / self.pace):
             await self._join_node(campaign, "hammer")
 
     async def _wait_for_sample(self, campaign: Campaign) -> State:
@@ -397,15 +398,6 @@ class CampaignNode(RigNode):
 
     # The goal and its result.
 
-    def _on_goal(self, goal: RunCampaign.Goal) -> GoalResponse:
-        """Reject a goal that cannot be run; the log says why, an action's answer cannot."""
-        try:
-            self._plan(goal)
-        except RigError as error:
-            self.get_logger().error(f"{interfaces.GOAL_REJECTED}{error}")
-            return GoalResponse.REJECT
-        return GoalResponse.ACCEPT
-
     def _plan(self, goal: RunCampaign.Goal) -> RigSetupMessage:
         if not self.is_active:
             raise DeviceError("the campaign node is not active: activate it first")
@@ -418,17 +410,18 @@ class CampaignNode(RigNode):
         result = RunCampaign.Result()
         try:
             campaign = Campaign(handle, self._plan(handle.request))
-        except RigError as error:  # another goal was accepted in the same moment
+        except RigError as error:
             result.message = str(error)
+            self.get_logger().error(f"the campaign is rejected: {error}")
             handle.abort()
             return result
         self._campaign = campaign
         try:
             await self._run(campaign)
             result.success, result.message = True, "complete"
-        except RigError as error:
-            result.message = str(error)
-            self.get_logger().error(f"the campaign ends: {error}")
+        except Exception as error:  # noqa: BLE001 - else the client would get no reason
+            result.message = str(error) if isinstance(error, RigError) else repr(error)
+            self.get_logger().error(f"the campaign ends: {result.message}")
         finally:
             await self._finish(campaign, result)
             self._campaign = None

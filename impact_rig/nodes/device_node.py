@@ -27,11 +27,10 @@ class DeviceNode(RigNode):
         self.declare("rig_file", "", "path of the rig file; empty: the paper's rig, virtual")
         self.declare(
             "reconnect_period", 1.0,
-            "how often a device that is not there is looked for [s]; 0: only when the node is"
-            " configured anew", low=0.0, high=3600.0, live=True,
+            "how often a missing device is looked for [s]; 0: only when the node is"
+            " configured again", low=0.0, high=3600.0, live=True,
         )  # fmt: skip
         self._fixed.add("use_sim_time")
-        self._is_wanted = False
         self._reconnection = self.create_timer(1.0, self._reconnect)
         self._reconnection.cancel()
 
@@ -57,8 +56,7 @@ class DeviceNode(RigNode):
 
     def autostart(self) -> None:
         """Configure and activate, if the parameter says so; try again while that fails."""
-        self._is_wanted = bool(self.get_value("autostart"))
-        if self._is_wanted and not self._start():
+        if self.get_value("autostart") and not self._start():
             self._tell_fault(self.fault)
 
     def report_fault(self, text: str) -> None:
@@ -80,7 +78,7 @@ class DeviceNode(RigNode):
         self.fault = text
         self.publish_fault(text)
         period = float(self.get_value("reconnect_period"))
-        if self._is_wanted and period:
+        if self.get_value("autostart") and period:
             self._reconnection.timer_period_ns = round(period * 1e9)
             self._reconnection.reset()
 

@@ -1,7 +1,7 @@
 """How far nodes look for each other, and how soon they find each other.
 
 Without `--network` a process stays on 127.0.0.1, whatever lies in its folder or environment. The
-profile for Fast DDS also makes nodes find each other soon: a node that comes hears of every topic
+profile for Fast DDS also makes nodes find each other soon: a new node receives every topic
 and service of all others at once. By default Linux has no room for all of that, what does not fit
 is lost, and some of it is sent again only seconds later; and two nodes that have missed each
 other's first announcement wait 3 s for the next.
@@ -13,7 +13,6 @@ import shutil
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import filterfalse
 from pathlib import Path
 
 from impact_rig.configuration.processes import DISCOVERY, NETWORK, PROFILES, TRANSPORTS
@@ -83,39 +82,36 @@ FIRST_DOMAIN = 1
 """Domain 0 is the default of ROS 2."""
 DOMAINS = 100
 """How many are handed out [-]: ports of higher ones reach into those of outgoing connections."""
+RESERVED_PORTS = 32768
+"""Added to a domain's number, the TCP port that reserves it, as for ROS 2's domain_coordinator."""
 
 
 @contextmanager
 def reserve_domain() -> Iterator[int]:
     """Reserve a ROS domain for the length of the block, and yield its number.
 
-    A domain in which a node of this host runs is left out. The search begins at
-    random: one that has just become free may still carry the last messages of its
-    user.
+    A domain in which a node of this host runs is left out. One is chosen at random: one that has
+    just become free may still carry the last messages of its user.
 
     Raises
     ------
     DeviceError
         If all are taken.
     """
-    from domain_coordinator import domain_id
-
-    begin = random.SystemRandom().randrange(DOMAINS)
-    candidates = (FIRST_DOMAIN + (begin + place) % DOMAINS for place in range(DOMAINS))
-    unused = filterfalse(_is_in_use, candidates)
-    reservation = domain_id(lambda: next(unused))
-    try:
-        number = reservation.__enter__()
-    except RuntimeError as error:  # also where no candidate is left
-        raise DeviceError(
-            f"the ROS domains {FIRST_DOMAIN} to {FIRST_DOMAIN + DOMAINS - 1} are all in use on"
-            " this host: name another one in ROS_DOMAIN_ID"
-        ) from error
-    try:
-        yield number
-    finally:
-        # Not told of an error in the block, which it would take for a domain that is in use.
-        reservation.__exit__(None, None, None)
+    domains = range(FIRST_DOMAIN, FIRST_DOMAIN + DOMAINS)
+    for number in random.SystemRandom().sample(domains, DOMAINS):
+        with socket.socket() as reservation:
+            try:
+                reservation.bind(("", RESERVED_PORTS + number))
+            except OSError:
+                continue
+            if not _is_in_use(number):
+                yield number
+                return
+    raise DeviceError(
+        f"the ROS domains {FIRST_DOMAIN} to {FIRST_DOMAIN + DOMAINS - 1} are all in use on this"
+        " host: name another one in ROS_DOMAIN_ID"
+    )
 
 
 def _is_in_use(domain: int) -> bool:

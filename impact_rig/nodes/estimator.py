@@ -51,8 +51,8 @@ class EstimatorNode(RigNode):
 
     In a campaign that is recorded, a record is judged when the recorder has stored it: whatever
     dies at whatever moment, the hit of a published verdict is on the disk. What is cut out of a
-    running stream goes the same way: it is published, and comes back. The stream is taken and cut
-    in a thread of its own, however long an evaluation takes.
+    running stream goes the same way: it is published, and comes back. A separate thread receives
+    and cuts the stream, however long an evaluation takes.
 
     Asked to join a campaign that the run's recordings have hits of, it reads those. Without a
     campaign that asks, it follows the set-ups that it receives: those of a replay.
@@ -67,7 +67,6 @@ class EstimatorNode(RigNode):
         )  # fmt: skip
         self._setup: RigSetup | None = None
         self._ledger: Ledger | None = None
-        self._struck = ""
         self._incomplete: dict[str, None] = {}
         self._quiet = self.create_timer(QUIET_TIME, self._complete_next)
         self._quiet.cancel()
@@ -111,18 +110,13 @@ class EstimatorNode(RigNode):
         """Return what has been lost of a running stream."""
         return self._cutting.describe_warning()
 
-    @property
-    def _identity(self) -> Identity:
-        return self.membership.identity
-
-    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> str:
+    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> None:
         """Take part in a campaign, with what the run's recordings have of it."""
         ledger = self._ledger
         is_same = self._setup is not None and self._setup.campaign_id == request.setup.campaign_id
         if ledger is None or not is_same or ledger.recording != request.recording:
             self._begin(request.setup, request.recording)
         self._catch_up()
-        return ""
 
     def _begin(self, message: RigSetup, recording: str) -> None:
         setup = setup_from_msg(message)
@@ -133,7 +127,7 @@ class EstimatorNode(RigNode):
             self._read_recordings(self._ledger)
 
     def _read_recordings(self, ledger: Ledger) -> None:
-        problem = ledger.read(self._identity.campaign_id, self.get_namespace())
+        problem = ledger.read(self.membership.identity.campaign_id, self.get_namespace())
         if problem:
             self.get_logger().warning(f"not all earlier hits of this campaign: {problem}")
 
@@ -163,7 +157,7 @@ class EstimatorNode(RigNode):
     def _on_block(self, message: AccelerationBlock) -> None:
         if not self.is_active or self.membership.is_foreign_stream(message):
             return
-        is_ours = id_from_msg(message.campaign_id) == self._identity.campaign_id
+        is_ours = id_from_msg(message.campaign_id) == self.membership.identity.campaign_id
         if self._ledger is None or not is_ours:
             self._early.append(message)
             return
@@ -188,7 +182,7 @@ class EstimatorNode(RigNode):
             # Made before the verdict is published, which gives all other nodes work.
             numbers = session.estimate_numbers(struck) if hit.accepted else None
         finally:
-            self._impact.publish(hit_to_msg(hit, self._identity))
+            self._impact.publish(hit_to_msg(hit, self.membership.identity))
             self._counts["impacts accepted" if hit.accepted else "impacts rejected"] += 1
         if numbers is None:
             return
@@ -196,33 +190,18 @@ class EstimatorNode(RigNode):
         self._publish_estimate(numbers, stamp)
         if is_control:
             hammer = session.estimate_hammer(struck)
-            self._hammer_estimate.publish(estimate_to_msg(hammer, stamp, self._identity))
+            self._hammer_estimate.publish(estimate_to_msg(hammer, stamp, self.membership.identity))
         # Everything beside the numbers takes most of the time, and the next hit replaces it.
-        self._incomplete[struck] = None
-        if is_control:
-            # The hammer's stiffness from the control sample changes every other sample's k2.
-            self._incomplete |= dict.fromkeys(session.names)
-        done, self._struck = self._struck, struck
-        if done != struck and done in self._incomplete:
-            self.run_soon(lambda: self._complete(done))
+        # The hammer's stiffness from the control sample changes every other sample's k2.
+        self._incomplete |= dict.fromkeys(session.names if is_control else [struck])
         self._quiet.reset()
 
     def _complete_next(self) -> None:
-        """Complete one estimate after a quiet time; then the others, but a hit goes first."""
-        self._quiet.cancel()
-        if self._incomplete:
-            self._complete(next(iter(self._incomplete)))
-            self.run_soon(self._go_on)
-
-    def _go_on(self) -> None:
-        # A hit that has come meanwhile has begun the quiet time again.
-        if self._quiet.is_canceled():
-            self._complete_next()
-
-    def _complete(self, name: str) -> None:
-        """Publish the whole estimate of a sample."""
-        if self._ledger is None or name not in self._incomplete:
+        """Publish one whole estimate after each quiet time: a hit goes first."""
+        if self._ledger is None or not self._incomplete:
+            self._quiet.cancel()
             return
+        name = next(iter(self._incomplete))
         del self._incomplete[name]
         try:
             stamp = self.get_clock().now().to_msg()
@@ -233,19 +212,19 @@ class EstimatorNode(RigNode):
     def _publish_estimate(self, estimate: SampleEstimate, stamp: Time) -> None:
         if not estimate.contact_time.is_known:
             return
-        self._estimate.publish(estimate_to_msg(estimate, stamp, self._identity))
+        self._estimate.publish(estimate_to_msg(estimate, stamp, self.membership.identity))
         self._publish_comparisons(estimate, stamp)
 
     def _publish_comparisons(self, estimate: SampleEstimate, stamp: Time) -> None:
         for comparison in estimate.comparisons:
-            message = comparison_to_msg(estimate, comparison, stamp, self._identity)
+            message = comparison_to_msg(estimate, comparison, stamp, self.membership.identity)
             self._comparison.publish(message)
 
     def _on_get_results(
         self, request: GetResults.Request, response: GetResults.Response
     ) -> GetResults.Response:
         self._catch_up()
-        ledger, identity = self._ledger, self._identity
+        ledger, identity = self._ledger, self.membership.identity
         if ledger is None or self._setup is None:
             return response
         response.setup = self._setup

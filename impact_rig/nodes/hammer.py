@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from builtin_interfaces.msg import Time
-from impact_rig_msgs.msg import AcquisitionState, HammerRelease, RecorderState, RecordStored
+from impact_rig_msgs.msg import AcquisitionState, HammerRelease, RecorderState
 from impact_rig_msgs.srv import Release, SetAngle
 from std_srvs.srv import Trigger
 
@@ -66,7 +66,6 @@ class HammerNode(DeviceNode):
         self._holder = ""
         self._released: Release.Request | None = None
         self._armed_record = 0
-        self._unstored_record = 0
         self._was_recorded = False
         self._swing = self.create_timer(1.0, self._on_swing_time)
         self._swing.cancel()
@@ -85,7 +84,6 @@ class HammerNode(DeviceNode):
         self._campaign = RigMember(
             self, "campaign", interfaces.SETUP, on_liveliness=self._check_rig, is_single=False
         )
-        self.listen(interfaces.RECORD_STORED, self._on_stored)
         for name, callback in (
             (interfaces.ARM_HAMMER, self._on_arm),
             (interfaces.DISARM_HAMMER, self._on_disarm),
@@ -97,7 +95,7 @@ class HammerNode(DeviceNode):
         self.create_service(SetAngle, interfaces.SET_ANGLE, self._on_set_angle)
         self.create_service(Release, interfaces.RELEASE_HAMMER, self._on_release)
         self.offer_to_join()
-        self.create_timer(WATCH_PERIOD, self._watch)
+        self.create_timer(WATCH_PERIOD / self.pace, self._watch)
 
     # The lifecycle.
 
@@ -173,20 +171,17 @@ class HammerNode(DeviceNode):
         if is_new:
             # A request that equals an earlier one is a request for this arming.
             self._released = None
-        elif message.state == AcquisitionState.IDLE and self._is_by_hand_for(message.record):
+        elif (
+            message.state == AcquisitionState.IDLE
+            and self._patience  # only a release by hand ends with its record
+            and self._released is not None
+            and self._released.record == message.record
+        ):
             self._end_swing("the record has ended")
-
-    def _is_by_hand_for(self, record: int) -> bool:
-        """Whether an operator was asked to release the hammer for a record."""
-        return bool(self._patience and self._released and self._released.record == record)
 
     def _on_recorder_state(self, message: RecorderState) -> None:
         self._was_recorded = self._was_recorded or message.recording
         self._check_rig()
-
-    def _on_stored(self, message: RecordStored) -> None:
-        if message.record == self._unstored_record:
-            self._unstored_record = 0
 
     def _watch(self) -> None:
         """Check that what a release needs is still there; never releases."""
@@ -204,10 +199,7 @@ class HammerNode(DeviceNode):
 
     def _check_rig(self) -> None:
         """Take the enable back if accelerometers, recorder or campaign are lost."""
-        if loss := self._describe_loss():
-            # The record that was on its way may never be stored.
-            self._unstored_record = 0
-            self._hammer.disarm_by_loss(loss)
+        self._hammer.disarm_by_loss(self._describe_loss())
 
     def _describe_loss(self) -> str:
         """Return what was there and is lost; empty: nothing."""
@@ -232,9 +224,6 @@ class HammerNode(DeviceNode):
             return loss
         if _read_clock() < self._is_caught_up_at:
             return "the hammer node was stopped for a time, and catches up on what has come since"
-        return self._describe_other_arming(request) or self._describe_unrecorded(request)
-
-    def _describe_other_arming(self, request: Release.Request) -> str:
         acquisition = self._accelerometer.state
         if acquisition is None or acquisition.state != AcquisitionState.ARMED:
             why = acquisition.message if acquisition else "no accelerometers have reported"
@@ -245,20 +234,10 @@ class HammerNode(DeviceNode):
                 f" {acquisition.sample!r}, not for record {request.record} on"
                 f" {request.sample!r}"
             )
-        return ""
-
-    def _describe_unrecorded(self, request: Release.Request) -> str:
-        if not self.get_value("require_recorder"):
-            return ""
         recorder = self._recorder.state
-        if recorder is None or not recorder.recording:
+        if self.get_value("require_recorder") and not (recorder and recorder.recording):
             why = recorder.message if recorder else "no recorder has reported"
             return f"nothing is being recorded ({why}): start the recorder first"
-        if self._unstored_record not in (0, request.record):
-            return (
-                f"the recorder has not said that record {self._unstored_record} is stored: wait"
-                " for it, or start the recorder again"
-            )
         return ""
 
     # The services.
@@ -310,11 +289,8 @@ class HammerNode(DeviceNode):
         was_stopped = self._hammer.is_stopped
         self._hammer.reset()
         done = "the emergency stop is ended" if was_stopped else "there was no emergency stop"
-        if not self.is_active:
-            now = "the hammer node is not active: activate it, then call hammer/arm"
-        else:
-            now = self._hammer.describe_obstacle() or "the hammer is armed"
-        return _answer(response, "", f"{done}; {now}")
+        obstacle = self._hammer.describe_obstacle()
+        return _answer(response, "", f"{done}; {obstacle or 'the hammer is armed'}")
 
     def _on_release(
         self, request: Release.Request, response: Release.Response
@@ -362,7 +338,7 @@ class HammerNode(DeviceNode):
         )
         release.header.stamp = stamp
         self._release.publish(release)
-        self._released, self._unstored_record = request, request.record
+        self._released = request
         duration = self._compute_latest_contact() + float(self.get_value("return_time"))
         self._swing.timer_period_ns = round(duration * 1e9)
         self._swing.reset()

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from impact_rig_msgs.msg import StreamBlock
 from unique_identifier_msgs.msg import UUID
 
 from impact_rig.recordings.messages import NO_ID
@@ -86,6 +87,9 @@ class Membership:
             return False
         campaign_id = id_from_msg(message.campaign_id)
         if campaign_id == self.identity.campaign_id:
+            return False
+        # The running stream goes on while a campaign begins.
+        if isinstance(message, StreamBlock) and not self.is_foreign_stream(message):
             return False
         # A node that has just been started has not been asked to join yet.
         if campaign_id not in self.foreign and campaign_id != NO_ID and len(self.foreign) < WARNED:

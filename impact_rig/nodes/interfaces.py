@@ -80,8 +80,8 @@ class Topic:
 
 
 SETUP = Topic("setup", RigSetup, _make_qos(1, latched=True), LEASE)
-ACCELERATION = Topic("acceleration", AccelerationBlock, _make_qos(200, latched=False), LEASE)
-STREAM = Topic("acceleration/stream", StreamBlock, _make_qos(STREAM_DEPTH, latched=False), LEASE)
+ACCELERATION = Topic("acceleration", AccelerationBlock, _make_qos(200, latched=False))
+STREAM = Topic("acceleration/stream", StreamBlock, _make_qos(STREAM_DEPTH, latched=False))
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
 
 
@@ -90,22 +90,18 @@ def make_stream_topic(depth: int) -> Topic:
     return replace(STREAM, qos=_make_qos(depth, latched=False))
 
 
-RELEASE = Topic("release", HammerRelease, _make_qos(RESULT_DEPTH, latched=True), LEASE)
-VIRTUAL_IMPACT = Topic(
-    "virtual_impact", VirtualImpact, _make_qos(RESULT_DEPTH, latched=True), LEASE
-)
-IMPACT = Topic("impact", Impact, _make_qos(RESULT_DEPTH, latched=True), LEASE)
-ESTIMATE = Topic("estimate", SampleEstimate, _make_qos(RESULT_DEPTH, latched=True), LEASE)
-HAMMER_ESTIMATE = Topic("hammer_estimate", HammerEstimate, _make_qos(1, latched=True), LEASE)
-COMPARISON = Topic("comparison", ModelComparison, _make_qos(COMPARISON_DEPTH, latched=True), LEASE)
-HAMMER_STATE = Topic("hammer/state", HammerState, _make_qos(1, latched=True), LEASE)
+RELEASE = Topic("release", HammerRelease, _make_qos(RESULT_DEPTH, latched=True))
+VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _make_qos(RESULT_DEPTH, latched=True))
+IMPACT = Topic("impact", Impact, _make_qos(RESULT_DEPTH, latched=True))
+ESTIMATE = Topic("estimate", SampleEstimate, _make_qos(RESULT_DEPTH, latched=True))
+HAMMER_ESTIMATE = Topic("hammer_estimate", HammerEstimate, _make_qos(1, latched=True))
+COMPARISON = Topic("comparison", ModelComparison, _make_qos(COMPARISON_DEPTH, latched=True))
+HAMMER_STATE = Topic("hammer/state", HammerState, _make_qos(1, latched=True))
 ACQUISITION_STATE = Topic(
     "accelerometer/state", AcquisitionState, _make_qos(1, latched=True), LEASE
 )
 RECORDER_STATE = Topic("recorder/state", RecorderState, _make_qos(1, latched=True), LEASE)
-RECORD_STORED = Topic(
-    "recorder/stored", RecordStored, _make_qos(RESULT_DEPTH, latched=True), LEASE
-)
+RECORD_STORED = Topic("recorder/stored", RecordStored, _make_qos(RESULT_DEPTH, latched=True))
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
 NOTE = Topic("note", String, _make_qos(10, latched=False))
 """What an operator has to say while the rig runs."""
@@ -130,8 +126,6 @@ RECORDED_TOPICS = (
 )
 """Every topic of the rig; what else lies under its namespace is recorded as it is discovered."""
 
-GOAL_REJECTED = "the campaign is rejected: "
-"""How the campaign node's log message on a rejected goal begins."""
 NOT_YET = "not yet, because "
 """How a service's message begins when what it lacks comes by itself: ask again."""
 
@@ -151,7 +145,7 @@ CONFIRM_HELD = "hammer/confirm_held"
 """A person has put the hammer back into its holder."""
 EMERGENCY_STOP = "hammer/emergency_stop"
 RESET_HAMMER = "hammer/reset"
-"""Ends an emergency stop; the hammer must be armed anew after it."""
+"""Ends an emergency stop; after it the hammer must be armed again."""
 CONFIRM_SAMPLE = "campaign/confirm_sample"
 GET_RESULTS = "estimator/get_results"
 RUN_CAMPAIGN = "campaign/run"

@@ -1,7 +1,7 @@
 """Set-up and blocks as messages.
 
-They are read by `impact_rig.recordings.messages`, as a recording's. What was found with them is
-in `impact_rig.nodes.result_messages`: whoever only passes blocks on loads no physics, which takes
+They are read by `impact_rig.recordings.messages`, as a recording's. Results are in
+`impact_rig.nodes.result_messages`: a node that only passes blocks on loads no physics, which takes
 most of a node's start.
 """
 

@@ -11,7 +11,7 @@ from impact_rig_msgs.srv import JoinCampaign
 from impact_rig import __version__
 from impact_rig.configuration.processes import (
     RECORDING_NAME,
-    make_run_folder_name,
+    choose_run_folder,
     split_names,
 )
 from impact_rig.core.errors import FileError, ParameterError
@@ -65,8 +65,8 @@ class RecorderNode(RigNode):
         self._warning = self._message = ""
         self._publish = self.advertise_state(interfaces.RECORDER_STATE)
         self._stored = self.advertise(interfaces.RECORD_STORED)
-        self.create_timer(DISCOVERY_PERIOD, lambda: self._run_guarded(self._discover))
-        self.create_timer(HEALTH_PERIOD, lambda: self._run_guarded(self._check_health))
+        self.create_timer(DISCOVERY_PERIOD / self.pace, lambda: self._run_guarded(self._discover))
+        self.create_timer(HEALTH_PERIOD / self.pace, lambda: self._run_guarded(self._check_health))
         self.offer_to_join()
 
     def configure(self) -> None:
@@ -113,12 +113,12 @@ class RecorderNode(RigNode):
         )
         self._publish_state("closed")
 
-    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> str:
+    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> None:
         """Record what belongs to a campaign, and nothing of any other."""
-        if self._run is None or not self._is_recording:
-            return f"nothing is being recorded ({self._message}): start the recorder"
-        response.recording = str(self._run.writer.path)
-        return ""
+        if self._run is not None and self._is_recording:
+            response.recording = str(self._run.writer.path)
+        else:
+            response.message = f"nothing is being recorded ({self._message}): start the recorder"
 
     def autostart(self) -> None:
         """Start, or publish that nothing is recorded yet."""
@@ -158,10 +158,10 @@ class RecorderNode(RigNode):
 
     def _open(self) -> RecordingWriter:
         output = self.get_value("output")
-        folder = make_run_folder_name(datetime.now().astimezone())
+        path = Path(output or choose_run_folder() / RECORDING_NAME)
         return RecordingWriter(
             # An earlier one is there if the node is activated or started again.
-            choose_free(Path(output or Path(folder, RECORDING_NAME)).expanduser().absolute()),
+            choose_free(path.expanduser().absolute()),
             compression=self.get_value("compression"),
             library=f"impact_rig {__version__}",
         )
@@ -172,7 +172,7 @@ class RecorderNode(RigNode):
             return ""
         required = split_names(self.get_value("required_topics"))
         missing = self._run.find_unconnected(required)
-        return f"nobody publishes {', '.join(missing)} yet" if missing else ""
+        return f"no publisher yet of {', '.join(missing)}" if missing else ""
 
     def _run_guarded(self, work: Callable[[], None]) -> None:
         """Do some of the work of an open recording; it ends with an error of the file."""

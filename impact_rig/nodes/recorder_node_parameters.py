@@ -6,11 +6,14 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.nodes.rig_node import OWN_NODES, RigNode
+from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.provenance import format_parameters
 
 ANSWER_TIMEOUT = 3.0
 """How long an answer may take until a node is asked again [s], our choice."""
+NODES = (
+    "accelerometer", "campaign", "estimator", "hammer", "recorder", "replayer", "visualizer"
+)  # fmt: skip
 LISTER = "/list_parameters"
 """Ends the name of the service by which a node lists its parameters."""
 
@@ -31,7 +34,7 @@ class NodeParameters:
         """Ask nodes of the rig that have not been asked; others may never answer."""
         prefix = self._node.get_namespace().rstrip("/") + "/"
         services = {name for name, _ in self._node.get_service_names_and_types()}
-        for full_name in (prefix + name for name in OWN_NODES):
+        for full_name in (prefix + name for name in NODES):
             if full_name + LISTER in services and full_name not in self._asked:
                 self._asked.add(full_name)
                 self._node.executor.create_task(self._ask, full_name)

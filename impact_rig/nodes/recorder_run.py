@@ -3,6 +3,7 @@
 import contextlib
 import time
 from collections.abc import Callable, Mapping
+from copy import copy
 from typing import Any
 
 import rclpy
@@ -21,7 +22,7 @@ from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.recorder_node_parameters import NodeParameters
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, make_qos, name_type
+from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, name_type
 from impact_rig.recordings.hits import BlockCount, RecordCount, RecordWatch
 from impact_rig.recordings.messages import head_from_msg
 from impact_rig.recordings.provenance import (
@@ -185,8 +186,9 @@ class RecordingRun:
         self.writer.close()
 
     def _record_own(self, topic: Topic, depth: int) -> None:
-        offer = describe_qos(topic.qos)
-        self._record(topic.name, topic.type, make_qos(offer, depth), (offer,), own=topic)
+        qos = copy(topic.qos)
+        qos.depth = max(qos.depth, depth)
+        self._record(topic.name, topic.type, qos, (describe_qos(topic.qos),), own=topic)
 
     def _record_discovered(
         self, topic: str, types: list[str], publishers: list[TopicEndpointInfo]

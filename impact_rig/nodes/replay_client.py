@@ -13,6 +13,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.replayer_recording import RecordingToReplay
+from impact_rig.nodes.result_messages import results_from_msg
 from impact_rig.recordings.messages import stamp_from_msg
 from impact_rig.results.campaign import Results
 
@@ -42,6 +43,7 @@ class ReplayClient(RigClient):
             topic.name: self._node.create_publisher(topic.type, topic.name, topic.qos)
             for topic in (interfaces.SETUP, interfaces.ACCELERATION)
         }
+        self._faults: dict[int, tuple[str, ...]] = {}
         self._sent = 0
 
     def __exit__(self, *_: object) -> None:
@@ -75,7 +77,8 @@ class ReplayClient(RigClient):
         has_setup = has_blocks = False
         for message in recording.read_messages(report):
             if message.topic is interfaces.VIRTUAL_IMPACT:
-                self.keep_truth(deserialize_message(message.data, VirtualImpact))
+                truth = deserialize_message(message.data, VirtualImpact)
+                self._faults[truth.record] = truth.faults
             elif message.topic is interfaces.ACCELERATION:
                 has_blocks = True
                 self._send(message.topic, message.data)
@@ -106,8 +109,8 @@ class ReplayClient(RigClient):
             raise RigError(self._estimator.fault)
         request = GetResults.Request()
         answer = self.call(GetResults, interfaces.GET_RESULTS, request, RESULTS_TIMEOUT)
-        results = self.collect(answer, has_truths=False)
-        if results is None:
+        if not answer.setup.samples:
             raise RigError("the recording has no set-up of the rig: nothing can be estimated")
+        results = results_from_msg(answer, self._faults)
         if results.hits:
             yield results

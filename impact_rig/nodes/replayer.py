@@ -16,6 +16,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.replayer_recording import RecordedMessage, RecordingToReplay
 from impact_rig.nodes.rig_node import RigNode
+from impact_rig.recordings.messages import NANOSECONDS
 
 FASTEST = 1000.0
 """Times the original speed [-]."""
@@ -55,12 +56,12 @@ class ReplayerNode(RigNode):
         self._next: RecordedMessage | None = None
         self._passes = 0
         self._count = 0
-        self._position = 0  # recorded moment that is now [ns]
+        self._position = 0  # what is replayed now, since the first message [ns]
         self._last_tick = 0  # when that was computed [ns]
         self._phase = ReplayerState.IDLE
         self._message = "no recording"
         self._publish = self.advertise_state(interfaces.REPLAYER_STATE)
-        self.create_timer(STATE_PERIOD, self._publish_state)
+        self.create_timer(STATE_PERIOD / self.pace, self._publish_state)
         self.create_service(Trigger, interfaces.PAUSE_REPLAYER, self._on_pause)
         self.create_service(Trigger, interfaces.RESUME_REPLAYER, self._on_resume)
 
@@ -73,11 +74,11 @@ class ReplayerNode(RigNode):
         for warning in recording.warnings:
             self.get_logger().warning(warning)
         self._outputs = {
-            # Without a lease: a rig takes none of it.
-            topic.name: self.create_publisher(topic.type, topic.name, topic.qos)
-            for topic in recording.topics
+            # Without a lease: a rig ignores what is replayed.
+            name: self.create_publisher(topic.type, name, topic.qos)
+            for name, topic in recording.topics.items()
         }
-        self._position = recording.first_time
+        self._position = 0
         self._set_state(ReplayerState.WAITING, "ready")
 
     def activate(self) -> None:
@@ -119,8 +120,8 @@ class ReplayerNode(RigNode):
         return {
             "state": self._phase,
             "uri": str(recording.path) if recording else "",
-            "duration": recording.duration if recording else 0.0,
-            "position": recording.compute_position(self._position) if recording else 0.0,
+            "duration": recording.duration / NANOSECONDS if recording else 0.0,
+            "position": self._position / NANOSECONDS,
             "messages": self._count,
             "message": self._message,
         }
@@ -137,7 +138,7 @@ class ReplayerNode(RigNode):
                 self._begin_pass(recording)
             elif self._phase == ReplayerState.PLAYING:
                 step = round(elapsed * self.get_value("rate"))
-                self._position = min(self._position + step, recording.last_time)
+                self._position = min(self._position + step, recording.duration)
                 self._publish_due(recording)
         except FileError as error:
             self._finish(str(error))
@@ -149,7 +150,7 @@ class ReplayerNode(RigNode):
         return not missing and self.is_connected(blocks)
 
     def _begin_pass(self, recording: RecordingToReplay) -> None:
-        self._position = recording.first_time
+        self._position = 0
         self._messages = recording.read_messages()
         self._next = next(self._messages, None)
 

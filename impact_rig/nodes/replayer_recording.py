@@ -14,14 +14,17 @@ from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import block_to_msg
 from impact_rig.nodes.topics import name_type
 from impact_rig.recordings.messages import (
-    NANOSECONDS,
+    NO_ID,
     SETUP_TYPE,
+    STREAM_TYPE,
     block_from_msg,
+    campaign_id_from_msg,
     setup_from_msg,
 )
 from impact_rig.recordings.reader import holds_blocks, is_stream, list_namespaces
+from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import SchemaDecoder, check_interfaces, find_message_definition
-from impact_rig.recordings.source import open_source
+from impact_rig.recordings.source import find_recordings
 
 INPUTS = (
     interfaces.SETUP,
@@ -36,19 +39,19 @@ class RecordedMessage(NamedTuple):
     """One message that is to be published."""
 
     topic: Topic
-    time: int  # of its reception, nanoseconds since the epoch
+    time: int  # of its reception, since the first message [ns]
     data: bytes  # serialised
 
 
 class RecordingToReplay:
-    """The inputs in the recording of one rig.
+    """The inputs in the recording of one rig; of a run that was resumed, all its files in turn.
 
     Of a running stream in which no impacts were found before, the impacts are replayed.
 
     Parameters
     ----------
     path : Path
-        See `find_recording`.
+        See `find_recordings`.
 
     Raises
     ------
@@ -58,46 +61,23 @@ class RecordingToReplay:
     """
 
     def __init__(self, path: Path) -> None:
-        self._source = source = open_source(path)
-        self.path = source.path
-        self.warnings = source.warnings
-        namespaces = list_namespaces(source)
+        self.path = path
+        files = [Scan(part) for part in find_recordings(path)]
+        namespaces = list_namespaces(files[0])
         if len(namespaces) > 1:
             raise FileError(
                 f"{path} holds several rigs, in the namespaces {', '.join(namespaces)}:"
                 " `ros2 bag play` plays the topics of one"
             )
         prefix = namespaces[0].rstrip("/") + "/" if namespaces else "/"
-        by_type = {name_type(topic.type): topic for topic in INPUTS}
-        leaves_stream = holds_blocks(source)
-        self._topics: dict[int, Topic] = {}
-        for channel in source.read_channels():
-            is_cut = is_stream(channel) and not leaves_stream
-            topic = interfaces.ACCELERATION if is_cut else by_type.get(channel.type_name)
-            if topic is None or not channel.topic.startswith(prefix):
-                continue
-            try:
-                check_interfaces(channel, find_message_definition(channel.type_name))
-            except FileError as error:
-                raise FileError(f"{path}: {error}") from None
-            self._topics[channel.id] = topic
-        if interfaces.ACCELERATION not in self._topics.values():
+        self._files = [(file, _find_topics(file, prefix)) for file in files]
+        self.topics = {topic.name: topic for _, found in self._files for topic in found.values()}
+        if interfaces.ACCELERATION.name not in self.topics:
             raise FileError(f"{path} holds nothing to replay: no hits of a rig")
-        self.first_time, self.last_time = source.read_time_range()
-
-    @property
-    def topics(self) -> tuple[Topic, ...]:
-        """What is published."""
-        return tuple({topic.name: topic for topic in self._topics.values()}.values())
-
-    @property
-    def duration(self) -> float:
-        """From the first message to the last [s]."""
-        return self.compute_position(self.last_time)
-
-    def compute_position(self, moment: int) -> float:
-        """Return how long after the first message something was recorded [s]."""
-        return (moment - self.first_time) / NANOSECONDS
+        self.warnings = tuple(warning for file in files for warning in file.warnings)
+        self.size = sum(file.size for file in files)  # [byte]
+        ranges = [file.read_time_range() for file in files]
+        self.duration = sum(last - first for first, last in ranges)  # [ns], of all files
 
     def read_messages(
         self, report: Callable[[int], None] = lambda _: None
@@ -105,19 +85,48 @@ class RecordingToReplay:
         """Yield the messages in file order; `report` gets now and then how far this is [byte]."""
         decoder = SchemaDecoder()
         cutter: StreamCutter | None = None
-        for message in self._source.read_messages(
-            lambda channel: channel.id in self._topics, report=report
-        ):
-            channel, time = message.channel, message.log_time
-            topic = self._topics[channel.id]
-            if is_stream(channel):
-                segment = decoder.decode(channel, message.data)
-                identity = identity_from_msg(segment)
-                for cut in cutter.feed(block_from_msg(segment)) if cutter else ():
-                    data = serialize_message(block_to_msg(cut, identity))
-                    yield RecordedMessage(topic, time, data)
-                continue
-            if channel.type_name == SETUP_TYPE:
-                setup = setup_from_msg(decoder.decode(channel, message.data))
-                cutter = StreamCutter(setup.analysis)
-            yield RecordedMessage(topic, time, message.data)
+        campaign = NO_ID
+        done = elapsed = 0
+        for file, topics in self._files:
+            first, last = file.read_time_range()
+            for message in file.read_messages(
+                lambda channel, topics=topics: channel.id in topics,  # type: ignore[misc]
+                lambda size, done=done: report(done + size),  # type: ignore[misc]
+            ):
+                channel, time = message.channel, elapsed + message.log_time - first
+                topic = topics[channel.id]
+                if is_stream(channel):
+                    segment = decoder.decode(channel, message.data)
+                    identity = identity_from_msg(segment)
+                    for cut in cutter.feed(block_from_msg(segment)) if cutter else ():
+                        data = serialize_message(block_to_msg(cut, identity))
+                        yield RecordedMessage(topic, time, data)
+                    continue
+                if channel.type_name == SETUP_TYPE:
+                    setup = decoder.decode(channel, message.data)
+                    cutter = StreamCutter(setup_from_msg(setup).analysis)
+                    before, campaign = campaign, campaign_id_from_msg(setup)
+                    # A run that was resumed has the set-up of its campaign in each file.
+                    if campaign == before != NO_ID:
+                        continue
+                yield RecordedMessage(topic, time, message.data)
+            done += file.size
+            elapsed += last - first
+
+
+def _find_topics(file: Scan, prefix: str) -> dict[int, Topic]:
+    """Return what is replayed of a file, by the numbers of its channels."""
+    by_type = {name_type(topic.type): topic for topic in INPUTS}
+    if not holds_blocks(file):
+        by_type[STREAM_TYPE] = interfaces.ACCELERATION
+    topics: dict[int, Topic] = {}
+    for channel in file.read_channels():
+        topic = by_type.get(channel.type_name)
+        if topic is None or not channel.topic.startswith(prefix):
+            continue
+        try:
+            check_interfaces(channel, find_message_definition(channel.type_name))
+        except FileError as error:
+            raise FileError(f"{file.path}: {error}") from None
+        topics[channel.id] = topic
+    return topics

@@ -4,7 +4,7 @@ Each carries the id of the campaign that it was found in.
 """
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -22,9 +22,9 @@ from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimat
 from impact_rig.core.speed_exponents import SpeedExponents
 from impact_rig.nodes.identity import Identity
 from impact_rig.nodes.messages import stamp_to_msg
-from impact_rig.recordings.messages import origin_from_msg
-from impact_rig.results.campaign import HitResults
-from impact_rig.results.wire import fill_message
+from impact_rig.recordings.messages import origin_from_msg, setup_from_msg
+from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.wire import fill_message, from_message
 
 MESSAGES: dict[type, type] = {
     BudgetLine: msg.UncertaintyContribution,
@@ -79,6 +79,28 @@ def hit_results_from_msg(message: msg.Impact, injected_faults: Sequence[str]) ->
         specimen_peak=message.specimen_peak,
         injected_faults=tuple(injected_faults),
         origin=origin_from_msg(message),
+    )
+
+
+def results_from_msg(message: Any, faults: Mapping[int, Sequence[str]]) -> Results:
+    """Return the results in the answer of an estimator or of a campaign.
+
+    Parameters
+    ----------
+    message : RunCampaign.Result or GetResults.Response
+        Both have the same fields.
+    faults : mapping
+        What the virtual rig did on purpose, by record.
+    """
+    hits = sorted([*message.accepted, *message.rejected], key=lambda hit: hit.record)
+    return Results(
+        setup=setup_from_msg(message.setup),
+        hammer=from_message(HammerEstimate, message.hammer),
+        samples=tuple(from_message(SampleEstimate, each) for each in message.samples),
+        hits=tuple(hit_results_from_msg(hit, faults.get(hit.record, ())) for hit in hits),
+        speed_exponents=tuple(
+            from_message(SpeedExponents, each) for each in message.speed_exponents
+        ),
     )
 
 

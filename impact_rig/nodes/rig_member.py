@@ -9,12 +9,8 @@ from typing import Any
 
 from impact_rig_msgs.msg import AcquisitionState
 
-from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic
+from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import RigNode
-
-_PARTICIPANT_LENGTH = 12
-"""How much of an endpoint's identity is that of its participant [bytes], by RTPS; all nodes of a
-process share one."""
 
 
 class RigMember:
@@ -48,8 +44,6 @@ class RigMember:
     ) -> None:
         self.name = name
         self.state: Any = None  # the newest message; None: none has come yet
-        self._node: Any = node
-        self._topic = topic.name
         self._is_single = is_single
         self._on_state = on_state
         self._on_liveliness = on_liveliness
@@ -92,20 +86,4 @@ class RigMember:
     def _keep_liveliness(self, status: Any) -> None:
         self._was_there = True
         self._alive, self._silent = status.alive_count, status.not_alive_count
-        if not self._alive and self._is_in_this_process():
-            self._silent = 0
         self._on_liveliness()
-
-    def _is_in_this_process(self) -> bool:
-        """Whether the publisher is of this process, in which nodes give each other no signs."""
-        own_name = self._node.get_namespace(), self._node.get_name()
-        theirs = self._node.get_publishers_info_by_topic(self._topic)
-        ours = (
-            item
-            for item in self._node.get_publishers_info_by_topic(DIAGNOSTICS.name)
-            if (item.node_namespace, item.node_name) == own_name
-        )
-        participants = {bytes(item.endpoint_gid[:_PARTICIPANT_LENGTH]) for item in ours}
-        return any(
-            bytes(item.endpoint_gid[:_PARTICIPANT_LENGTH]) in participants for item in theirs
-        )

@@ -15,6 +15,7 @@ from rcl_interfaces.msg import (
 )
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -25,6 +26,7 @@ from impact_rig.nodes.identity import Identity, Membership, id_from_msg
 from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic, make_join_name
 from impact_rig.nodes.message_check import MessageCheck
 
+RCLError = rclpy_implementation.RCLError
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two diagnostic messages of a node that has news [s]."""
 SIGN_OF_LIFE = 3
@@ -32,19 +34,9 @@ SIGN_OF_LIFE = 3
 the view, call one silent after five."""
 ACKNOWLEDGEMENT_TIMEOUT = 0.2
 """How long the last state may take to reach its subscribers [s], our choice."""
-LIFECYCLE = "lifecycle"
-"""Among the values of a node's diagnostics: one of `LIFECYCLE_STATES`."""
-IS_ACTIVE = "active"
-LIFECYCLE_STATES = ("unconfigured", "inactive", IS_ACTIVE)
 _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 """Name of a node whose endpoints the middleware knows, but not its name: so it is for good after
 a long break of the network."""
-OWN_NODES = frozenset((
-    "accelerometer", "campaign", "campaign_client", "estimator", "hammer", "hammer_client",
-    "recorder", "replay_client", "replayer", "visualizer",
-))  # fmt: skip
-"""Names of a rig's nodes, in its namespace; a name that begins with _ is a part of another."""
-
 _NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 """rclpy's own callbacks warn of a QoS that does not fit, as the subscriber's do; each callback
 adds to the cost of every message."""
@@ -83,7 +75,7 @@ class RigNode(AsyncNode):
         )
         self._published = DiagnosticStatus()
         self._periods_without_news = 0
-        self.create_timer(DIAGNOSTIC_PERIOD, self._publish_diagnostics)
+        self.create_timer(DIAGNOSTIC_PERIOD / self.pace, self._publish_diagnostics)
 
     # Overridden by the nodes.
 
@@ -103,9 +95,8 @@ class RigNode(AsyncNode):
         """Return figures for the diagnostics, by name."""
         return {}
 
-    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> str:
-        """Take part in a campaign, or go on with it; return why no hit can be struck now."""
-        return ""
+    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> None:
+        """Take part in a campaign, or go on with it; the message says why no hit can come now."""
 
     def describe_warning(self) -> str:
         """Return what needs attention though the node works; empty: nothing."""
@@ -144,6 +135,9 @@ class RigNode(AsyncNode):
                 descriptor.floating_point_range = [
                     FloatingPointRange(from_value=float(low), to_value=float(high), step=0.0)
                 ]
+        given = self._parameter_overrides.get(name)
+        if isinstance(default, float) and given and given.type_ is Parameter.Type.INTEGER:
+            self._parameter_overrides[name] = Parameter(name, value=float(given.value))
         self.declare_parameter(name, default, descriptor)
 
     def _on_set_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
@@ -250,7 +244,7 @@ class RigNode(AsyncNode):
                 why = self.fault or "activate it to go on"
                 response.message = f"the {self.get_name()} node is not active: {why}"
             else:
-                response.message = self.join(request, response)
+                self.join(request, response)
         except RigError as error:
             self.report_fault(str(error))
             response.message = f"{self.get_name()}: {error}"
@@ -285,6 +279,14 @@ class RigNode(AsyncNode):
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Run `cleanup`."""
         return self._run_transition(self.cleanup, configured=False, active=False)
+
+    def _LifecycleNodeMixin__change_state(self, transition: int) -> TransitionCallbackReturn:  # noqa: N802
+        """Refuse a transition that the state does not have: by rclpy it would end the process."""
+        try:
+            return super()._LifecycleNodeMixin__change_state(transition)
+        except RCLError as error:
+            self.get_logger().warning(f"the node stays {self._lifecycle}: {error}")
+            return TransitionCallbackReturn.FAILURE
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop and close, whatever the state was."""
@@ -332,8 +334,13 @@ class RigNode(AsyncNode):
         self._publish_diagnostics()
         return TransitionCallbackReturn.SUCCESS
 
+    @property
+    def _lifecycle(self) -> str:
+        """The state that the node is in, as ROS calls it."""
+        return ("unconfigured", "inactive", "active")[self.is_configured + self.is_active]
+
     def _publish_diagnostics(self) -> None:
-        state = LIFECYCLE_STATES[self.is_configured + self.is_active]
+        state = self._lifecycle
         level, message = DiagnosticStatus.OK, state
         if self.fault:
             level, message = DiagnosticStatus.ERROR, self.fault
@@ -347,7 +354,7 @@ class RigNode(AsyncNode):
             values=[
                 KeyValue(key=key, value=str(value))
                 for key, value in {
-                    LIFECYCLE: state,
+                    "lifecycle": state,
                     "messages dropped": self.message_check.dropped,
                     **self.diagnose(),
                 }.items()

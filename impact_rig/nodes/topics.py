@@ -42,16 +42,6 @@ def describe_qos(profile: QoSProfile) -> OfferedQos:
     )
 
 
-def make_qos(offer: OfferedQos, depth: int) -> QoSProfile:
-    """Return the profile that publishes as was recorded, its queue `depth` or deeper."""
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=max(offer.depth, depth),
-        reliability=ReliabilityPolicy[offer.reliability.upper()],
-        durability=DurabilityPolicy[offer.durability.upper()],
-    )
-
-
 def adapt_qos(publishers: Iterable[TopicEndpointInfo], depth: int) -> QoSProfile:
     """Return the strictest profile that receives from all publishers, as rosbag2 does."""
     offers = [item.qos_profile for item in publishers]

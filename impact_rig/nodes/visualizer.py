@@ -1,6 +1,6 @@
 """The visualizer: model against measured traces, verdicts, tables and the rig's health, in Rerun.
 
-A process of its own that only listens: it may drop views, never data, and nothing waits for it.
+A separate process that only listens: it may drop views, never data, and nothing waits for it.
 The file is written as hits come. What it keeps is bounded: the newest 1000 verdicts for the
 tables, the names of what is shown, and 512 MB for viewers of this host that come late.
 """
@@ -9,6 +9,8 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable, Hashable
+from copy import copy
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,12 +18,9 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs.msg import (
     AccelerationBlock,
-    HammerEstimate,
     Impact,
     ModelComparison,
     RigSetup,
-    SampleEstimate,
-    VirtualImpact,
 )
 
 from impact_rig.core.errors import RigError
@@ -29,13 +28,14 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import id_from_msg
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RateMeter, RigNode
-from impact_rig.nodes.visualizer_campaign import ShownCampaign
-from impact_rig.present.rerun.health import Health, Level, NodeHealth
-from impact_rig.present.rerun.live_view import LiveView, ViewPlan
+from impact_rig.nodes.visualizer_campaign import Finding, ShownCampaign
+from impact_rig.present.rerun.delivery import LiveView
+from impact_rig.present.rerun.health import Level, NodeHealth
 from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.recordings.messages import (
     NO_ID,
     block_from_msg,
+    label_from_msg,
     setup_from_msg,
     stamp_from_msg,
 )
@@ -52,7 +52,6 @@ class RigHealth:
     def __init__(self, namespace: str) -> None:
         self._prefix = namespace.rstrip("/") + "/"
         self._nodes: dict[str, tuple[NodeHealth, float]] = {}
-        self._stamp = 0
 
     def add(self, message: DiagnosticArray) -> bool:
         """Keep the diagnostics of the rig's nodes; return whether there are any."""
@@ -61,30 +60,21 @@ class RigHealth:
             name = status.name.removeprefix(self._prefix)
             if name != status.name and "/" not in name:
                 # rclpy has a byte as bytes.
-                level = int.from_bytes(status.level)
+                level = Level(int.from_bytes(status.level))
                 values = tuple((item.key, item.value) for item in status.values)
                 health = NodeHealth(name, level, status.message, values)
-                self._nodes[name] = health, time.monotonic()
-                self._stamp, is_any = stamp_from_msg(message.header.stamp), True
+                self._nodes[name], is_any = (health, time.monotonic()), True
         return is_any
 
-    def make_health(self) -> Health:
+    def list_nodes(self) -> tuple[NodeHealth, ...]:
         """Return the newest diagnostics, by the names of the nodes."""
-        now = time.monotonic()
-        return Health(
-            nodes=tuple(
-                _mark_silent(node, now - came) for _, (node, came) in sorted(self._nodes.items())
-            ),
-            stamp=self._stamp,
-        )
-
-
-def _mark_silent(node: NodeHealth, silence: float) -> NodeHealth:
-    if silence < SILENCE:
-        return node
-    return NodeHealth(
-        node.name, Level.STALE, f"silent for {silence:.0f} s; last: {node.message}", node.values
-    )
+        nodes = []
+        for _, (node, came) in sorted(self._nodes.items()):
+            silence = time.monotonic() - came
+            message = f"silent for {silence:.0f} s; last: {node.message}"
+            is_silent = silence >= SILENCE
+            nodes.append(replace(node, level=Level.STALE, message=message) if is_silent else node)
+        return tuple(nodes)
 
 
 NICENESS = 10
@@ -92,8 +82,18 @@ NICENESS = 10
 REFRESH_PERIOD = 1.0
 """Least time between two versions of what is replaced as a whole [s], our choice."""
 Work = Callable[[ViewLog], None]
+WAITING_BLOCKS = 2000
+"""Blocks that may wait before the oldest are lost [-], our choice: 16 MB, for the seconds that the
+first plots take on a busy computer."""
 WAITING_MESSAGES = 1000
 """Messages kept while their set-up has not arrived [-], our choice: more than the topics keep."""
+
+
+def _deepen(topic: interfaces.Topic) -> interfaces.Topic:
+    """Return a topic of which `WAITING_BLOCKS` may wait."""
+    qos = copy(topic.qos)
+    qos.depth = WAITING_BLOCKS
+    return replace(topic, qos=qos)
 
 
 class VisualizerNode(RigNode):
@@ -120,9 +120,7 @@ class VisualizerNode(RigNode):
         self._subscriptions_of_view: list[Any] = []
         self._assembler = TraceAssembler()
         self._campaign: ShownCampaign | None = None
-        self._early: deque[tuple[Callable[[ShownCampaign, Any], None], Any]] = deque(
-            maxlen=WAITING_MESSAGES
-        )
+        self._early: deque[Finding] = deque(maxlen=WAITING_MESSAGES)
         self._health = RigHealth(self.get_namespace())
         self._rates = {name: RateMeter() for name in ("blocks", "hits")}
         self._counts = {"campaigns": 0, "blocks": 0, "hits": 0, "comparisons": 0}
@@ -130,12 +128,13 @@ class VisualizerNode(RigNode):
     def configure(self) -> None:
         """Open the file and the viewers."""
         output = self.get_value("output")
-        plan = ViewPlan(
+        log = self.get_logger()
+        self._view = LiveView(
             output=str(choose_free(Path(output))) if output else "",
             **{name: self.get_value(name) for name in ("connect", "spawn", "web")},
+            announce=log.info,
+            notify=log.warning,
         )
-        log = self.get_logger()
-        self._view = LiveView(plan, announce=log.info, notify=log.warning)
         self._refreshing = self.create_timer(REFRESH_PERIOD, self._refresh)
         self._campaign = None
 
@@ -145,12 +144,12 @@ class VisualizerNode(RigNode):
             self.listen(topic, callback)
             for topic, callback in (
                 (interfaces.SETUP, self._on_setup),
-                (interfaces.ACCELERATION, self._on_block),
-                (interfaces.VIRTUAL_IMPACT, partial(self._show, self._on_truth)),
-                (interfaces.IMPACT, partial(self._show, self._on_impact)),
-                (interfaces.ESTIMATE, partial(self._show, self._on_estimate)),
-                (interfaces.HAMMER_ESTIMATE, partial(self._show, self._on_hammer_estimate)),
-                (interfaces.COMPARISON, partial(self._show, self._on_comparison)),
+                (_deepen(interfaces.ACCELERATION), self._on_block),
+                (interfaces.VIRTUAL_IMPACT, self._on_finding),
+                (interfaces.IMPACT, self._on_finding),
+                (interfaces.ESTIMATE, self._on_finding),
+                (interfaces.HAMMER_ESTIMATE, self._on_finding),
+                (interfaces.COMPARISON, self._on_finding),
                 (interfaces.DIAGNOSTICS, self._on_diagnostics),
             )
         ]
@@ -166,6 +165,8 @@ class VisualizerNode(RigNode):
         if self._view is not None:
             self.destroy_timer(self._refreshing)
             self._log_latest()
+            if warning := self.describe_warning():
+                self.get_logger().warning(warning)
             self._view.close()
             self._view = None
 
@@ -177,6 +178,7 @@ class VisualizerNode(RigNode):
                 f"{name} per second": f"{meter.measure(self._counts[name]):.1f}"
                 for name, meter in self._rates.items()
             },
+            "hits missing": self._campaign.missing if self._campaign else 0,
             "views dropped": self._left_out,
         }
 
@@ -184,7 +186,13 @@ class VisualizerNode(RigNode):
         """Return why the view is not complete."""
         if self._is_behind:
             return "a viewer takes no data, or the disk is full: the view may be behind"
-        return self._campaign.fault if self._campaign else ""
+        missing = self._campaign.missing if self._campaign else 0
+        if not missing:
+            return ""
+        return (
+            f"{missing} hits are missing: the view was too slow for them;"
+            " impact-rig view shows all of the recording"
+        )
 
     def _log(self, work: Work) -> None:
         if self._view is None:
@@ -228,16 +236,27 @@ class VisualizerNode(RigNode):
         self._log_results_soon(campaign)
         early = tuple(self._early)
         self._early.clear()
-        for callback, waiting in early:
-            self._show(callback, waiting)
+        for waiting in early:
+            self._on_finding(waiting)
 
-    def _show(self, callback: Callable[[ShownCampaign, Any], None], message: Any) -> None:
-        """Call back with a message of the campaign; one of another may be before its set-up."""
+    def _on_finding(self, message: Finding) -> None:
+        """Show what was found in the campaign; a message of another may be before its set-up."""
         campaign = self._campaign
         if campaign is None or id_from_msg(message.campaign_id) != campaign.campaign_id:
-            self._early.append((callback, message))
-        else:
-            callback(campaign, message)
+            self._early.append(message)
+            return
+        campaign.add(message)
+        if isinstance(message, Impact):
+            verdict, stamp = campaign.newest_hit, stamp_from_msg(message.header.stamp)
+            self._log(lambda log: log.log_verdicts([verdict], [stamp]))
+            if hit := campaign.align_judged(label_from_msg(message)):
+                self._log(lambda log: log.log_aligned_hits([hit]))
+        if isinstance(message, ModelComparison):
+            self._counts["comparisons"] += 1
+            self._latest["traces", message.sample] = partial(
+                _log_sample, campaign=campaign, sample=message.sample
+            )
+        self._log_results_soon(campaign)
 
     def _on_block(self, message: AccelerationBlock) -> None:
         self._counts["blocks"] += 1
@@ -246,45 +265,23 @@ class VisualizerNode(RigNode):
         if traces is not None:
             self._counts["hits"] += 1
             self._log(lambda log: log.log_hit(traces))
-        for hit in self._campaign.align(block) if self._campaign else ():
-            self._log(partial(ViewLog.log_aligned_hit, hit=hit))
-
-    def _on_truth(self, campaign: ShownCampaign, message: VirtualImpact) -> None:
-        campaign.add_truth(message)
-
-    def _on_impact(self, campaign: ShownCampaign, message: Impact) -> None:
-        verdict = campaign.add_hit(message)
-        stamp = stamp_from_msg(message.header.stamp)
-        self._log(lambda log: log.log_verdict(verdict, stamp))
-        self._log_results_soon(campaign)
-
-    def _on_estimate(self, campaign: ShownCampaign, message: SampleEstimate) -> None:
-        campaign.add_estimate(message)
-        self._log_results_soon(campaign)
-
-    def _on_hammer_estimate(self, campaign: ShownCampaign, message: HammerEstimate) -> None:
-        campaign.add_hammer(message)
-        self._log_results_soon(campaign)
-
-    def _on_comparison(self, campaign: ShownCampaign, message: ModelComparison) -> None:
-        self._counts["comparisons"] += 1
-        campaign.add_comparison(message)
-        sample = message.sample
-
-        def show(log: ViewLog) -> None:
-            traces = campaign.make_traces(sample)
-            log.log_sample(traces)
-            log.log_law(traces, campaign.make_law(sample), campaign.setup)
-
-        self._latest["traces", sample] = show
+        if self._campaign is not None:
+            if traces is not None:
+                self._campaign.note_shown(block.label)
+            if hits := self._campaign.align(block):
+                self._log(lambda log: log.log_aligned_hits(hits))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         if self._health.add(message):
-            health = self._health.make_health()
-            self._latest["health"] = lambda log: log.log_health(health)
+            nodes, stamp = self._health.list_nodes(), stamp_from_msg(message.header.stamp)
+            self._latest["health"] = lambda log: log.log_health(nodes, stamp)
 
     def _log_results_soon(self, campaign: ShownCampaign) -> None:
         self._latest["results"] = lambda log: log.log_results(campaign.make_results())
+
+
+def _log_sample(log: ViewLog, campaign: ShownCampaign, sample: str) -> None:
+    log.log_sample(campaign.make_traces(sample), campaign.make_law(sample), campaign.setup)
 
 
 def main() -> int:

@@ -1,9 +1,9 @@
 """The campaign that goes on now, as the topics tell it: results, traces, hits over each other."""
 
 import math
-from collections import Counter, OrderedDict
+from collections import Counter, OrderedDict, deque
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from impact_rig_msgs.msg import (
@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from impact_rig.core import paper_method, sample
 from impact_rig.core.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.detection import ImpactDetector
-from impact_rig.core.errors import RigError
-from impact_rig.core.hits import judge_hit
-from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.hits import filter_record
+from impact_rig.core.records import Block, HitLabel, Record
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes.result_messages import hit_results_from_msg
 from impact_rig.recordings.messages import label_from_msg
@@ -53,8 +52,7 @@ def sample_traces_from_msgs(
         ModelTraces(
             model=comparison.model,
             traces=_stack(comparison.hammer_model, comparison.specimen_model) * peaks,
-            mse_hammer_percent=comparison.mse_hammer_percent,
-            mse_sample_percent=comparison.mse_sample_percent,
+            mse_percent=(comparison.mse_hammer_percent, comparison.mse_sample_percent),
         )
         for comparison in comparisons
         if comparison.impacts_accepted == newest.impacts_accepted
@@ -95,6 +93,9 @@ def is_shown(number: int) -> bool:
     return number % step == 0
 
 
+Finding: TypeAlias = VirtualImpact | Impact | SampleEstimate | HammerEstimate | ModelComparison
+WAITING_RECORDS = 10
+"""Records that may wait for the estimator's verdict [-], our choice: in a campaign one does."""
 LARGEST_CAMPAIGN = 1000
 """Most hits that tables and figures show, the newest [-], our choice: eight of the paper's
 campaigns. It bounds the node's memory."""
@@ -106,10 +107,11 @@ class ShownCampaign:
     def __init__(self, setup: RigSetup, campaign_id: bytes) -> None:
         self.setup = setup
         self.campaign_id = campaign_id
-        self.fault = ""  # why hits are not laid over each other
         self._detector = ImpactDetector(setup.analysis)
-        self._label: HitLabel | None = None
+        self._low_corners = [response.low_corner for response in setup.responses]
+        self._records: deque[Record] = deque(maxlen=WAITING_RECORDS)
         self._numbers: Counter[str] = Counter()
+        self._shown: OrderedDict[HitLabel, None] = OrderedDict()  # records whose traces came
         self._hits: OrderedDict[HitLabel, HitResults] = OrderedDict()
         self._faults: OrderedDict[HitLabel, tuple[str, ...]] = OrderedDict()
         self._hammer: HammerEstimate | None = None
@@ -117,47 +119,64 @@ class ShownCampaign:
         self._comparisons: dict[str, dict[str, ModelComparison]] = {}
 
     def align(self, block: Block) -> tuple[AlignedHit, ...]:
-        """Take a block; return the good hits that it completes, to be laid over the others.
+        """Take a block; return the good hits that it completes, to be laid over the others."""
+        records = tuple(self._detector.feed(block))
+        self._records.extend(records)
+        return tuple(hit for it in records if (hit := self.align_judged(it.label)) is not None)
+
+    def align_judged(self, label: HitLabel) -> AlignedHit | None:
+        """Return a good hit once both its record and its verdict came, in either order.
 
         Of a long series only some are shown, see `is_shown`.
         """
-        if block.label != self._label:
-            self._label = block.label
-            self._numbers[block.label.sample] += 1
-        if not is_shown(self._numbers[block.label.sample]):
-            return ()
-        try:
-            judged = [judge_hit(it, self.setup.analysis) for it in self._detector.feed(block)]
-            aligned = [align_hit(hit) for hit in judged if hit.accepted]
-        except RigError as error:
-            self.fault = f"hits are not laid over each other: {error}"
-            return ()
-        return tuple(hit for hit in aligned if hit is not None)
+        verdict = self._hits.get(label)
+        record = next((it for it in self._records if it.label == label), None)
+        # A flaw is a block that was lost on the way to this node.
+        if verdict is None or record is None or not verdict.accepted or record.flaws:
+            return None
+        self._numbers[label.sample] += 1
+        if not is_shown(self._numbers[label.sample]):
+            return None
+        hit = filter_record(record, self.setup.analysis, self._low_corners)
+        return align_hit(label, hit)
 
-    def add_truth(self, message: VirtualImpact) -> None:
-        """Keep what the virtual rig did on purpose."""
-        _keep(self._faults, label_from_msg(message), tuple(message.faults))
+    def add(self, message: Finding) -> None:
+        """Keep what was found, in place of what was known of the same hit, sample and model."""
+        match message:
+            case VirtualImpact():
+                _keep(self._faults, label_from_msg(message), tuple(message.faults))
+            case Impact():
+                label = label_from_msg(message)
+                hit = hit_results_from_msg(message, self._faults.get(label, ()))
+                _keep(self._hits, label, hit)
+            case SampleEstimate():
+                self._estimates[message.name] = message
+            case HammerEstimate():
+                self._hammer = message
+            case ModelComparison():
+                models = self._comparisons.setdefault(message.sample, {})
+                models.pop(message.model, None)
+                models[message.model] = message
 
-    def add_hit(self, message: Impact) -> HitResults:
-        """Keep a verdict, and return it."""
-        label = label_from_msg(message)
-        hit = hit_results_from_msg(message, self._faults.get(label, ()))
-        _keep(self._hits, label, hit)
-        return hit
+    def note_shown(self, label: HitLabel) -> None:
+        """Keep that all traces of a record came."""
+        _keep(self._shown, label, None)
 
-    def add_estimate(self, message: SampleEstimate) -> None:
-        """Keep an estimate in place of the one before."""
-        self._estimates[message.name] = message
+    @property
+    def missing(self) -> int:
+        """How many hits have a verdict but no traces, between the first and the last shown."""
+        first, last = next(iter(self._shown), None), next(reversed(self._shown), None)
+        if first is None or last is None:
+            return 0
+        return sum(
+            first.record < label.record < last.record and label not in self._shown
+            for label in self._hits
+        )
 
-    def add_hammer(self, message: HammerEstimate) -> None:
-        """Keep what is known of the hammer in place of what was."""
-        self._hammer = message
-
-    def add_comparison(self, message: ModelComparison) -> None:
-        """Keep a comparison in place of the one before with the same model."""
-        models = self._comparisons.setdefault(message.sample, {})
-        models.pop(message.model, None)
-        models[message.model] = message
+    @property
+    def newest_hit(self) -> HitResults:
+        """The hit that was kept last."""
+        return next(reversed(self._hits.values()))
 
     def make_results(self) -> Results:
         """Return what is known now."""

@@ -82,11 +82,12 @@ class Missing:
 
 @dataclass
 class Questions:
-    """All that is missing of a file."""
+    """All that is missing of a file, and what is said of it."""
 
     measurement: Measurement
     needs_scale: bool  # ask for all that makes accelerations; False: contact times are enough
     missing: list[Missing] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)  # what was taken for granted
 
     def ask(self) -> None:
         """Raise `SignalError` with one question for all that is missing, if something is."""
@@ -171,22 +172,26 @@ def _map_hits(questions: Questions, plan: ChannelPlan, hammer_mass: float) -> li
             _check_values(path, role, channel)
         if "specimen" in found:
             _check_pair(path, found["hammer"], found["specimen"])
-        bodies = {
-            role: _calibrate(questions, role, found[role], getattr(plan, role), hammer_mass)
-            for role in BODIES
-            if role in found
-        }
-        hammer = bodies["hammer"]
+        hammer, unit, has_scale = _calibrate(
+            questions, "hammer", found["hammer"], plan.hammer, hammer_mass
+        )
+        specimen = NO_SPECIMEN
+        if "specimen" in found:
+            specimen, *_ = _calibrate(
+                questions, "specimen", found["specimen"], plan.specimen, hammer_mass
+            )
         mapped.append(
             MappedChannels(
                 sampling_rate=_choose_rate(questions, plan, found["hammer"], found.get("time")),
-                hammer=hammer.block,
-                specimen=bodies["specimen"].block if "specimen" in bodies else NO_SPECIMEN,
-                has_scale=hammer.has_scale,
-                unit=hammer.unit,
-                remarks=tuple(text for body in bodies.values() for text in body.remarks),
+                hammer=hammer,
+                specimen=specimen,
+                has_scale=has_scale,
+                unit=unit,
+                remarks=tuple(dict.fromkeys(questions.remarks)),
                 names=tuple(
-                    found[role].name for role, body in bodies.items() if body.block.output.size
+                    found[role].name
+                    for role, block in (("hammer", hammer), ("specimen", specimen))
+                    if block.output.size
                 ),
                 stamp=found["hammer"].stamp,
                 origin=found["hammer"].origin,
@@ -443,18 +448,13 @@ def _format_time(seconds: float) -> str:
     return f"{seconds / TIME_UNITS[unit]:.3g} {unit}"
 
 
-@dataclass(frozen=True)
-class _Calibrated:
-    block: ChannelBlock = NO_SPECIMEN
-    has_scale: bool = True
-    unit: str = DEFAULT_UNIT
-    remarks: tuple[str, ...] = ()
-
-
 def _calibrate(
     questions: Questions, role: str, channel: MeasuredChannel, use: ChannelUse, mass: float
-) -> _Calibrated:
-    """Return a channel with its scale; as it is where nothing makes accelerations of it."""
+) -> tuple[ChannelBlock, str, bool]:
+    """Return a channel with its scale, the unit of what it shows, and whether that is known.
+
+    It is as it is where nothing makes accelerations of it.
+    """
     path, name = questions.measurement.path, f"the {BODIES[role]}'s channel"
     unit = _choose_unit(path, name, channel, use)
     sensor = use.sensitivity
@@ -466,7 +466,7 @@ def _calibrate(
     missing = _find_missing(f"{name} {channel.name!r}", role, unit, measured, mass)
     if missing and questions.needs_scale:
         questions.missing.append(missing)
-    remarks = []
+    remarks = questions.remarks
     if not unit:
         taken = "its peaks have none" if role == "hammer" else "m/s^2 is taken"
         advice = "--hammer-unit"
@@ -477,7 +477,7 @@ def _calibrate(
         remarks.append(f"{name} is taken for thousands of g; a force in kilograms is kgf")
     elif measured not in UNITS and role == "specimen":
         remarks.append(f"{name} is in {unit}, no acceleration: it is left out")
-        return _Calibrated(remarks=tuple(remarks))
+        return NO_SPECIMEN, unit, False
     elif measured not in UNITS:
         remarks.append(f"{name} is read as it is: {unit}")
     if missing:
@@ -490,7 +490,7 @@ def _calibrate(
     kinds = ((FORCES, "N"), (VOLTAGES, "V"), (ACCELERATIONS, DEFAULT_UNIT))
     shown = next((shown for units, shown in kinds if measured in units), unit)
     block = ChannelBlock(channel.values, scale, 0.0, full_scale)
-    return _Calibrated(block, missing is None, shown, tuple(remarks))
+    return block, shown, missing is None
 
 
 def _choose_unit(path: Path, name: str, channel: MeasuredChannel, use: ChannelUse) -> str:

@@ -12,13 +12,12 @@ from impact_rig.core.errors import FileError
 from impact_rig.recordings.hits import (
     HIT_TYPES,
     BlockCount,
-    HitState,
     HitWatch,
     RecordedHit,
 )
 from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, head_from_msg
 from impact_rig.recordings.records import Attachment, Channel, MetadataRecord, RawMessage
-from impact_rig.recordings.scan import PROFILE, Damage, Report, Scan
+from impact_rig.recordings.scan import PROFILE, Report, Scan
 from impact_rig.recordings.schemas import SchemaDecoder
 from impact_rig.recordings.writer import HEALTH_RECORD
 
@@ -76,15 +75,7 @@ class Note:
 class Contents:
     """What a recording holds, and what is wrong with it."""
 
-    path: Path
-    size: int = 0  # [byte]
-    library: str = ""  # that wrote it
-    compression: tuple[str, ...] = ()  # of its chunks, "none" for none
-    chunks: int = 0
-    is_closed: bool = False  # it has an end
-    has_index: bool = False  # that can be used
-    damages: list[Damage] = field(default_factory=list)
-    problems: tuple[str, ...] = ()  # in words; empty: it is sound
+    scan: Scan  # of all of the file
     topics: list[TopicContents] = field(default_factory=list)  # by name
     hits: tuple[RecordedHit, ...] = ()  # in the order in which they happened
     streams: dict[str, BlockCount] = field(default_factory=dict)  # running streams, by topic
@@ -93,8 +84,12 @@ class Contents:
     notes: list[Note] = field(default_factory=list)
     setups: dict[bytes, Any] = field(default_factory=dict)  # decoded, by their bytes in the file
     messages_lost: int = 0  # that the middleware dropped on the way to the recorder
-    unknown_messages: int = 0  # whose topic is not described anywhere
     remarks: dict[str, None] = field(default_factory=dict)  # other hints for the reader, as keys
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What is wrong with it, in words; empty: it is sound."""
+        return tuple(_list_problems(self.scan, sum(topic.lost for topic in self.topics)))
 
     @property
     def is_sound(self) -> bool:
@@ -105,12 +100,12 @@ class Contents:
     def is_whole(self) -> bool:
         """Whether all messages that were written are there, as far as that can be told."""
         is_original = all(record.name != RECOVERY_RECORD for record in self.metadata)
-        return is_original and self.is_closed and not self.lost
+        return is_original and self.scan.is_closed and not self.lost
 
     @property
     def unread(self) -> int:
         """Bytes that could not be read."""
-        return sum(damage.size for damage in self.damages)
+        return sum(damage.size for damage in self.scan.damages)
 
     @property
     def messages(self) -> int:
@@ -120,7 +115,7 @@ class Contents:
     @property
     def lost(self) -> int:
         """Further ones that are known to have been written [-]."""
-        return sum(topic.lost for topic in self.topics) + self.unknown_messages
+        return sum(topic.lost for topic in self.topics) + self.scan.unknown
 
     @property
     def start_time(self) -> int:
@@ -131,10 +126,6 @@ class Contents:
     def end_time(self) -> int:
         """Of the last message, nanoseconds since the epoch; 0: there is none."""
         return max((topic.end_time for topic in self.topics if topic.messages), default=0)
-
-    def count_hits(self, state: HitState) -> int:
-        """Return how many hits are saved, damaged or lost."""
-        return sum(hit.state is state for hit in self.hits)
 
 
 OUR_LIBRARY = "impact_rig"
@@ -161,7 +152,7 @@ def inspect_recording(path: Path, *, report: Report = lambda _: None) -> Content
     FileError
         If there is no such file, or nothing in it is of MCAP and ROS 2.
     """
-    contents, scan = Contents(path), Scan(path, is_strict=False)
+    contents = Contents(scan := Scan(path, is_strict=False))
     decoder, watch = SchemaDecoder(), HitWatch()
     topics: dict[int, TopicContents] = {}
 
@@ -188,15 +179,6 @@ def inspect_recording(path: Path, *, report: Report = lambda _: None) -> Content
     _check_kind(scan)
     contents.topics = sorted(map(find_topic, scan.channels.values()), key=attrgetter("name"))
     _count_lost(scan, topics)
-    contents.unknown_messages = scan.unknown
-    contents.size = scan.size
-    contents.library = scan.header.library if scan.header is not None else ""
-    contents.compression = tuple(scan.compressions)
-    contents.chunks = scan.chunks
-    contents.is_closed = scan.is_closed
-    contents.has_index = scan.summary is not None
-    contents.damages = scan.damages
-    contents.problems = tuple(_list_problems(scan, sum(topic.lost for topic in contents.topics)))
     contents.hits = watch.list_hits(is_whole=contents.is_whole)
     return contents
 
@@ -232,7 +214,7 @@ def _count_lost(scan: Scan, topics: Mapping[int, TopicContents]) -> None:
     written: Counter[int] = Counter()
     if scan.summary is not None and scan.summary.statistics is not None:
         written |= Counter(scan.summary.statistics.channel_message_counts)
-    is_ours = scan.header is not None and scan.header.library.split(" ")[0] == OUR_LIBRARY
+    is_ours = scan.library.split(" ")[0] == OUR_LIBRARY
     for number, topic in topics.items():
         span = topic.last_sequence - topic.first_sequence + 1 if is_ours and topic.messages else 0
         topic.lost = max(written[number] - topic.messages, span - topic.messages, 0)

@@ -36,18 +36,14 @@ class ExportedHit:
         is_filtered : bool
             After baseline and low-pass; False: as recorded.
         """
-        rate, stamp = self.record.sampling_rate, self.record.stamp
-        origin = self.record.origin
+        record, filtered = self.record, self.judged.filtered
+        traces: Sequence[FloatArray] = [channel.acceleration for channel in record.channels]
         if is_filtered:
-            filtered = self.judged.filtered
-            if filtered is None:
-                return ()
-            return _make_channels(self.name, filtered.traces, rate, origin, recorded_at=stamp)
-        traces = [trace for trace in (self.record.hammer, self.record.specimen) if trace]
-        accelerations = [trace.acceleration for trace in traces]
-        if not accelerations[0].size:
+            traces = tuple(filtered.traces) if filtered is not None else ()
+        if not traces or not traces[0].size:
             return ()
-        return _make_channels(self.name, accelerations, rate, origin, recorded_at=stamp)
+        rate, origin, stamp = record.sampling_rate, record.origin, record.stamp
+        return _make_channels(self.name, traces, rate, origin, recorded_at=stamp)
 
 
 class ExportedCampaign:

@@ -32,12 +32,16 @@ class BlockCount:
         A stream that goes back was started again: that is no gap.
         """
         missing = 0 if self.expected is None else max(first_sample - self.expected, 0)
+        self.count(points, missing)
+        self.expected = first_sample + points
+        return missing
+
+    def count(self, points: int, missing: int) -> None:
+        """Count a block before which so many points are missing."""
         self.blocks += 1
         self.points += points
         self.gaps += missing > 0
         self.missing_points += missing
-        self.expected = first_sample + points
-        return missing
 
 
 @dataclass(kw_only=True)
@@ -68,12 +72,8 @@ class RecordWatch:
             if count is not None:
                 ended.append(count)
             count = RecordCount(label=head.label, stream_id=head.stream_id)
-        missing = count.add(head.first_sample, head.points)
+        self.total.count(head.points, count.add(head.first_sample, head.points))
         count.stamp = head.stamp
-        self.total.blocks += 1
-        self.total.points += head.points
-        self.total.gaps += missing > 0
-        self.total.missing_points += missing
         if head.last:
             ended.append(count)
         self.unfinished = None if head.last else count

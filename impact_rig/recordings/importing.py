@@ -15,14 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from impact_rig import __version__
-from impact_rig.core import verdict
 from impact_rig.core.detection import ImpactDetector, find_pulse_start
 from impact_rig.core.errors import SignalError
 from impact_rig.core.records import IMPORTED, MIXED, SIMULATED, Block, HitLabel, Origin
 from impact_rig.core.sensors import ChannelPlan
 from impact_rig.core.setup import AnalysisSettings, RigSetup
 from impact_rig.core.stream import cut_impacts
-from impact_rig.recordings.channels import MappedChannels, count_width, map_channels
+from impact_rig.recordings.channels import MappedChannels, map_channels
 from impact_rig.recordings.formats.registry import read_measurement
 from impact_rig.recordings.messages import NANOSECONDS, MessageEncoder
 from impact_rig.recordings.new_file import write_new_file
@@ -41,13 +40,6 @@ PAUSE = NANOSECONDS
 AROUND_CUE, BEFORE_CUE = 0.1, 0.4
 """A hit lies so near a cue [s], less where cues are nearer; this part before it [-]. Our choice:
 people and recorders mark it that well."""
-MANY_IMPACTS, IMPACT_DISTANCE, ALIKE = 3, 0.05, 0.5
-"""So many impacts, so far apart [s] and of such a part of the highest's height are no bounces of
-one [-], our choice."""
-OUTSTANDING = 4.0
-"""Least height of an impact over what nine of ten points stay below [-], our choice."""
-LONGEST_WINDOW = 20e-3
-"""What is proposed for a hit [s], our choice: the longest pulses of hammers, and their decay."""
 BLOCK_POINTS = 10_000
 """Points per block, our choice: 160 kB, small enough for any subscriber."""
 
@@ -102,8 +94,7 @@ def read_hits(
     FileError
         If the file cannot be read.
     SignalError, ParameterError
-        If its channels do not fit; see `map_channels`. If it holds many impacts, and no window is
-        given.
+        If its channels do not fit; see `map_channels`.
     """
     measurement = read_measurement(path)
     hits: list[ImportedHit] = []
@@ -117,7 +108,7 @@ def read_hits(
             last=True,
             stamp=channels.stamp,
         )
-        for first, block in _cut_hits(path, whole, measurement.cues, window):
+        for first, block in _cut_hits(whole, measurement.cues, window):
             number = label.record + len(hits)
             counted = replace(
                 block,
@@ -129,7 +120,7 @@ def read_hits(
 
 
 def _cut_hits(
-    path: Path, whole: Block, cues: Sequence[int], window: AnalysisSettings | None
+    whole: Block, cues: Sequence[int], window: AnalysisSettings | None
 ) -> Iterator[tuple[int, Block]]:
     """Yield each hit with its first point: around cues, by the window, or all of it."""
     size = whole.hammer.output.size
@@ -138,41 +129,9 @@ def _cut_hits(
     for start in starts:
         piece = whole.cut(start, start + length if cues else size)
         piece = replace(piece, first_sample=0, last=True)
-        if window is None:
-            _check_alone(path, piece)
         # Where no impact is found, the whole says why.
         for first, block in (cut_impacts(piece, window) if window else ()) or [(0, piece)]:
             yield start + first, block
-
-
-def _check_alone(path: Path, block: Block) -> None:
-    """Refuse a record that people strike again and again in, as one hit."""
-    output, rate = block.hammer.output, block.sampling_rate
-    if (
-        count_width(output) < verdict.LIMITS.fewest_points
-        or output.size < MANY_IMPACTS * IMPACT_DISTANCE * rate
-    ):
-        return
-    # Every stretch has its highest point; those that stand out in all directions are impacts.
-    deviation = np.abs(output - float(np.median(output)))
-    step = max(int(IMPACT_DISTANCE * rate), 1)
-    tops = [
-        first + int(np.argmax(deviation[first : first + step]))
-        for first in range(0, output.size, step)
-    ]
-    high = [top for top in tops if deviation[top] >= ALIKE * deviation.max()]
-    apart = [top for top, before in zip(high[1:], high, strict=False) if top - before >= step]
-    # Impacts are short: nine of ten points lie far below them.
-    if len(apart) + 1 < MANY_IMPACTS or (
-        OUTSTANDING * float(np.quantile(deviation, 0.9)) > ALIKE * deviation.max()
-    ):
-        return
-    distances = np.diff(high)
-    window = min(LONGEST_WINDOW, 0.4 * float(distances[distances >= step].min()) / rate)
-    raise SignalError(
-        f"{path} holds {len(apart) + 1} impacts of like height: --record-duration"
-        f" {1e3 * window:.2g}ms makes a hit of each"
-    )
 
 
 def _describe_origin(path: Path, channels: MappedChannels, first: int, count: int) -> Origin:

@@ -144,7 +144,7 @@ class DiskFile:
         its end as long.
         """
         # The advice makes Linux begin to write what is new, and take back the memory of what is
-        # written: it is taken anew for each chunk otherwise, which costs three times the copying.
+        # written. Otherwise each chunk takes new memory, which costs three times the copying.
         if self.size - self._sent >= SENT_AT_ONCE:
             self._advise(self._sent, self.size)
             self._sent = self.size
@@ -155,7 +155,7 @@ class DiskFile:
         self._room = self._measure_room()
 
     def sync(self) -> None:
-        """Return when everything written is on the disk itself: a power cut loses none of it.
+        """Return when everything written is on the disk itself and survives a power cut.
 
         Raises
         ------
@@ -220,8 +220,6 @@ def sync_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
-_WITHOUT_LINKS = frozenset({errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS})
-"""What file systems without links, such as FAT, say when one is asked for."""
 PART_SUFFIX = ".part"
 """What a file's name ends with while it is being written."""
 
@@ -293,12 +291,7 @@ def _name(part: Path, path: Path) -> None:
     try:
         # A link, unlike a renaming, does not replace what has come into being meanwhile.
         path.hardlink_to(part)
-    except FileExistsError:
-        _refuse_existing(path)
-        raise
-    except OSError as error:
-        if error.errno not in _WITHOUT_LINKS:
-            raise
+    except OSError:  # some file systems, such as FAT, have no links
         _refuse_existing(path)
         part.rename(path)
 

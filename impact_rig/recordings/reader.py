@@ -35,7 +35,7 @@ _T = TypeVar("_T")
 class Recording:
     """The recording of one rig, in one file or in those of a run that was resumed.
 
-    It is read anew by each iteration, nothing is held in memory. Made by `read_recording`.
+    Each iteration reads the file again; nothing is held in memory. Made by `read_recording`.
     """
 
     hammer_unit: str | None = None  # the set-up says in what the hammer's channel is
@@ -153,10 +153,9 @@ class Recording:
                 f" {error.name!r}: it was recorded with another version of the interfaces"
             ) from None
         except (RigError, TypeError, ValueError, OverflowError) as error:
-            if isinstance(error, FileError):
-                raise FileError(f"{self.path}: {error}") from None
             if isinstance(error, RigError):
-                raise FileError(f"{self.path}: {raw.channel.topic}: {error}") from None
+                place = "" if isinstance(error, FileError) else f"{raw.channel.topic}: "
+                raise FileError(f"{self.path}: {place}{error}") from None
             raise FileError(
                 f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has a field of"
                 f" another kind than in this version: {error}"

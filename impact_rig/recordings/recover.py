@@ -1,4 +1,4 @@
-"""Makes a sound recording of one that was cut off, never closed or damaged."""
+"""Takes the sound part of a recording into a new one, and its attachments into a folder."""
 
 import json
 from pathlib import Path
@@ -11,6 +11,8 @@ from impact_rig.recordings.records import Attachment, Channel, RawMessage
 from impact_rig.recordings.scan import Report, Scan
 from impact_rig.recordings.writer import RecordingWriter
 
+UNNAMED = "attachment"
+"""Name of a file that has none that could be used."""
 DESCRIPTION_RECORD = "rosbag2"
 """Metadata record of rosbag2 with the counts of the file, which may no longer be true."""
 LIBRARY = f"impact_rig-recover {__version__}"
@@ -45,10 +47,9 @@ def recover_recording(path: Path, output: Path, *, report: Report = lambda _: No
     contents = inspect_recording(path, report=report)
     if not contents.messages:
         raise FileError(f"nothing of {path} can be recovered: {'; '.join(contents.problems)}")
-    size = contents.size
-    scan = Scan(path, is_strict=False)
+    scan = contents.scan
     with write_new_file(output) as part, RecordingWriter(part, library=LIBRARY) as writer:
-        _copy(scan, writer, lambda place: report(size + place))
+        _copy(scan, writer, lambda place: report(scan.size + place))
         if not contents.is_sound:
             problems = json.dumps(contents.problems, ensure_ascii=False)
             fields = {"recovered_from": path.name, "problems": problems}
@@ -74,3 +75,54 @@ def _copy(scan: Scan, writer: RecordingWriter, report: Report) -> None:
             writer.add_metadata(item.name, item.fields)
     for channel in scan.channels.values():
         announce(channel)
+
+
+def extract_attachments(path: Path, folder: Path) -> tuple[Path, ...]:
+    """Write every attachment of a recording to a folder, under the last part of its name.
+
+    Folders in a name are left out. The same file is written once; others of the same name are
+    numbered.
+
+    Parameters
+    ----------
+    path : Path
+        Of the recording.
+    folder : Path
+        Where to; it is made.
+
+    Returns
+    -------
+    tuple of Path
+        What was written.
+
+    Raises
+    ------
+    FileError
+        If a file of that name exists already or cannot be written, or the recording not be read.
+    """
+    contents: dict[tuple[str, bytes], Path] = {}
+    for found in Scan(path, is_strict=False).read(kinds=frozenset({Attachment})):
+        if not isinstance(found, Attachment):
+            continue
+        name = _make_safe(found.name)
+        if (name, found.data) not in contents:
+            taken = {item.name for item in contents.values()}
+            target = folder / _number(name, taken)
+            with write_new_file(target) as part:
+                part.write_bytes(found.data)
+            contents[name, found.data] = target
+    return tuple(contents.values())
+
+
+def _make_safe(name: str) -> str:
+    last = name.replace("\\", "/").rpartition("/")[2]
+    safe = "".join(letter if letter.isprintable() else "_" for letter in last).strip()
+    return safe.lstrip(".") or UNNAMED
+
+
+def _number(name: str, taken: set[str]) -> str:
+    stem, suffix, number = Path(name).stem, Path(name).suffix, 1
+    while name in taken:
+        number += 1
+        name = f"{stem}.{number}{suffix}"
+    return name

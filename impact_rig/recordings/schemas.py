@@ -179,14 +179,7 @@ def _describe_error(error: BaseException) -> str:
 SEPARATOR = "=" * 80
 """Line between two definitions of a `ros2msg` schema; readers look for exactly this."""
 
-PRIMITIVES = frozenset(
-    {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
-    | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
-)
-"""Field types without a definition."""
-
 _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:msg/)?([A-Za-z]\w*)")
-_FIELD_TYPE = re.compile(r"[ \t]*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?[ \t]+[A-Za-z]")
 
 
 @dataclass(frozen=True)
@@ -239,7 +232,7 @@ def check_interfaces(channel: Channel, installed: MessageDefinition) -> None:
 def _assemble(package: str, name: str, seen: set[tuple[str, str]]) -> str:
     text = _find_share_file(package, name, ".msg").read_text(encoding="utf-8")
     parts = [text]
-    for dependency in _list_dependencies(text, package):
+    for dependency in _list_dependencies(text, f"{package}/msg/{name}"):
         if dependency not in seen:
             seen.add(dependency)
             title = f"MSG: {dependency[0]}/{dependency[1]}"
@@ -247,14 +240,11 @@ def _assemble(package: str, name: str, seen: set[tuple[str, str]]) -> str:
     return "".join(parts)
 
 
-def _list_dependencies(text: str, package: str) -> list[tuple[str, str]]:
-    found = set()
-    for line in text.splitlines():
-        field = _FIELD_TYPE.match(line.partition("#")[0])
-        if field is None or field[1] in PRIMITIVES:
-            continue
-        found.add(_split_type_name(field[1] if "/" in field[1] else f"{package}/{field[1]}"))
-    return sorted(found)
+def _list_dependencies(text: str, type_name: str) -> list[tuple[str, str]]:
+    types: Types = get_types_from_msg(text, type_name)
+    _, fields = types[type_name]
+    inner = (content[0] if kind in _ARRAYS else (kind, content) for _, (kind, content) in fields)
+    return sorted({_split_type_name(name) for kind, name in inner if kind == Nodetype.NAME})
 
 
 def _split_type_name(type_name: str) -> tuple[str, str]:

@@ -7,7 +7,6 @@ from typing import Self
 
 from mcap.writer import CompressionType, Writer
 
-from impact_rig.core.errors import FileError
 from impact_rig.recordings.new_file import DiskFile, make_folders
 from impact_rig.recordings.qos import OfferedQos, format_offered_qos
 from impact_rig.recordings.records import Channel
@@ -66,12 +65,7 @@ class RecordingWriter:
             chunk_size=chunk_size,
             compression=CompressionType[compression.upper()],
         )
-        try:
-            self._writer.start("ros2", library)
-        except FileError:
-            self._file.close()
-            path.unlink(missing_ok=True)
-            raise
+        self._writer.start("ros2", library)
 
     @property
     def size(self) -> int:

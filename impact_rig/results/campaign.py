@@ -7,6 +7,7 @@ hits give the same results, character by character.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 from impact_rig.core.contact_law import ContactLaw
@@ -73,7 +74,7 @@ class Results(Comparable):
     speed_exponents: tuple[SpeedExponents, ...] = ()  # of samples with several release angles
     files: tuple[FileResults, ...] = ()  # hits of plain files, each by itself
 
-    @property
+    @cached_property
     def origin(self) -> Origin:
         """Where the numbers come from."""
         return join_origins(hit.origin for hit in self.hits)

@@ -15,22 +15,15 @@ times its record. What follows is left out of the view only."""
 
 
 @dataclass(frozen=True)
-class ChannelCalibration:
+class Calibration:
     """How the output of one channel becomes acceleration: scale times output plus offset."""
 
     name: str  # "hammer" or "sample"
+    sampling_rate: float  # [Hz]
+    is_counted: bool  # the output is counts of a digitizer
     scale: float  # per unit of the output [m/s^2]
     offset: float  # at zero output [m/s^2]
     full_scale: float  # largest acceleration that it can show, either sign [m/s^2]; 0: not known
-    is_counted: bool  # the output is counts of a digitizer
-
-
-@dataclass(frozen=True)
-class Acquisition:
-    """How hits were sampled."""
-
-    sampling_rate: float  # [Hz]
-    channels: tuple[ChannelCalibration, ...]
 
 
 @dataclass(frozen=True)
@@ -42,7 +35,7 @@ class HitTraces:
     # Shape (n, 2): hammer and sample [m/s^2]. A row of NaN breaks the line at a gap; a sample that
     # was not measured is NaN throughout.
     values: Float32Array
-    acquisition: Acquisition | None = None  # None: there is no point
+    calibrations: tuple[Calibration, ...] = ()  # of the channels that were measured
 
 
 class TraceAssembler:
@@ -73,10 +66,9 @@ def _join(blocks: list[Block]) -> HitTraces:
     rows: list[Float32Array] = []
     origin = blocks[0].first_sample
     expected = None
-    for block in blocks:
+    filled = [block for block in blocks if block.hammer.output.size]
+    for block in filled:
         count = block.hammer.output.size
-        if count == 0:
-            continue
         first = block.first_sample - origin
         if expected is not None and first != expected:
             times.append(np.array([expected / block.sampling_rate]))
@@ -86,27 +78,26 @@ def _join(blocks: list[Block]) -> HitTraces:
         specimen = _scale(block.specimen) if block.has_specimen else np.full_like(hammer, np.nan)
         rows.append(np.stack([hammer, specimen], axis=1))
         expected = first + count
-    filled = next((block for block in blocks if block.hammer.output.size), None)
     return HitTraces(
         label=blocks[0].label,
         time=np.concatenate(times) if times else np.empty(0),
         values=np.concatenate(rows) if rows else np.empty((0, 2), dtype=np.float32),
-        acquisition=None if filled is None else _describe_acquisition(filled),
+        calibrations=next(map(_list_calibrations, filled), ()),
     )
 
 
-def _describe_acquisition(block: Block) -> Acquisition:
-    channels = [("hammer", block.hammer)]
-    if block.has_specimen:
-        channels.append(("sample", block.specimen))
-    return Acquisition(
-        block.sampling_rate,
-        tuple(
-            ChannelCalibration(
-                name, channel.scale, channel.offset, channel.full_scale, channel.resolution > 0.0
-            )
-            for name, channel in channels
-        ),
+def _list_calibrations(block: Block) -> tuple[Calibration, ...]:
+    return tuple(
+        Calibration(
+            name,
+            block.sampling_rate,
+            channel.resolution > 0.0,
+            channel.scale,
+            channel.offset,
+            channel.full_scale,
+        )
+        for name, channel in (("hammer", block.hammer), ("sample", block.specimen))
+        if channel.output.size
     )
 
 

@@ -1,6 +1,7 @@
 """Numbers as people read them: rounded to what is known."""
 
 import math
+from datetime import UTC, datetime
 
 from impact_rig.core.quantity import Quantity
 
@@ -22,6 +23,21 @@ UNCERTAINTY_DIGITS = 2
 """Significant digits of an uncertainty [-], GUM 7.2.6: more would claim too much."""
 
 
+EARLIEST_TIME = 631_152_000_000_000_000
+"""1990-01-01 [ns since the epoch]: files without a date are imported as of 1970."""
+
+
+def is_dated(nanoseconds: int) -> bool:
+    """Return whether a time of a recording is a date."""
+    return nanoseconds >= EARLIEST_TIME
+
+
+def format_time(nanoseconds: int) -> str:
+    """Return a moment in universal time, alike on every machine."""
+    moment = datetime.fromtimestamp(nanoseconds // 1_000_000_000, tz=UTC)
+    return f"{moment:%Y-%m-%d %H:%M:%S} UTC"
+
+
 def format_number(value: float, digits: int) -> str:
     """Return a number with `digits` decimals, or a dash for what was not determined."""
     return f"{value:z.{digits}f}" if math.isfinite(value) else MISSING
@@ -30,12 +46,6 @@ def format_number(value: float, digits: int) -> str:
 def show_unit(unit: str) -> str:
     """Return a unit as it is printed."""
     return unit.replace("^2", "²")
-
-
-def format_difference(value: float, reference: float, digits: int) -> str:
-    """Return the difference in percent of the reference, signed; a dash where one is missing."""
-    percent = 100.0 * (value / reference - 1.0)
-    return f"{percent:+z.{digits}f}" if math.isfinite(percent) else MISSING
 
 
 def format_uncertain(value: float, expanded: float, digits: int) -> str:
@@ -71,11 +81,11 @@ def format_quantity(quantity: Quantity, digits: int, scale: float = 1.0) -> str:
     return format_uncertain(quantity.value * scale, quantity.expanded * scale, digits)
 
 
-def format_percent(value: float) -> str:
-    """Return a percentage of three significant digits, with its sign of percent."""
+def format_error(value: float) -> str:
+    """Return an error with two significant digits: they reach over four decades."""
     if not math.isfinite(value):
         return MISSING
-    return f"< {SMALLEST_ERROR:.4f} %" if value < SMALLEST_ERROR else f"{value:.3g} %"
+    return f"{value:#.2g}".rstrip(".") if value >= SMALLEST_ERROR else f"< {SMALLEST_ERROR:.4f}"
 
 
 def format_count(count: int, thing: str) -> str:

@@ -23,8 +23,6 @@ CONTACT = GREEN
 
 SERIES: tuple[Colour, ...] = (BLUE, VERMILION, GREEN, PURPLE, GREY)
 """Of lines and points on white or black ground: contrast 3:1 (WCAG 2.2, 1.4.11)."""
-MATERIALS: tuple[Colour, ...] = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY_BLUE)
-"""Of materials in the order of the sample set; after the last comes the first."""
 
 
 def format_hex(colour: Colour) -> str:

@@ -11,10 +11,9 @@ from impact_rig.core.setup import (
     PUBLISHED_SAMPLES,
     PublishedSample,
     Sample,
-    SampleSet,
 )
 from impact_rig.results.campaign import Results
-from impact_rig.results.comparison import HAMMER_NAME
+from impact_rig.results.measurands import HAMMER_NAME
 
 NAN = math.nan
 MASS_TOLERANCE = 1e-9
@@ -35,18 +34,6 @@ class Reference(Comparable):
     def is_misprinted(self) -> bool:
         """Whether the paper prints another contact time than the one held against."""
         return self.published is not None and self.published.is_misprinted
-
-
-def find_published(sample: Sample) -> PublishedSample | None:
-    """Return the paper's cell if `sample` is that one: same name, mass and contact time."""
-    for cell in PUBLISHED_SAMPLES:
-        if (
-            cell.name == sample.name
-            and abs(cell.mass - sample.mass) <= MASS_TOLERANCE
-            and math.isclose(cell.contact_time, sample.reference_contact_time)
-        ):
-            return cell
-    return None
 
 
 @dataclass(frozen=True)
@@ -84,7 +71,10 @@ def find_plant(origin: Origin) -> Plant | None:
 
 
 def find_expected(results: Results, name: str) -> Reference:
-    """Return what is expected of one sample; nothing where the plant has other values.
+    """Return what is expected of a sample or the hammer: the paper's value, or the set-up's.
+
+    The hammer's is that of its control sample, which is alike. Nothing is expected where the plant
+    has other values, nor at a sample's own release angle: values hold for the rig's impact speed.
 
     Raises
     ------
@@ -92,52 +82,38 @@ def find_expected(results: Results, name: str) -> Reference:
         If the set-up has no such sample.
     """
     plant = find_plant(results.origin)
-    if plant is not None and not plant.has_expected_values:
-        return Reference()
     samples = results.setup.samples
-    return find_hammer_reference(samples) if name == HAMMER_NAME else find_reference(samples, name)
-
-
-def find_reference(samples: SampleSet, name: str) -> Reference:
-    """Return what is expected of one sample; nothing where it has its own release angle.
-
-    What is expected holds for the rig's one impact speed.
-
-    Raises
-    ------
-    ParameterError
-        If the set has no such sample.
-    """
-    sample = samples.find(name)
+    body = samples.control_sample if name == HAMMER_NAME else name
+    if not body or (plant is not None and not plant.has_expected_values):
+        return Reference()
+    sample = samples.find(body)
     if sample.has_angle:
         return Reference()
-    published = find_published(sample)
+    published = next((cell for cell in PUBLISHED_SAMPLES if _is_published(sample, cell)), None)
+    if name != HAMMER_NAME:
+        return Reference(
+            contact_time=sample.reference_contact_time,
+            stiffness=sample.reference_stiffness,
+            damping_coefficient=sample.reference_damping_coefficient,
+            published=published,
+            is_published=published is not None,
+        )
+    if published is None:
+        return Reference(stiffness=sample.reference_stiffness)
     return Reference(
-        contact_time=sample.reference_contact_time,
-        stiffness=sample.reference_stiffness,
-        damping_coefficient=sample.reference_damping_coefficient,
-        published=published,
-        is_published=published is not None,
+        stiffness=HAMMER_STIFFNESS,
+        damping_coefficient=HAMMER_DAMPING_COEFFICIENT,
+        is_published=True,
     )
 
 
-def find_hammer_reference(samples: SampleSet) -> Reference:
-    """Return what is expected of the hammer.
-
-    With the paper's control sample the paper's values, else k1 = k2 of the control sample.
-    """
-    if not samples.control_sample:
-        return Reference()
-    control = samples.find(samples.control_sample)
-    if control.has_angle:
-        return Reference()
-    if find_published(control) is not None:
-        return Reference(
-            stiffness=HAMMER_STIFFNESS,
-            damping_coefficient=HAMMER_DAMPING_COEFFICIENT,
-            is_published=True,
-        )
-    return Reference(stiffness=control.reference_stiffness)
+def _is_published(sample: Sample, cell: PublishedSample) -> bool:
+    """Return whether a sample is the paper's: same name, mass and contact time."""
+    return (
+        cell.name == sample.name
+        and abs(cell.mass - sample.mass) <= MASS_TOLERANCE
+        and math.isclose(cell.contact_time, sample.reference_contact_time)
+    )
 
 
 def explain_misprint(cell: PublishedSample) -> str:

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
@@ -74,14 +74,6 @@ FURTHER_METHODS = {"contact law", "free decay", "identification"}
 ALL_SAMPLES = "all samples"
 
 
-@dataclass(frozen=True)
-class _Check:
-    """Something that the numbers of a sample show."""
-
-    compute: Callable[[SampleEstimate], float]  # effect on a result [-]; NaN: nothing to say
-    text: str  # with {percent} for the effects on all samples
-
-
 def _compare_with_law(sample: SampleEstimate) -> float:
     """Return how much k changes by the contact law's duration."""
     law, versed = sample.contact_law, sample.pulse_shape.find_fit(PULSE_NAME)
@@ -113,22 +105,21 @@ def _compare_forces(sample: SampleEstimate) -> float:
     return excess if abs(excess) > LARGEST_IMBALANCE else math.nan
 
 
-CHECKS = (
-    _Check(
-        _compare_with_law,
+CHECKS: dict[Callable[[SampleEstimate], float], str] = {
+    _compare_with_law: (
         "the pulse is no versed-sine: k by the contact law differs by {percent} %."
-        " Use the contact law.",
+        " Use the contact law."
     ),
-    _Check(
-        _compare_dampings,
+    _compare_dampings: (
         "c by the log decrement differs from the free decay by {percent} %, since the contact"
-        " still drives the body at its largest peak. Use the free decay.",
+        " still drives the body at its largest peak. Use the free decay."
     ),
-    _Check(
-        _compare_forces,
-        "the forces on hammer and sample differ by {percent} %. Check masses and calibrations.",
+    _compare_forces: (
+        "the forces on hammer and sample differ by {percent} %. Check masses and calibrations."
     ),
-)
+}
+"""What the numbers of a sample show: its effect on a result [-], NaN for none, and the text, with
+{percent} for the effects on all samples."""
 
 
 def gather_remarks(results: Results, reading: Iterable[str] = ()) -> list[Remark]:
@@ -142,13 +133,14 @@ def gather_remarks(results: Results, reading: Iterable[str] = ()) -> list[Remark
     samples = results.samples
     struck = [sample for sample in samples if sample.impacts_accepted]
     warnings = [(sample.name, text) for sample in samples for text in sample.warnings]
+    undetermined = [(item.name, text) for item in samples for text in _list_undetermined(item)]
     remarks = [
         *_list_samples_without_hits(results),
-        *(remark for check in CHECKS for remark in _apply(check, struck)),
+        *_check(struck),
         *_merge([item for item in warnings if item[1].startswith(FALSE)], samples, MISSING_RESULT),
         *_merge([item for item in warnings if not item[1].startswith(FALSE)], samples),
         *(Remark(text, "file", UNSTATED_EFFECT) for text in dict.fromkeys(reading)),
-        *_list_undetermined_fits(samples),
+        *_merge(undetermined, samples, 0.0),
         *_list_notes(struck, results.hammer, find_plant(results.origin)),
         *_list_rejections(results),
     ]
@@ -163,23 +155,21 @@ def select_attention(remarks: Sequence[Remark]) -> list[Remark]:
 def gather_sample_remarks(sample: SampleEstimate) -> list[Remark]:
     """Return what needs attention in one sample, in its own numbers."""
     texts = [*sample.warnings, *_list_undetermined(sample), *sample.notes]
-    checked = [remark for check in CHECKS for remark in _apply(check, [sample])]
-    return [replace(remark, about="") for remark in checked] + [Remark(text) for text in texts]
+    checked = [replace(remark, about="") for remark in _check([sample])]
+    return checked + [Remark(text) for text in texts]
 
 
-def _apply(check: _Check, samples: Sequence[SampleEstimate]) -> list[Remark]:
-    effects = {sample.name: check.compute(sample) for sample in samples}
-    found = {name: abs(value) for name, value in effects.items() if math.isfinite(value)}
-    if not found:
-        return []
-    text = check.text.format(percent=_format_range(found.values()))
-    return [Remark(text, _name_subjects([*found], len(samples)), max(found.values()))]
-
-
-def _format_range(parts: Collection[float]) -> str:
-    """Return parts of a whole in percent: ``5 to 18``."""
-    ends = [f"{100.0 * part:.2g}" for part in (min(parts), max(parts))]
-    return " to ".join(dict.fromkeys(ends))
+def _check(samples: Sequence[SampleEstimate]) -> list[Remark]:
+    remarks = []
+    for compute, text in CHECKS.items():
+        effects = {sample.name: abs(compute(sample)) for sample in samples}
+        found = {name: value for name, value in effects.items() if math.isfinite(value)}
+        if found:
+            least, most = min(found.values()), max(found.values())
+            percents = dict.fromkeys(f"{100.0 * part:.2g}" for part in (least, most))
+            about = _name_subjects([*found], len(samples))
+            remarks.append(Remark(text.format(percent=" to ".join(percents)), about, most))
+    return remarks
 
 
 def _name_subjects(names: Sequence[str], count: int) -> str:
@@ -237,11 +227,6 @@ def _list_notes(
     ]
 
 
-def _list_undetermined_fits(samples: Sequence[SampleEstimate]) -> list[Remark]:
-    texts = [(sample.name, text) for sample in samples for text in _list_undetermined(sample)]
-    return _merge(texts, samples, 0.0)
-
-
 def _list_undetermined(sample: SampleEstimate) -> tuple[str, ...]:
     return sample.identification.undetermined if sample.identification else ()
 
@@ -257,11 +242,7 @@ def _list_samples_without_hits(results: Results) -> list[Remark]:
 
 def _list_rejections(results: Results) -> list[Remark]:
     """Return how many hits were left out, and why."""
-    rejected = [
-        hit
-        for hit in results.rejections
-        if any(_read_code(reason) != Reason.SURPLUS.value for reason in hit.reasons)
-    ]
+    rejected = [hit for hit in results.rejections if _is_wrong(hit)]
     if not rejected:
         return []
     part = len(rejected) / len(results.hits)
@@ -297,11 +278,7 @@ def tabulate_rejections(results: Results) -> list[Table]:
     notes = [f"Hit 3.2: impact 3, attempt 2. Reasons: {count_reasons(hits)}."]
     if any(hit.injected_faults for hit in hits):
         notes.append("Injected: what the virtual rig did wrong on purpose.")
-    wrong = [
-        place
-        for place, hit in enumerate(hits)
-        if any(_read_code(reason) != Reason.SURPLUS.value for reason in hit.reasons)
-    ]
+    wrong = [place for place, hit in enumerate(hits) if _is_wrong(hit)]
     return [make_table(f"Rejected hits: {len(hits)}", columns, notes, wrong)]
 
 
@@ -346,6 +323,11 @@ def _make_hammer_column(hits: Sequence[HitResults], setup: RigSetup) -> Column:
     peaks = [factor * hit.hammer_peak for hit in hits]
     cells = [format_number(peak, 1) for peak in peaks]
     return make_optional(f"Hammer peak [{show_unit(unit)}]", cells)
+
+
+def _is_wrong(hit: HitResults) -> bool:
+    """Whether something is wrong with a rejected hit; else others were preferred to it."""
+    return any(_read_code(reason) != Reason.SURPLUS.value for reason in hit.reasons)
 
 
 def _read_code(reason: str) -> str:

@@ -1,26 +1,29 @@
-"""One campaign with its provenance, as a report needs it."""
+"""A campaign with the traces behind its results, and with its provenance for a report."""
 
 from dataclasses import dataclass
 
-from impact_rig.results.hit_traces import Acquisition
-from impact_rig.results.traced_campaign import TracedCampaign
+from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.hit_traces import HitTraces
+from impact_rig.results.sample_traces import AlignedHit, SampleTraces
 
 
 @dataclass(frozen=True)
-class RecordedFile:
-    """One file of a recording: name, size [byte] and the SHA-256 of its content."""
+class TracedHit:
+    """One hit with its traces."""
 
-    name: str
-    size: int
-    sha256: str
+    result: HitResults
+    stamp: int  # of the record's first point [ns since the epoch]
+    recorded: HitTraces
+    aligned: AlignedHit | None  # filtered, in its sample's time; None: it has no whole pulse
 
 
 @dataclass(frozen=True)
-class Note:
-    """What an operator said, and when [ns since the epoch]; 0: before the recording."""
+class TracedCampaign:
+    """One campaign with its traces."""
 
-    time: int
-    text: str
+    results: Results
+    samples: tuple[SampleTraces, ...] = ()  # those with a mean hit; empty without traces
+    hits: tuple[TracedHit, ...] = ()  # all, in the order of arrival; empty without traces
 
 
 @dataclass(frozen=True)
@@ -29,13 +32,15 @@ class Provenance:
 
     start_time: int  # of the first message [ns since the epoch]; 0: there is none
     end_time: int  # of the last message [ns since the epoch]; 0: there is none
-    files: tuple[RecordedFile, ...]
+    size: int  # of the file [byte]
+    sha256: str  # of its content
     problems: tuple[str, ...] = ()  # what is damaged or missing; empty: every checksum is right
     losses: str = ""  # what was lost while it was recorded; empty: nothing
     ended: str = ""  # why the recording ended, by the recorder
     versions: tuple[tuple[str, str], ...] = ()  # of software and libraries
     parameters: tuple[tuple[str, str], ...] = ()  # of every node, as YAML
-    notes: tuple[Note, ...] = ()  # the operator's
+    # What an operator said, and when [ns since the epoch]; 0: before the recording.
+    notes: tuple[tuple[int, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,5 @@ class Run:
     name: str  # unique in the report
     source: str  # file or folder it was read from, with its folder's name
     campaign: TracedCampaign
-    has_traces: bool = False  # it was read from a recording, not from results alone
-    acquisitions: tuple[Acquisition, ...] = ()  # in the order of their first use
     provenance: Provenance | None = None  # None: results alone
     warnings: tuple[str, ...] = ()  # about the file

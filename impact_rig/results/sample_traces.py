@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impact_rig.core.comparison import ModelComparison
-from impact_rig.core.hits import JudgedHit, MeanHit
+from impact_rig.core.hits import FilteredHit, MeanHit
 from impact_rig.core.records import FloatArray, HitLabel
 from impact_rig.core.sample import SampleEstimate
 
@@ -45,14 +44,7 @@ class ModelTraces:
     # Shape (2, n): hammer and sample [m/s^2] on the points of the mean. `DRIVEN` and `PRINTED` are
     # scaled to the peaks of the mean and shifted onto it, each channel by itself.
     traces: FloatArray
-    # Mean square errors over the record, as in Fig. 6 [%].
-    mse_hammer_percent: float
-    mse_sample_percent: float
-
-    @property
-    def mse_percent(self) -> tuple[float, float]:
-        """The errors by channel [%]."""
-        return self.mse_hammer_percent, self.mse_sample_percent
+    mse_percent: tuple[float, float]  # over the record, as in Fig. 6, by channel
 
 
 @dataclass(frozen=True)
@@ -122,13 +114,10 @@ def make_time(start_time: float, sampling_rate: float, count: int) -> FloatArray
     return start_time + np.arange(count) / sampling_rate
 
 
-def align_hit(hit: JudgedHit) -> AlignedHit | None:
-    """Return the traces of a judged hit in its sample's time; None: it has no whole pulse."""
-    if hit.filtered is None:
-        return None
-    traces, origin = hit.filtered.align()
-    rate = hit.filtered.sampling_rate
-    return AlignedHit(hit.label, rate, -origin / rate, traces)
+def align_hit(label: HitLabel, hit: FilteredHit) -> AlignedHit:
+    """Return the traces of a hit in its sample's time."""
+    traces, origin = hit.align()
+    return AlignedHit(label, hit.sampling_rate, -origin / hit.sampling_rate, traces)
 
 
 def sample_traces_from_estimate(estimate: SampleEstimate, mean: MeanHit) -> SampleTraces | None:
@@ -146,15 +135,22 @@ def sample_traces_from_estimate(estimate: SampleEstimate, mean: MeanHit) -> Samp
     """
     if not estimate.contact_time.is_known:
         return None
-    models = [_scale_comparison(comparison) for comparison in estimate.comparisons]
+    models = [
+        ModelTraces(
+            found.variant.value,
+            np.stack([body.model * body.peak for body in (found.hammer, found.specimen)]),
+            (found.hammer.mse_percent, found.specimen.mse_percent),
+        )
+        for found in estimate.comparisons
+    ]
     fitted = estimate.identification
     if fitted is not None and fitted.identification is not None:
         found = fitted.identification
-        errors = (
+        hammer, specimen = (
             100.0 * float(np.mean(np.square((trace - model) / np.abs(trace).max())))
             for model, trace in zip(found.model, mean.traces, strict=True)
         )
-        models.append(ModelTraces(IDENTIFIED, found.model, *errors))
+        models.append(ModelTraces(IDENTIFIED, found.model, (hammer, specimen)))
     return SampleTraces(
         name=estimate.name,
         sampling_rate=mean.sampling_rate,
@@ -165,14 +161,4 @@ def sample_traces_from_estimate(estimate: SampleEstimate, mean: MeanHit) -> Samp
         first_peak_time=estimate.first_peak_time,
         second_peak_time=estimate.second_peak_time,
         models=tuple(models),
-    )
-
-
-def _scale_comparison(comparison: ModelComparison) -> ModelTraces:
-    hammer, specimen = comparison.hammer, comparison.specimen
-    return ModelTraces(
-        model=comparison.variant.value,
-        traces=np.stack([hammer.model * hammer.peak, specimen.model * specimen.peak]),
-        mse_hammer_percent=hammer.mse_percent,
-        mse_sample_percent=specimen.mse_percent,
     )

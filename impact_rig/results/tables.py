@@ -1,7 +1,6 @@
 """Every table of results, once: terminal, report and Rerun set the same tables."""
 
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -11,7 +10,7 @@ from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import ShapeFit
 from impact_rig.core.pulses import HALF_SINE, HERTZ, VERSED_SINE
-from impact_rig.core.quantity import UNKNOWN, Quantity
+from impact_rig.core.quantity import UNKNOWN, BudgetLine, Quantity
 from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
 from impact_rig.core.setup import PULSE_NAME
 from impact_rig.core.speed_exponents import (
@@ -21,7 +20,7 @@ from impact_rig.core.speed_exponents import (
     SpeedExponents,
 )
 from impact_rig.results.campaign import Results
-from impact_rig.results.comparison import (
+from impact_rig.results.measurands import (
     CONTACT_TIME,
     DAMPING_COEFFICIENT,
     HAMMER_MEASURANDS,
@@ -34,7 +33,7 @@ from impact_rig.results.numbers import (
     MEGA,
     MISSING,
     SCALES,
-    SMALLEST_ERROR,
+    format_error,
     format_number,
     format_quantity,
 )
@@ -61,13 +60,7 @@ class Column:
     cells: Sequence[str]  # one per row
     is_text: bool = False  # words stand on the left and may wrap; numbers do neither
     is_optional: bool = False  # left out where there is too little room for it
-    styles: Sequence[str] = ()  # how a terminal shows the cells, one per row; empty: plain
     note: str = ""  # an explanation below the table, if the column is shown
-
-    @property
-    def name(self) -> str:
-        """The header in one line."""
-        return re.sub(r"(?<=[-/])\n", "", self.header).replace("\n", " ")
 
     @property
     def label(self) -> str:
@@ -122,11 +115,6 @@ def make_table(
         and (place == 0 or any(cell not in ("", MISSING) for cell in column.cells))
     )
     return Table(caption, kept, tuple(notes), frozenset(marked))
-
-
-def make_column(header: str, cells: Sequence[str]) -> Column:
-    """Return a column of numbers."""
-    return Column(header, tuple(cells))
 
 
 def make_optional(header: str, cells: Sequence[str]) -> Column:
@@ -188,60 +176,75 @@ class _Row:
         """The name with a star where the paper misprints its contact time."""
         return f"{self.name} *" if self.reference.is_misprinted else self.name
 
+    def read(self, quantity: Measurand) -> Quantity:
+        """Return what was found; the hammer as a body has no contact time."""
+        is_without = self.name == HAMMER_NAME and quantity not in HAMMER_MEASURANDS
+        return UNKNOWN if is_without else quantity.read(self.body)
+
+    def compute_deviation(self, quantity: Measurand) -> float:
+        """Return the difference from the expected value, over the measured uncertainty."""
+        found = self.read(quantity)
+        difference = found.value - quantity.read_reference(self.reference)
+        return difference / found.expanded if found.expanded > 0.0 else math.nan
+
+
+def _make_rows(results: Results, *, with_hammer: bool) -> list[_Row]:
+    bodies: list[tuple[str, SampleEstimate | HammerEstimate]] = [
+        (sample.name, sample) for sample in results.samples
+    ]
+    if with_hammer:
+        bodies.append((HAMMER_NAME, results.hammer))
+    return [_Row(name, body, find_expected(results, name)) for name, body in bodies]
+
+
+def _make_deviations(rows: Sequence[_Row], quantity: Measurand) -> Column:
+    return Column("Δ/U", [format_number(row.compute_deviation(quantity), 1) for row in rows])
+
+
+def _mark(rows: Sequence[_Row], quantity: Measurand) -> list[int]:
+    """Return the rows whose difference from what is expected exceeds the uncertainty."""
+    return [place for place, row in enumerate(rows) if abs(row.compute_deviation(quantity)) > 1.0]
+
 
 def tabulate_contact_times(results: Results) -> Table:
     """Return Table 2, with the pulse's width ratio, hits and spread."""
-    rows, samples = _make_rows(results, with_hammer=False), results.samples
+    samples = results.samples
+    more = (
+        ("Fmax [N]", "peak_force", 1, "largest force on the hammer, its mass times its peak"),
+        ("Peaks [%]", "hammer_peak_spread_percent", 2, "scatter of the hammer's peaks"),
+        ("Rise [µs]", "rise_time", 1, "of the hammer's pulse, from a tenth to nine tenths"),
+    )
     columns = [
-        *_make_columns(rows, CONTACT_TIME),
         read_column("w10/w50", samples, "width_ratio", 3, is_optional=True),
         read_column("Spread [µs]", samples, "contact_time_spread", 2, is_optional=True),
         make_optional("Hits", [str(item.impacts_accepted) for item in samples]),
         make_optional("Rejected", [str(item.impacts_rejected) for item in samples]),
-        read_column(
-            "Fmax [N]",
-            samples,
-            "peak_force",
-            1,
-            is_optional=True,
-            note="Fmax: largest force on the hammer, its mass times its largest acceleration.",
-        ),
-        read_column(
-            "Peaks [%]",
-            samples,
-            "hammer_peak_spread_percent",
-            2,
-            is_optional=True,
-            note="Peaks: standard deviation of the hammer's peaks over the hits, over their mean.",
-        ),
-        read_column(
-            "Rise [µs]",
-            samples,
-            "rise_time",
-            1,
-            is_optional=True,
-            note="Rise: of the hammer's pulse, from a tenth to nine tenths of its peak.",
+        *(
+            read_column(
+                header,
+                samples,
+                name,
+                digits,
+                is_optional=True,
+                note=f"{header.split()[0]}: {note}.",
+            )
+            for header, name, digits, note in more
         ),
     ]
     shapes = ", ".join(
         f"{shape.name} {shape.width_ratio:.2f}" for shape in (VERSED_SINE, HERTZ, HALF_SINE)
     )
-    notes = [
-        explain_misprint(row.reference.published)
-        for row in rows
-        if row.reference.published and row.reference.is_misprinted
-    ]
-    if any(_format_deviation(row, CONTACT_TIME) != MISSING for row in rows):
-        notes.append(DEVIATION)
-    notes.append(
+    note = (
         "w10/w50: width at a tenth of the peak over that at half of it, which differs between"
         f" pulse shapes: {shapes}. Spread: standard deviation over the hits in the mean."
     )
-    return make_table("Table 2. Contact time τp", columns, notes, _mark(rows, CONTACT_TIME))
+    return _tabulate_bodies("Table 2. Contact time τp", results, CONTACT_TIME, columns, [note])
 
 
 def tabulate_stiffness(results: Results) -> list[Table]:
     """Return Table 3, the hammer below the samples; nothing if no stiffness is known."""
+    if not _is_known(results, STIFFNESS):
+        return []
     equivalent = [format_quantity(item.equivalent_stiffness, 3, MEGA) for item in results.samples]
     notes = []
     if results.hammer.control_sample:
@@ -249,8 +252,8 @@ def tabulate_stiffness(results: Results) -> list[Table]:
         notes.append(f"Hammer: k1 = 2 k_eq of the control sample, {control}.")
         if results.setup.samples.find(control).has_angle:
             notes.append("k2 at another release angle: by k1 at that angle.")
-    columns = [make_optional("k_eq [MN/m]", [*equivalent, ""])]
-    return _tabulate_bodies("Table 3. Stiffness k", results, STIFFNESS, columns, notes)
+    columns = [make_optional("k_eq [MN/m]", [*equivalent, ""]), _make_hit_column(results)]
+    return [_tabulate_bodies("Table 3. Stiffness k", results, STIFFNESS, columns, notes)]
 
 
 def tabulate_damping(results: Results) -> list[Table]:
@@ -258,13 +261,25 @@ def tabulate_damping(results: Results) -> list[Table]:
 
     Nothing if no damping is known.
     """
-    bodies: list[SampleEstimate | HammerEstimate] = [*results.samples, results.hammer]
+    if not _is_known(results, DAMPING_COEFFICIENT):
+        return []
+    bodies = (*results.samples, results.hammer)
     columns = [
-        make_optional("ζ", [format_quantity(body.damping_ratio, 3) for body in bodies]),
-        make_optional("Δ", [format_number(body.log_decrement, 3) for body in bodies]),
+        read_column("ζ", bodies, "damping_ratio", 3, is_optional=True),
+        read_column("Δ", bodies, "log_decrement", 3, is_optional=True),
+        _make_hit_column(results),
     ]
     caption = "Table 4. Damping coefficient c"
-    return _tabulate_bodies(caption, results, DAMPING_COEFFICIENT, columns, [])
+    return [_tabulate_bodies(caption, results, DAMPING_COEFFICIENT, columns, [])]
+
+
+def _is_known(results: Results, quantity: Measurand) -> bool:
+    return any(quantity.read(body).is_known for body in (*results.samples, results.hammer))
+
+
+def _make_hit_column(results: Results) -> Column:
+    hits = (str(item.impacts_accepted) for item in results.samples)
+    return make_optional("Hits", [*hits, ""])
 
 
 def _tabulate_bodies(
@@ -273,16 +288,37 @@ def _tabulate_bodies(
     quantity: Measurand,
     more: Sequence[Column],
     notes: Sequence[str],
-) -> list[Table]:
-    """Return a table of one quantity of samples and hammer; nothing if it is not known."""
-    rows = _make_rows(results, with_hammer=True)
-    if not any(quantity.read(row.body).is_known for row in rows):
-        return []
-    if any(row.reference.is_misprinted for row in rows):
-        notes = ["* Its contact time is misprinted in the paper, see Table 2.", *notes]
-    hits = [*(str(item.impacts_accepted) for item in results.samples), ""]
-    columns = [*_make_columns(rows, quantity), *more, make_optional("Hits", hits)]
-    return [make_table(caption, columns, notes, _mark(rows, quantity))]
+) -> Table:
+    """Return one quantity, expected and measured, of the samples and, if it has it, the hammer."""
+    rows = _make_rows(results, with_hammer=quantity in HAMMER_MEASURANDS)
+    expected = {row.name: quantity.read_reference(row.reference) for row in rows}
+    known = [row for row in rows if math.isfinite(expected[row.name])]
+    is_whole = all(expected[row.name] * quantity.scale % 1.0 == 0.0 for row in known)
+    source = "Paper" if all(row.reference.is_published for row in known) else "Reference"
+    columns = [
+        make_text_column("Sample", [row.marked_name for row in rows]),
+        Column(
+            f"{source} [{quantity.unit}]",
+            [
+                format_number(value * quantity.scale, 0 if is_whole else quantity.digits)
+                for value in expected.values()
+            ],
+        ),
+        Column(
+            f"Measured [{quantity.unit}]", [quantity.format(row.read(quantity)) for row in rows]
+        ),
+        _make_deviations(rows, quantity),
+        *more,
+    ]
+    if quantity is CONTACT_TIME:
+        has_deviation = any(math.isfinite(row.compute_deviation(quantity)) for row in rows)
+        notes = [*[DEVIATION] * has_deviation, *notes]
+    misprints = [cell for row in rows if (cell := row.reference.published) and cell.is_misprinted]
+    if misprints:
+        first = "* Its contact time is misprinted in the paper, see Table 2."
+        told = map(explain_misprint, misprints) if quantity is CONTACT_TIME else [first]
+        notes = [*told, *notes]
+    return make_table(caption, columns, notes, _mark(rows, quantity))
 
 
 def tabulate_summary(results: Results) -> list[Table]:
@@ -291,39 +327,18 @@ def tabulate_summary(results: Results) -> list[Table]:
     if not rows:
         return []
     columns = [make_text_column("Sample", [row.marked_name for row in rows])]
-    for quantity in SAMPLE_MEASURANDS:
-        columns += [
-            make_column(
-                f"{quantity.symbol} [{quantity.unit}]",
-                [quantity.format(_read(row, quantity)) for row in rows],
-            ),
-            make_optional("Δ/U", [_format_deviation(row, quantity) for row in rows]),
-        ]
+    for item in SAMPLE_MEASURANDS:
+        cells = [item.format(row.read(item)) for row in rows]
+        columns.append(Column(f"{item.symbol} [{item.unit}]", cells))
+        columns.append(replace(_make_deviations(rows, item), is_optional=True))
     marked = [place for item in SAMPLE_MEASURANDS for place in _mark(rows, item)]
     table = make_table("Contact time, stiffness, damping", columns, (), marked)
-    notes = ["±: 95 %."]
+    note = "±: 95 %."
     if any(column.header == "Δ/U" for column in table.columns):
-        notes = [DEVIATION]
+        note = DEVIATION
         if any(row.reference.is_misprinted for row in rows):
-            notes.append("* Its τp is misprinted in the paper, see Table 2.")
-    return [replace(table, notes=(" ".join(notes),))]
-
-
-def _read(row: _Row, quantity: Measurand) -> Quantity:
-    """Return what was found; the hammer has no contact time of its own."""
-    is_without = row.name == HAMMER_NAME and quantity not in HAMMER_MEASURANDS
-    return UNKNOWN if is_without else quantity.read(row.body)
-
-
-def _format_deviation(row: _Row, quantity: Measurand) -> str:
-    return format_number(_compute_deviation(row, quantity), 1)
-
-
-def _compute_deviation(row: _Row, quantity: Measurand) -> float:
-    """Return the difference from the expected value, over the measured value's uncertainty."""
-    found = _read(row, quantity)
-    difference = found.value - quantity.read_reference(row.reference)
-    return difference / found.expanded if found.expanded > 0.0 else math.nan
+            note += " * Its τp is misprinted in the paper, see Table 2."
+    return [replace(table, notes=(note,))]
 
 
 def tabulate_results(results: Results) -> list[Table]:
@@ -351,68 +366,25 @@ def tabulate_checks(samples: Sequence[SampleEstimate]) -> list[Table]:
     ]
 
 
-def _make_rows(results: Results, *, with_hammer: bool) -> list[_Row]:
-    rows = [
-        _Row(sample.name, sample, find_expected(results, sample.name))
-        for sample in results.samples
-    ]
-    if with_hammer:
-        rows.append(_Row(HAMMER_NAME, results.hammer, find_expected(results, HAMMER_NAME)))
-    return rows
-
-
-def _make_columns(rows: Sequence[_Row], quantity: Measurand) -> list[Column]:
-    """Return name, expected and measured value, and the difference over the uncertainty."""
-    expected = [quantity.read_reference(row.reference) for row in rows]
-    published = all(
-        row.reference.is_published
-        for row, value in zip(rows, expected, strict=True)
-        if math.isfinite(value)
-    )
-    return [
-        make_text_column("Sample", [row.marked_name for row in rows]),
-        make_column(
-            f"{'Paper' if published else 'Reference'} [{quantity.unit}]",
-            _format_expected([value * quantity.scale for value in expected], quantity.digits),
-        ),
-        make_column(
-            f"Measured [{quantity.unit}]",
-            [quantity.format(quantity.read(row.body)) for row in rows],
-        ),
-        make_column("Δ/U", [_format_deviation(row, quantity) for row in rows]),
-    ]
-
-
-def _mark(rows: Sequence[_Row], quantity: Measurand) -> list[int]:
-    """Return the rows whose difference from what is expected exceeds the uncertainty."""
-    return [
-        place for place, row in enumerate(rows) if abs(_compute_deviation(row, quantity)) > 1.0
-    ]
-
-
-def _format_expected(values: Sequence[float], digits: int) -> list[str]:
-    """Return expected values, without decimals if all are whole numbers."""
-    is_whole = all(value == round(value) for value in values if math.isfinite(value))
-    return [format_number(value, 0 if is_whole else digits) for value in values]
-
-
 def tabulate_errors(samples: Sequence[SampleEstimate]) -> list[Table]:
     """Return how far model and measurement lie apart; nothing if no sample was compared."""
     if all(math.isnan(sample.mse_hammer_percent) for sample in samples):
         return []
 
-    def column(header: str, name: str) -> Column:
-        values = [getattr(sample, name) for sample in samples]
-        return make_column(header, [_format_error(value) for value in values])
-
+    errors = {
+        "MSE hammer [%]": "mse_hammer_percent",
+        "MSE sample [%]": "mse_sample_percent",
+        "Contact hammer [%]": "contact_error_hammer_percent",
+        "Contact sample [%]": "contact_error_sample_percent",
+        "Printed hammer [%]": "printed_mse_hammer_percent",
+        "Printed sample [%]": "printed_mse_sample_percent",
+    }
     columns = [
         make_text_column("Sample", [sample.name for sample in samples]),
-        column("MSE hammer [%]", "mse_hammer_percent"),
-        column("MSE sample [%]", "mse_sample_percent"),
-        column("Contact hammer [%]", "contact_error_hammer_percent"),
-        column("Contact sample [%]", "contact_error_sample_percent"),
-        column("Printed hammer [%]", "printed_mse_hammer_percent"),
-        column("Printed sample [%]", "printed_mse_sample_percent"),
+        *(
+            Column(header, [format_error(getattr(sample, name)) for sample in samples])
+            for header, name in errors.items()
+        ),
         read_column("Shift hammer [µs]", samples, "shift_hammer", 1),
         read_column("Shift sample [µs]", samples, "shift_sample", 1),
     ]
@@ -510,7 +482,7 @@ def tabulate_speed_exponents(
 
     columns = [
         make_text_column("Sample", [item.sample for item in found]),
-        make_column("Series", [str(item.series) for item in found]),
+        Column("Series", [str(item.series) for item in found]),
         read_column("p of τp, paper", found, "contact_time", 3),
         read_column("p of τ, law", found, "duration", 3),
         read_column("p of Fmax", found, "peak_force", 3),
@@ -611,7 +583,7 @@ def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
             item.format(item.read(body)) if hasattr(body, item.field) else ""
             for item in SAMPLE_MEASURANDS
         ]
-        return make_column(header, [*found, format_quantity(body.damping_ratio, 3)])
+        return Column(header, [*found, format_quantity(body.damping_ratio, 3)])
 
     expected = [
         format_number(item.read_reference(reference) * item.scale, item.digits)
@@ -623,7 +595,7 @@ def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
         column("paper's method", sample),
         column("free decay", decay),
         column(f"fit ({fitted.model or 'none'})", fitted),
-        make_column("expected", [*expected, ""]),
+        Column("expected", [*expected, ""]),
     ]
     return make_table("By method", columns)
 
@@ -655,13 +627,6 @@ def _make_fit_columns(fits: Sequence[FittedModel]) -> list[Column]:
     ]
 
 
-def _format_error(value: float) -> str:
-    """Return an error with two significant digits: they reach over four decades."""
-    if not math.isfinite(value):
-        return MISSING
-    return f"{value:#.2g}".rstrip(".") if value >= SMALLEST_ERROR else f"< {SMALLEST_ERROR:.4f}"
-
-
 def tabulate_budgets(name: str, body: SampleEstimate | HammerEstimate) -> Iterator[Table]:
     """Yield the uncertainty budgets of a sample or of the hammer, as far as there are any."""
     for field in list_fields(type(body)):
@@ -671,19 +636,20 @@ def tabulate_budgets(name: str, body: SampleEstimate | HammerEstimate) -> Iterat
         unit = field.description.shown or field.description.unit
         scale = SCALES[unit]
         value = format_quantity(quantity, 3, scale)
-        large = [line for line in quantity.budget if line.share >= SMALLEST_SHARE]
-        small = [line.source for line in quantity.budget if line.share < SMALLEST_SHARE]
-        columns = [
-            make_text_column("Source", [line.source for line in large]),
-            make_text_column("Type", [line.kind for line in large]),
-            make_column(
-                f"u [{unit}]" if unit else "u",
-                [f"{line.contribution * scale:.2g}" for line in large],
-            ),
-            make_column("Share [%]", [f"{100.0 * line.share:.1f}" for line in large]),
-        ]
-        yield make_table(
-            f"{name}: {field.description.symbol} = {value} {unit}".rstrip(),
-            columns,
-            [f"Below 0.05 %: {', '.join(small)}."] if small else [],
-        )
+        caption = f"{name}: {field.description.symbol} = {value} {unit}".rstrip()
+        yield tabulate_budget(caption, quantity.budget, unit, scale)
+
+
+def tabulate_budget(caption: str, budget: Sequence[BudgetLine], unit: str, scale: float) -> Table:
+    """Return an uncertainty budget in a unit; what is small is named below it."""
+    large = [line for line in budget if line.share >= SMALLEST_SHARE]
+    small = [line.source for line in budget if line.share < SMALLEST_SHARE]
+    columns = [
+        make_text_column("Source", [line.source for line in large]),
+        make_text_column("Type", [line.kind for line in large]),
+        Column(
+            f"u [{unit}]" if unit else "u", [f"{line.contribution * scale:.2g}" for line in large]
+        ),
+        Column("Share [%]", [f"{100.0 * line.share:.1f}" for line in large]),
+    ]
+    return make_table(caption, columns, [f"Below 0.05 %: {', '.join(small)}."] if small else [])

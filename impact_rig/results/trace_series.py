@@ -43,7 +43,10 @@ def tabulate_hits(hits: Sequence[FileResults]) -> Table:
         ),
         make_optional(
             f"Peak [{show_unit(unit)}]" if unit else "Peak",
-            [_format_peak(hit.measured_peak) for hit in hits],
+            [
+                f"{hit.measured_peak:.4g}" if math.isfinite(hit.measured_peak) else MISSING
+                for hit in hits
+            ],
         ),
         Column("Place", [hit.origin.place for hit in hits], is_text=True, is_optional=True),
     ]
@@ -55,7 +58,3 @@ def _shorten(files: Sequence[str]) -> Sequence[str]:
     """Return the names without their folders, where these are distinct."""
     names = [PurePath(file).name for file in files]
     return names if len(set(names)) == len(names) else files
-
-
-def _format_peak(peak: float) -> str:
-    return f"{peak:.4g}" if math.isfinite(peak) else MISSING

@@ -18,7 +18,6 @@ PARTS = {
     "read": "recording",
     "stream": "stream",
     "fuzz": "damage",
-    "kill": "kills",
     "faults": "faults",
     "study": "study",
 }

@@ -35,7 +35,7 @@ def main(words: list[str] | None = None) -> int:
     """Measure the parts that were asked for, all by default; return the exit code."""
     parser = argparse.ArgumentParser("bench", description="Measure what is claimed.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
-    parser.add_argument("--full", action="store_true", help="50 kills, 2000 damaged files ...")
+    parser.add_argument("--full", action="store_true", help="50 faults, 2000 damaged files ...")
     for name in ("seconds", "kills", "mutations", "seed"):
         parser.add_argument(f"--{name}", type=int, metavar="N")
     given = parser.parse_args(words)

@@ -54,7 +54,7 @@ def run_campaign(folder: Path) -> Campaign:
     RigError
         If the campaign fails, for example for want of ROS 2.
     """
-    # In a ROS domain of its own, which is never that of a real rig.
+    # In a separate ROS domain, never that of a real rig.
     environment = {key: value for key, value in os.environ.items() if key != "ROS_DOMAIN_ID"}
     started = time.perf_counter()
     with subprocess.Popen(

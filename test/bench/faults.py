@@ -28,7 +28,11 @@ A_RIG = 10  # campaigns on one rig, which lives through their faults one after t
 SIGNALS = {"kill -9": signal.SIGKILL, "SIGTERM": signal.SIGTERM}
 """What ends a node, which is started again then."""
 FREEZES = {"frozen for 1 s": 1.0, "frozen for 5 s": 5.0, "frozen for 30 s": 30.0}  # [s]
+POWER_CUT = "power cut"
+"""All processes at once, `kill -9`: every third campaign. The nodes are started again."""
 LOOK_PERIOD = 0.5  # [s], of looking whether a person has to arm the hammer
+COMMAND = "impact-rig campaign"
+NOTHING_YET = "holds no campaign that could go on"
 _ARM = "hammer/arm"
 _PAUSES = re.compile(r"^paused:(.*)$", re.MULTILINE)
 
@@ -63,7 +67,11 @@ class FaultyRig:
             "the campaign does not begin",
         )
         time.sleep(wait)
-        self._inflict(fault, node)
+        if fault == POWER_CUT:
+            self._processes.kill([*self._running, COMMAND])
+            self._running = {name: self._processes.restart(name) for name in self.nodes}
+        else:
+            self._inflict(fault, node)
         code = self._attend(command, log, deadline)
         if code:  # ended with a reason: the one command goes on
             command = self._processes.start_command(
@@ -73,8 +81,10 @@ class FaultyRig:
         text = log.read_text()
         pauses = _PAUSES.findall(text)
         if code is None:
-            self._processes.kill(["impact-rig campaign"])
-        if code != 0:
+            self._processes.kill([COMMAND])
+        if fault == POWER_CUT and NOTHING_YET in text:
+            complaint = ""  # it came before the first release, and that is said
+        elif code != 0:
             complaint = f"code {code}, None is no end in time: {text.strip()[-300:]}"
         elif not all(reason.strip() for reason in pauses):
             complaint = "a pause without a reason"
@@ -133,6 +143,8 @@ def measure_faults(bench: Bench) -> Iterator[Figure]:
             rig = FaultyRig(processes, folder)
             for number in range(first, min(first + A_RIG, total)):
                 fault, node = dice.choice([*SIGNALS, *FREEZES]), dice.choice(rig.nodes)
+                if number % 3 == 2:
+                    fault, node = POWER_CUT, "all"
                 wait = dice.uniform(0.0, LONGEST_WAIT)
                 complaint, told = rig.run(fault, node, wait)
                 pauses += told

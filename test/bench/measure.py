@@ -111,7 +111,7 @@ class Extent:
 
     demos: int = 2  # campaigns of 120 hits
     seconds: float = 15.0  # [s] of streaming at the highest rate
-    kills: int = 2  # processes, or whole rigs, that are killed
+    kills: int = 2  # campaigns, each with a fault
     mutations: int = 60  # damaged files of each format
     simulated: int = 36  # campaigns on each plant, and series of each fault, in part study
     repeats: int = 7  # of each figure that is a time

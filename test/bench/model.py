@@ -25,10 +25,13 @@ TOLERANCE = 1e-10  # of the integrator, relative, as asked for
 SMALLEST = 1e-17  # of the integrator, absolute: small enough that `TOLERANCE` alone decides
 
 
-def integrate_impact(model: ImpactModel, times: FloatArray, variant: ModelVariant) -> FloatArray:
+def integrate_impact(
+    model: ImpactModel, times: FloatArray, variant: ModelVariant, longest_step: float = np.inf
+) -> FloatArray:
     """Return the accelerations of both bodies as an integrator finds them, shape (2, n).
 
-    In two parts, since an integrator does not see the end of the pulse coming.
+    In two parts, since an integrator does not see the end of the pulse coming. Between long steps
+    it interpolates worse than it steps.
     """
     first, second, tau = model.hammer, model.specimen, model.contact_time
     m1, k1, c1 = first.mass, first.stiffness, first.damping_coefficient
@@ -58,14 +61,15 @@ def integrate_impact(model: ImpactModel, times: FloatArray, variant: ModelVarian
             t_eval=when,
             rtol=TOLERANCE,
             atol=SMALLEST,
+            max_step=longest_step,
         ).y
         return states
 
     during, after = times[times <= tau], times[times > tau]
     speed = model.impact_speed if is_printed else 0.0
-    states = step(contact, np.array([0.0, 0.0, speed, 0.0]), np.append(during, tau))
+    states = step(contact, np.array([0.0, 0.0, speed, 0.0]), np.union1d(during, tau))
     later = step(free, states[:, -1], after)
-    return np.hstack([contact(during, states[:, :-1])[2:], free(after, later)[2:]])
+    return np.hstack([contact(during, states[:, : during.size])[2:], free(after, later)[2:]])
 
 
 @part("model", "The model beside an integrator", 5.0)

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import shlex
 import signal
 import subprocess
 import sys
@@ -11,12 +10,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self
 
-from impact_rig.cli.up import make_command
+from impact_rig.cli.running_nodes import make_command
 from impact_rig.configuration.processes import NodeProcess, list_rig_processes
 from impact_rig.core.errors import RigError
 
 COMMAND_LINE = "impact_rig.cli.main"
-LISTENER = "bench.listener"
 PATIENCE = 60.0  # [s], for what is waited for: nodes have to start first
 END_TIMEOUT = 5.0  # [s], for all processes together, when nothing of theirs is needed any more
 STOP_TIMEOUT = 15.0  # [s], for a node to close its files and end
@@ -76,8 +74,8 @@ class RigProcesses:
 
     def start_node(self, name: str, **parameters: Any) -> subprocess.Popen[bytes]:
         """Start a node of the rig with parameters that differ from their defaults."""
-        _, *words = shlex.split(make_command(NodeProcess(name, parameters)))
-        return self._start(name, words, self._log)
+        command = make_command(NodeProcess(name, parameters))
+        return self._start(name, command, self._log)
 
     def start_rig(
         self, folder: Path, overrides: Mapping[str, Mapping[str, Any]]
@@ -89,10 +87,6 @@ class RigProcesses:
     def restart(self, name: str) -> subprocess.Popen[bytes]:
         """Start a node that has ended once more, with the same parameters."""
         return self._start(name, self._words[name], self._log)
-
-    def start_listener(self, log: Path) -> None:
-        """Start `bench.listener`, which prints to a file of its own."""
-        self._start(LISTENER, [sys.executable, "-m", LISTENER], log)
 
     def start_command(self, *words: str, log: Path | None = None) -> subprocess.Popen[bytes]:
         """Start `impact-rig` with some words; it prints to the log, if there is no other."""

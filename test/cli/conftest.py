@@ -1,6 +1,5 @@
 """Campaigns of the virtual rig, recorded without running nodes, and a way to call commands."""
 
-import functools
 import itertools
 import os
 import subprocess
@@ -15,9 +14,6 @@ from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
-from impact_rig.recordings.qos import OfferedQos
-from impact_rig.recordings.schemas import find_message_definition
-from impact_rig.recordings.writer import RecordingWriter
 from impact_rig.results.campaign import Results, results_from_session
 
 PATIENCE = 100.0
@@ -60,7 +56,7 @@ def channels(tmp_path):
 
 
 def start_command(*words, **options):
-    """Start `impact-rig` as a process of its own; pipes and environment may be replaced."""
+    """Start `impact-rig` as a process; pipes and environment may be replaced."""
     return start_python("-m", "impact_rig.cli.main", *words, **options)
 
 
@@ -88,35 +84,17 @@ class RecordedCampaign:
     results: Results
 
 
-class _Recorder:
-    """Writes ROS messages as the recorder node does."""
-
-    def __init__(self, path):
-        self.writer = RecordingWriter(path)
-        self._time = 1_700_000_000_000_000_000
-
-    @functools.cache  # noqa: B019 - lives as long as the test
-    def _add_channel(self, topic, type_name):
-        definition = find_message_definition(f"impact_rig_msgs/msg/{type_name}")
-        return self.writer.add_channel(topic, definition, (OfferedQos(),))
-
-    def add(self, topic, message):
-        from rclpy.serialization import serialize_message
-
-        channel = self._add_channel(topic, type(message).__name__)
-        self._time += 1_000_000
-        self.writer.add_message(channel, serialize_message(message), self._time, self._time)
-
-
 def record_campaigns(path, settings, samples, impacts, *, setup=PAPER_SETUP, campaigns=1):
     """Strike and record; return the results of the last campaign."""
-    from impact_rig.nodes import messages
+    from impact_rig.nodes import interfaces, messages
 
-    recorder, rig, record = _Recorder(path), VirtualRig(setup, settings), 0
+    from ..nodes.replays import write_recording
+
+    rig, record = VirtualRig(setup, settings), 0
     stamp = messages.stamp_to_msg(1_700_000_000_000_000_000)
-    recorder.add("/setup", messages.setup_to_msg(setup, stamp))  # the campaign node comes up
+    told = [(interfaces.SETUP, messages.setup_to_msg(setup, stamp))]  # the campaign node comes up
     for _ in range(campaigns):
-        recorder.add("/setup", messages.setup_to_msg(setup, stamp))
+        told.append((interfaces.SETUP, messages.setup_to_msg(setup, stamp)))
         session, faults = Session(setup), {}
         for name in samples:
             accepted = attempt = 0
@@ -124,18 +102,20 @@ def record_campaigns(path, settings, samples, impacts, *, setup=PAPER_SETUP, cam
                 record, attempt = record + 1, attempt + 1
                 hit = rig.strike(HitLabel(name, record, accepted + 1, attempt))
                 faults[record] = tuple(fault.value for fault in hit.faults)
-                recorder.add("/virtual_impact", messages.virtual_hit_to_msg(hit, stamp))
+                told.append((interfaces.VIRTUAL_IMPACT, messages.virtual_hit_to_msg(hit, stamp)))
                 for block in hit.split(1000, 0):
-                    recorder.add("/acceleration", messages.block_to_msg(block))
+                    told.append((interfaces.ACCELERATION, messages.block_to_msg(block)))
                     for judged in session.feed(block):
                         if judged.accepted:
                             accepted, attempt = accepted + 1, 0
-    recorder.writer.close()
+    write_recording(path, [(number * 1e-3, *item) for number, item in enumerate(told)])
     return RecordedCampaign(path, results_from_session(session.estimate_all(), faults))
 
 
 STRUCK = ("aluminium large", "steel small", "brass medium")
 """The control sample and the paper's misprint are among them."""
+HIT_SIZE = 40_000
+"""Of the blocks of a hit [byte], nearly."""
 
 
 @pytest.fixture(scope="session")
@@ -150,29 +130,32 @@ def campaign(tmp_path_factory):
 def struck(tmp_path_factory):
     """Return a recording of four samples, three hits each, the last one rejected: no estimates.
 
-    Each hit is a chunk of its own, as the recorder writes it.
+    Nearly one chunk for each hit, as the recorder writes them.
     """
     from impact_rig_msgs.msg import HammerRelease, Impact, RecordStored
 
-    from impact_rig.nodes import messages
+    from impact_rig.nodes import interfaces, messages
+
+    from ..nodes.replays import write_recording
 
     path = tmp_path_factory.mktemp("struck") / "session.mcap"
-    recorder, rig = _Recorder(path), VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=5))
+    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=5))
     stamp = messages.stamp_to_msg(1_700_000_000_000_000_000)
-    recorder.add("/setup", messages.setup_to_msg(PAPER_SETUP, stamp))
+    told = [(interfaces.SETUP, messages.setup_to_msg(PAPER_SETUP, stamp))]
     names = PAPER_SETUP.samples.names[:4]
     for record, (name, impact) in enumerate(itertools.product(names, (1, 2, 3)), start=1):
         label = {"record": record, "sample": name, "impact": impact, "attempt": 1}
-        recorder.add("/release", HammerRelease(**label))
         blocks = rig.strike(HitLabel(**label)).split(1000, 0)
-        for block in blocks:
-            recorder.add("/acceleration", messages.block_to_msg(block))
-        recorder.add("/recorder/stored", RecordStored(blocks=len(blocks), **label))
         reasons = ["weak: 3 % of full scale"] if impact == 3 else []
-        recorder.add("/impact", Impact(accepted=not reasons, reasons=reasons, **label))
-        recorder.writer.flush()
-    recorder.writer.close()
-    return path
+        verdict = Impact(accepted=not reasons, reasons=reasons, **label)
+        told += [
+            (interfaces.RELEASE, HammerRelease(**label)),
+            *((interfaces.ACCELERATION, messages.block_to_msg(block)) for block in blocks),
+            (interfaces.RECORD_STORED, RecordStored(blocks=len(blocks), **label)),
+            (interfaces.IMPACT, verdict),
+        ]
+    events = [(number * 1e-3, *item) for number, item in enumerate(told)]
+    return write_recording(path, events, chunk_size=HIT_SIZE)
 
 
 @pytest.fixture(scope="session")

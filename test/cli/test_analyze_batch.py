@@ -123,16 +123,6 @@ def test_broken_and_repeated_recordings_are_named_and_the_others_analyzed(
     assert "xxx cannot be read: File name too long" in outcome.stderr
 
 
-def test_the_table_has_the_spread_between_the_recordings(run, folders):
-    outcome = run("analyze", *folders, "--workers", 2)
-    assert outcome.exit_code == 0
-    assert max(map(len, outcome.stdout.splitlines())) <= 80
-    assert outcome.stdout.count("steel small") == 4
-    places = [outcome.stdout.index(folder.name) for folder in folders]
-    assert places == sorted(places)
-    assert "Between the recordings" in outcome.stdout
-
-
 def test_a_scheduler_that_is_not_there_is_one_sentence_soon(run, folders, monkeypatch):
     address = "tcp://127.0.0.1:1"
     monkeypatch.setattr("impact_rig.analysis.batch.CONNECT_TIMEOUT", 0.5)
@@ -156,7 +146,7 @@ def test_a_worker_that_is_killed_costs_no_recording(folders, expected):
 
     outcomes = analyze_batch(paths, {}, workers=2, scheduler=None, report=kill_one)
     assert killed
-    assert [results_to_json(outcome.recording.campaigns[0].results) for outcome in outcomes] == [
+    assert [results_to_json(outcome.campaigns[0].results) for outcome in outcomes] == [
         entry["results"] for entry in expected
     ]
 

@@ -4,8 +4,6 @@ import json
 from pathlib import Path
 
 import pytest
-from fakes.relay_board import RelayBoard
-from fakes.scpi_digitizer import ScpiDigitizer
 
 from impact_rig.cli.devices import survey_drivers
 from impact_rig.devices.protocols import FoundDevice
@@ -34,14 +32,14 @@ class Good:
         if self.port == 8:
             raise DeviceError("the digitizer at port 8 does not answer: switch it on")
         if self.port == 9:
-            import library_of_nobody
+            import no_such_library
         return Acquisition("digitizer 3000", 0.5 * plan.sampling_rate) if plan else "holder 3000"
 
     def read_state(self):
         return HolderState.RELEASED if self.port == 6 else HolderState.HOLDING
 
     def release(self):
-        raise AssertionError("nobody asked for that")
+        raise AssertionError("this was not asked for")
 
     def close(self):
         open(f"closed", "a").write(f"{self.port}")
@@ -186,7 +184,7 @@ def test_a_check_opens_both_devices_says_what_they_are_and_closes_them(run, tmp_
         ('driver = "good"\ns', 'driver = "god"\ns', "rig.toml: line 8: driver of [source] is"),
         ('"1 MHz"', '"1 MHz"\nport = 10', "rig.toml: line 10: port of [source] is 10"),
         ('"1 MHz"', '"1 MHz"\nport = 8', "the digitizer at port 8 does not answer: switch it on"),
-        ('"1 MHz"', '"1 MHz"\nport = 9', "the Python package 'library_of_nobody' is not"),
+        ('"1 MHz"', '"1 MHz"\nport = 9', "the Python package 'no_such_library' is not"),
         ('driver = "good"\ns', 'driver = "gone"\ns', "driver 'gone' of bench-drivers cannot"),
     ],
 )
@@ -206,43 +204,9 @@ def test_a_holder_that_does_not_hold_is_a_fault(run, tmp_path):
     outcome = run("devices", "--check", path, "--json")
     assert outcome.exit_code == 1
     content = json.loads(outcome.stdout)
-    assert (
-        content["holder"]["trouble"] == "the holder holder 3000 does not hold: look at its wiring"
-    )
+    assert content["holder"]["trouble"] == "the holder holder 3000 does not hold: check its wiring"
     assert content["source"]["device"] == "digitizer 3000"
     assert len(content["warnings"]) == 1
-
-
-def test_a_real_check_holds_the_hammer_and_never_lets_it_go(run, tmp_path):
-    pytest.importorskip("serial", reason="the extra `serial` is not installed")
-    released = []
-    digitizer = ScpiDigitizer(5e-4, 5e-4)
-    relay = RelayBoard(lambda: released.append(True))
-    digitizer.plug()
-    relay.plug()
-    tables = RIG.partition("[source]")[0] + (
-        f'[source]\ndriver = "scpi"\naddress = "{digitizer.address}"\n'
-        'sampling_rate = "2.5 MHz"\ntrigger_level = "5 g"\n'
-        '[source.hammer]\nchannel = 1\nsensitivity = "5 mV/g"\n'
-        f'[holder]\ndriver = "serial"\nport = "{relay.port}"\n'
-    )
-    try:
-        path = write_rig(tmp_path, tables)
-        content = json.loads(run("devices", "--check", path, "--json").stdout)
-        assert content["source"]["rate"] == "2500 kHz"
-        assert "trouble" not in {*content["source"], *content["holder"]}
-        assert content["holder"]["state"] == "it holds"
-        assert relay.is_holding
-        digitizer.unplug()
-        outcome = run("devices", "--check", path, "--json")
-        assert outcome.exit_code == 1
-        content = json.loads(outcome.stdout)
-        assert digitizer.address in content["source"]["trouble"]
-        assert "trouble" not in content["holder"]
-    finally:
-        relay.stop()
-        digitizer.unplug()
-    assert released == []
 
 
 def test_options_that_contradict_each_other_are_refused(run, tmp_path):

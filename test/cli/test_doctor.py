@@ -57,10 +57,10 @@ def test_this_installation_is_healthy():
 
 
 def test_a_middleware_that_is_not_there_is_named(monkeypatch):
-    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_of_nobody")
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_unknown")
     finding = check_conversation()
     assert finding.status is Status.FAULT
-    assert "rmw_of_nobody" in finding.text
+    assert "rmw_unknown" in finding.text
 
 
 def test_without_ros_it_says_so(monkeypatch):

@@ -3,8 +3,6 @@
 import json
 from dataclasses import replace
 
-import mcap.writer
-
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import VirtualRigSettings
@@ -129,20 +127,6 @@ def test_all_recordings_of_a_run_that_was_resumed_are_shown(run, tmp_path):
         write_notes(tmp_path / f"{name}.mcap")
     found = json.loads(run("info", tmp_path, "--json").stdout)
     assert [item["messages"] for item in found] == [5, 5]
-
-
-def test_a_recording_of_another_profile_is_refused(run, tmp_path):
-    path = tmp_path / "proto.mcap"
-    with path.open("wb") as file:
-        writer = mcap.writer.Writer(file)
-        writer.start("", "protobuf")
-        schema = writer.register_schema("Pose", "protobuf", b"\x0a")
-        writer.add_message(writer.register_channel("/pose", "protobuf", schema), 1, b"x", 1)
-        writer.finish()
-    outcome = run("info", path)
-    assert outcome.exit_code == 2
-    assert "profile ''" in outcome.stderr
-    assert len(outcome.stderr.splitlines()) == 1
 
 
 def test_a_running_stream_is_named_with_what_it_lacks(run, tmp_path):

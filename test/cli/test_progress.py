@@ -1,10 +1,13 @@
 """The progress bar in real terminals: it shows the work, and leaves nothing behind."""
 
 import re
-import signal
 import sys
 
-from .pseudo_terminal import HIDE_CURSOR, SHOW_CURSOR, find_widest, open_terminal
+from rich.cells import cell_len
+from terminal import Terminal, make_colourful
+
+SHOW_CURSOR, HIDE_CURSOR = "\x1b[?25h", "\x1b[?25l"
+ERASE_LINE = "\x1b[2K"
 
 PROGRAM = """
 import sys, time
@@ -20,47 +23,19 @@ print("the end")
 """
 
 
-def make_words(steps=20):
-    return [sys.executable, "-c", PROGRAM, str(steps)]
-
-
 def test_there_is_a_bar_for_each_stage_and_what_is_printed_meanwhile_stays():
-    with open_terminal(make_words(), 60) as terminal:
-        assert terminal.finish() == 0
-        assert find_widest(terminal.text) <= 60
+    words = (sys.executable, "-c", PROGRAM, 20)
+    with Terminal(words, make_colourful(), columns=60) as terminal:
+        assert terminal.wait() == 0
+        assert max(map(cell_len, re.split(r"[\r\n]", terminal.text))) <= 60
         assert "95%" in terminal.text
         assert "━" in terminal.text
         assert terminal.text.index("reading steel") < terminal.text.index("estimating")
-    assert play(terminal.raw) == ["step 8", "step 8", "the end"]
-    assert terminal.raw.rindex(SHOW_CURSOR) > terminal.raw.rindex(HIDE_CURSOR)
-
-
-def play(raw):
-    """Return the lines that a terminal shows in the end: what rich uses of its language."""
-    lines, row, column = [""], 0, 0
-    for piece in re.findall(r"\x1b\[[0-9;?]*[a-zA-Z]|\r|\n|[^\x1b\r\n]+", raw):
-        if piece == "\r":
-            column = 0
-        elif piece == "\n":
-            row += 1
-            lines += [""] * (row + 1 - len(lines))
-        elif piece.endswith("A"):
-            row -= int(piece[2:-1] or 1)
-        elif piece == "\x1b[2K":
-            lines[row] = ""
-        elif not piece.startswith("\x1b"):
-            line = lines[row].ljust(column)
-            lines[row] = line[:column] + piece + line[column + len(piece) :]
-            column += len(piece)
-    return [line for line in lines if line.strip()]
-
-
-def test_ctrl_c_leaves_the_terminal_as_it_was():
-    with open_terminal(make_words(steps=10_000), 120) as terminal:
-        terminal.read_until(lambda raw: "reading steel" in raw)
-        terminal.process.send_signal(signal.SIGINT)
-        assert terminal.finish() != 0
-    assert HIDE_CURSOR in terminal.raw
+    assert terminal.text.count("step 8") == 2
+    # The bars are erased in the end.
+    left = terminal.raw.rpartition(ERASE_LINE)[2]
+    assert left.endswith("the end\r\n")
+    assert "━" not in left
     assert terminal.raw.rindex(SHOW_CURSOR) > terminal.raw.rindex(HIDE_CURSOR)
 
 

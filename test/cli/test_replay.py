@@ -33,7 +33,7 @@ def quiet_ros(monkeypatch):
 
 @pytest.fixture
 def start():
-    """Return a function that starts a replay in a ROS domain of its own."""
+    """Return a function that starts a replay in its own ROS domain."""
     processes = []
     with reserve_domain() as number:
 
@@ -63,7 +63,7 @@ def test_a_fresh_estimator_gives_the_results_of_each_campaign_byte_for_byte(
     assert not all(hit["accepted"] for hit in campaigns[-1]["hits"]), "some hits should be bad"
 
 
-def test_a_player_needs_nobody_and_ends_with_the_recording(start, recorded):
+def test_a_player_without_subscribers_ends_with_the_recording(start, recorded):
     process = start(recorded.path, "--rate", 100, "--loop", 2)
     output, errors = process.communicate(timeout=PATIENCE)
     assert (process.returncode, output) == (0, ""), errors

@@ -40,7 +40,7 @@ def test_the_report_of_a_run_lies_in_its_folder_and_is_never_overwritten(run, fo
     assert outcome.stderr == f"report: {path}\n"
     text = read_text(path)
     assert "monday/session.mcap" in text
-    assert str(folder) not in text  # where it lies here is nobody's business
+    assert str(folder) not in text  # the folder's path here is private
     for words in ("Paper", "[µs]", "brass medium *", "Fig. 3", "data:image/svg+xml", "2500"):
         assert words in text
 

@@ -1,6 +1,6 @@
-"""One list says which processes make a rig, whoever starts them."""
+"""One list says which processes make a rig, for `up` and for ROS 2's launch."""
 
-from datetime import datetime
+from datetime import UTC, datetime
 
 import pytest
 
@@ -9,9 +9,9 @@ from impact_rig.configuration.processes import (
     NETWORK,
     PROFILES,
     TRANSPORTS,
+    choose_run_folder,
     list_rig_processes,
     make_network_variables,
-    make_run_folder_name,
     make_viewer_parameters,
 )
 from impact_rig.core.errors import ParameterError
@@ -25,32 +25,22 @@ def test_a_rig_stays_on_its_computer_unless_told_otherwise(environment):
     assert make_network_variables(environment, network=False) == expected
 
 
-def test_between_computers_sockets_hold_a_block_of_the_stream():
-    assert make_network_variables({}, network=True) == {
-        NETWORK: "1",
-        DISCOVERY: "SUBNET",
-        TRANSPORTS: LARGE_SOCKETS,
-    }
-
-
 @pytest.mark.parametrize(
-    ("chosen", "expected"),
-    [("SUBNET", {TRANSPORTS: LARGE_SOCKETS}), ("LOCALHOST", {}), ("OFF", {})],
+    ("environment", "expected"),
+    [
+        ({}, {DISCOVERY: "SUBNET", TRANSPORTS: LARGE_SOCKETS}),
+        ({DISCOVERY: "SUBNET"}, {TRANSPORTS: LARGE_SOCKETS}),
+        ({DISCOVERY: "LOCALHOST"}, {}),
+        ({DISCOVERY: "OFF"}, {}),
+        *(({name: "own"}, {DISCOVERY: "SUBNET"}) for name in (TRANSPORTS, *PROFILES)),
+    ],
 )
-def test_between_computers_what_the_environment_says_of_the_range_goes_first(chosen, expected):
-    found = make_network_variables({DISCOVERY: chosen}, network=True)
-    assert found == {NETWORK: "1", **expected}
+def test_between_computers_sockets_hold_a_block_unless_the_environment_decides(
+    environment, expected
+):
+    assert make_network_variables(environment, network=True) == {NETWORK: "1", **expected}
 
 
-@pytest.mark.parametrize("name", [TRANSPORTS, *PROFILES])
-def test_transports_that_somebody_has_chosen_are_left_alone(name):
-    assert make_network_variables({name: "own"}, network=True) == {
-        NETWORK: "1",
-        DISCOVERY: "SUBNET",
-    }
-
-
-LIVE: dict[str, object] = {}
 ADDRESS = "rerun+http://desk:9876/proxy"
 
 
@@ -65,33 +55,32 @@ def test_a_whole_rig_records_and_shows_into_its_folder():
     assert nodes == {
         "hammer": {"rig_file": "my.toml", "swing_time": 0.3},
         "accelerometer": {"rig_file": "my.toml", "source": 'seed = 3\nplant = "dynamics"'},
-        "estimator": LIVE,
+        "estimator": {},
         "campaign": {"rig_file": "my.toml"},
-        "recorder": {**LIVE, "output": "out/session.mcap", "attachments": "my.toml"},
-        "visualizer": {**LIVE, "output": "out/session.rrd"},
+        "recorder": {"output": "out/session.mcap", "attachments": "my.toml"},
+        "visualizer": {"output": "out/session.rrd"},
     }
 
 
 def test_a_running_stream_is_recorded_where_there_is_one():
     nodes = by_name(continuous=True, record_stream=True)
     assert nodes["accelerometer"] == {"mode": "continuous"}
-    assert nodes["recorder"] == {**LIVE, "output": "out/session.mcap", "record_stream": True}
-    for options in ({"overrides": {"accelerometer": {"mode": "continuous"}}},):
-        assert by_name(record_stream=True, **options)["recorder"]["record_stream"]
+    assert nodes["recorder"] == {"output": "out/session.mcap", "record_stream": True}
+    overrides = {"accelerometer": {"mode": "continuous"}}
+    assert by_name(record_stream=True, overrides=overrides)["recorder"]["record_stream"]
     with pytest.raises(ParameterError, match="there is no running stream to record"):
         by_name(record_stream=True)
 
 
 def test_two_computers_share_the_nodes_of_one_rig():
     whole = by_name(continuous=True, rig_file="my.toml", viewers=("web",))
-    at_the_devices = by_name(
-        continuous=True, rig_file="my.toml", viewers=("web",),
-        only=("hammer", "accelerometer"),
-    )  # fmt: skip
-    elsewhere = by_name(
-        continuous=True, rig_file="my.toml", viewers=("web",),
-        only=("visualizer", "campaign", "estimator", "recorder"),
-    )  # fmt: skip
+    at_the_devices, elsewhere = (
+        by_name(continuous=True, rig_file="my.toml", viewers=("web",), only=only)
+        for only in (
+            ("hammer", "accelerometer"),
+            ("visualizer", "campaign", "estimator", "recorder"),
+        )
+    )
     assert at_the_devices.keys() == {"hammer", "accelerometer"}
     assert at_the_devices | elsewhere == whole
 
@@ -106,7 +95,6 @@ def test_a_node_that_the_rig_has_not_cannot_be_started_alone(options, name):
 
 def test_viewers_stand_beside_the_file():
     assert by_name(viewers=("spawn", "web", ADDRESS))["visualizer"] == {
-        **LIVE,
         "output": "out/session.rrd",
         "spawn": True,
         "web": True,
@@ -119,21 +107,17 @@ def test_viewers_stand_beside_the_file():
 
 
 @pytest.mark.parametrize(
-    ("viewers", "expected"),
+    ("viewers", "visualize", "expected"),
     [
-        (("browser",), r"viewer is 'browser': it must be spawn, web, or an address"),
-        (("http://desk/",), r"viewer is 'http://desk/'"),
-        ((ADDRESS, "rerun+http://lab/proxy"), r"two viewers elsewhere"),
+        (("browser",), True, r"viewer is 'browser': it must be spawn, web, or an address"),
+        (("http://desk/",), True, r"viewer is 'http://desk/'"),
+        ((ADDRESS, "rerun+http://lab/proxy"), True, r"two viewers elsewhere"),
+        (("web",), False, "needs the visualizer"),
     ],
 )
-def test_a_viewer_that_cannot_be_meant_is_named(viewers, expected):
+def test_a_viewer_that_cannot_be_meant_is_named(viewers, visualize, expected):
     with pytest.raises(ParameterError, match=expected):
-        by_name(viewers=viewers)
-
-
-def test_a_viewer_needs_the_node_that_feeds_it():
-    with pytest.raises(ParameterError, match="needs the visualizer"):
-        by_name(viewers=("web",), visualize=False)
+        by_name(viewers=viewers, visualize=visualize)
 
 
 def test_overrides_go_before_everything_else():
@@ -142,12 +126,15 @@ def test_overrides_go_before_everything_else():
 
 
 def test_run_folders_sort_by_time():
-    assert make_run_folder_name(datetime(2026, 1, 2, 3, 4, 5)) == "runs/2026-01-02T03-04-05"
+    folder = choose_run_folder()
+    assert datetime.strptime(str(folder), "runs/%Y-%m-%dT%H-%M-%S").astimezone() <= datetime.now(
+        UTC
+    )
+    assert choose_run_folder(folder / "a") == folder / "a"
 
 
 def test_a_run_is_recorded_as_it_is_asked_for():
     assert by_name(notes="bench 3")["recorder"] == {
-        **LIVE,
         "output": "out/session.mcap",
         "notes": "bench 3",
     }

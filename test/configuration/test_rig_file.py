@@ -1,6 +1,7 @@
 """A rig file says in units what the rig is; what cannot be meant is refused by name."""
 
 import math
+import re
 from dataclasses import asdict
 
 import pytest
@@ -45,10 +46,8 @@ def test_a_source_that_measures_in_units_needs_no_sensitivity():
     ("text", "told"),
     [
         ('[source.hammer]\nquantity = "speed"', "line 3: quantity .*one of acceleration, force"),
-        ("[source.hammer]\nsensitivity = 10", r"line 3: sensitivity of .source.hammer. is 10"),
         ('[source.hammer]\nsensitivity = "10 mV/N"', "line 3: .*in m/s.2 or g or .*acceleration"),
         ('[source.hammer]\nsensitivity = "0 mV/g"', "line 3: sensitivity is .*not be zero"),
-        ('[source.hammer]\nresonance = "-70 kHz"', "line 3: resonance .*0 Hz or more"),
         ("[source.hammer]\nresonance_damping = 0", "line 3: resonance damping .*above 0"),
         ('[source.hammer]\nlow_corner = "2 Hz"\nresonance = "1 Hz"', "line 3: low corner .*below"),
         ('[source.hammer]\nfull_scale = "500 N"', "line 3: full_scale .*in m/s.2 or g"),
@@ -174,11 +173,15 @@ def test_the_file_is_named_in_every_error(tmp_path):
         read_rig_file(path)
 
 
-def test_what_the_template_comments_out_can_be_used():
+def read_taught_lines(*, commented: bool = False) -> str:
+    """Return the tables of drivers that the template has in comments."""
     begin = read_template().index("# [source]")
-    end = read_template().index("\n\n", begin)
-    taught = read_template()[begin:end].replace("# [", "[").split("\n")
-    rig = parse_rig_file(SMALLEST + "\n".join(line.removeprefix("# ") for line in taught))
+    text = read_template()[begin : read_template().index("\n\n", begin)]
+    return text if commented else re.sub("^# ", "", text, flags=re.MULTILINE)
+
+
+def test_what_the_template_comments_out_can_be_used():
+    rig = parse_rig_file(SMALLEST + read_taught_lines())
     assert (rig.source["driver"], rig.holder["driver"]) == ("scpi", "manual")
     hammer, specimen = rig.setup.sensors
     assert hammer.describe() == (
@@ -201,51 +204,15 @@ def test_what_a_rig_file_says_of_the_swing_are_parameters_of_the_hammer():
         parse_rig_file(SMALLEST + '[holder]\nswing_time = "2 min"\n')
 
 
+HOLDER = 'driver = "manual"\nswing_time = "207 ms"\nreturn_time = "1 s"\nconfirm_return = true'
 FULL = (
-    SMALLEST
-    + """
-mass_uncertainty = "1 g"
-material = "wood"
-reference_contact_time = "203.2 us"
-reference_stiffness = "45.29 MN/m"
-reference_damping_coefficient = "1170 N*s/m"
-[source]
-driver = "scpi"
-[source.hammer]
-quantity = "acceleration"
-sensitivity = "10 mV/g"
-full_scale = "500 g"
-serial_number = "LW1234"
-calibration_date = 2026-03-01
-sensitivity_uncertainty = 0.01
-resonance = "70 kHz"
-resonance_uncertainty = "2 kHz"
-resonance_damping = 0.03
-low_corner = "0.5 Hz"
-low_corner_uncertainty = "0.1 Hz"
-[holder]
-swing_time = "207 ms"
-return_time = "1 s"
-confirm_return = true
-[digitizer]
-clock_uncertainty = 5.8e-5
-[samples]
-control = "oak"
-accelerometer_mass = "3 g"
-accelerometer_mass_uncertainty = "0.29 g"
-[analysis]
-cutoff_frequency = "50 kHz"
-pulse_factor = 2.0
-pre_trigger = "200 us"
-record_duration = "2 ms"
-detection_level = 0.03
-minimum_peak = 0.15
-maximum_peak = 0.95
-overload_run = 3
-double_hit_level = 0.05
-keep_hits = 0
-"""
+    read_template()
+    .partition('[[sample]]\nname = "aluminium medium"')[0]
+    .replace("aluminium large", "aluminium small")
+    .replace(read_taught_lines(commented=True), read_taught_lines())
+    .replace('driver = "manual"', HOLDER)
 )
+OF_DRIVERS = ("driver", "address", "sampling_rate", "trigger_level", "channel")
 ODD_VALUES = (
     "true", "-3", "1e400", "nan", "-1.5", '""', '"x"', '"nan kg"', '"inf s"', '"-1 mV/g"', '"1/0"',
     '"5 g g"', '"\\u0000"', "[1]", "{a = 1}", "[[]]", "2020-01-01", "2020-01-01T00:00:00",
@@ -267,7 +234,7 @@ def find_error(text):
     [
         number
         for number, line in enumerate(FULL.split("\n"))
-        if " = " in line and "scpi" not in line
+        if " = " in line and not line.startswith(("#", *OF_DRIVERS))
     ],
 )
 def test_whatever_stands_for_a_value_it_is_taken_or_refused_with_its_line(number):

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.detection import ImpactDetector
-from impact_rig.core.hits import JudgedHit
-from impact_rig.core.records import Block, ChannelBlock, HitLabel, Record, Trace
+from impact_rig.core.hits import JudgedHit, MeanHit
+from impact_rig.core.records import Block, ChannelBlock, HitLabel, Record
 from impact_rig.core.session import Session
 from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 
@@ -84,14 +84,23 @@ def make_record(
     triggered: bool = True,
 ) -> Record:
     """Return a record of accelerations; the pulse counts as found where the caller says."""
+    channels = [
+        ChannelBlock(
+            np.rint(trace / resolution).astype(np.int32) if resolution else trace,
+            resolution or 1.0,
+            0.0,
+            full_scale,
+        )
+        for trace in (hammer, np.empty(0) if specimen is None else specimen)
+    ]
     return Record(
-        label=HitLabel("steel"),
-        sampling_rate=rate,
-        hammer=Trace(hammer, full_scale, resolution),
-        specimen=None if specimen is None else Trace(specimen, full_scale, resolution),
+        0,
+        rate,
+        *channels,
+        HitLabel("steel"),
+        triggered=triggered,
         pulse_index=pulse_index,
         flaws=flaws,
-        triggered=triggered,
     )
 
 
@@ -128,3 +137,12 @@ def strike_series(
         for record, height in enumerate(heights, start=first)
         for hit in strike(session, sample, record, height=height, place=500 + record % 7)
     ]
+
+
+def make_plain_mean(
+    traces: NDArray[np.float64], rate: float, origin: int = 0, noise: float = 0.0
+) -> MeanHit:
+    """Return a mean hit of which nothing but its traces is known."""
+    levels, nothing = np.full(len(traces), noise), np.zeros(len(traces))
+    known = (1, max(origin, 1), nothing, nothing, nothing, np.zeros(2))
+    return MeanHit(traces, rate, origin, levels, levels, (), *known)

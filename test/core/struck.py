@@ -1,14 +1,18 @@
 """Two bodies that meet, and the accelerometers on them: nothing of it is the package's.
 
-A second contact is one of its own, slower, and so lower and wider.
+A second contact is a separate hit: slower, lower and wider.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import butter, cont2discrete, lfilter
 
+from impact_rig.core.hits import JudgedHit
 from impact_rig.core.records import Block, ChannelBlock, HitLabel
+from impact_rig.core.session import Session
+from impact_rig.core.setup import RigSetup, Sample, SampleSet
 
 from .contacts import FloatArray, Motion, find_loss, strike_body
 
@@ -128,3 +132,21 @@ class Impact:
             else:
                 channels.append(ChannelBlock(trace, 1.0, 0.0, 0.0))
         return Block(0, self.rate_factor * RATE, channels[0], channels[1], label, last=True)
+
+
+SETUP = RigSetup(
+    SampleSet((Sample("struck", SAMPLE),), "struck"), hammer_mass=HAMMER, impact_speed=SPEED
+)
+
+
+def repeat(impact: Impact, hits: int = 5) -> list[Impact]:
+    """Return hits that differ in their noise."""
+    return [replace(impact, seed=seed) for seed in range(1, hits + 1)]
+
+
+def judge(impacts: Iterable[Impact]) -> tuple[Session, list[JudgedHit]]:
+    """Return a session that was fed these hits, and their verdicts."""
+    session, hits = Session(SETUP), list[JudgedHit]()
+    for record, impact in enumerate(impacts, start=1):
+        hits += session.feed(impact.make_block(HitLabel("struck", record, record)))
+    return session, hits

@@ -15,15 +15,16 @@ from impact_rig.core.calibration import (
     LARGEST_MISFIT,
     CalibrationMethod,
     HitFit,
-    TraceFit,
     estimate_sensitivity,
     fit_hit,
 )
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits import judge_hit
-from impact_rig.core.records import HitLabel, Record, Trace
+from impact_rig.core.records import HitLabel
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings
+
+from .blocks import make_record
 
 RATE = 1e6
 SETTINGS = AnalysisSettings()
@@ -36,12 +37,9 @@ def make_pulse(delay=0.0, duration=200e-6):
     return np.where(inside, np.sin(np.pi * time / duration) ** 2, 0.0)
 
 
-def judge(hammer, specimen, **hammer_facts):
-    record = Record(
-        HitLabel("block"), RATE, Trace(hammer, **hammer_facts),
-        None if specimen is None else Trace(specimen), pulse_index=330, stamp=7,
-    )  # fmt: skip
-    return judge_hit(record, SETTINGS)
+def judge(hammer, specimen):
+    record = make_record(hammer, specimen, pulse_index=330, full_scale=0.0, rate=RATE)
+    return judge_hit(replace(record, stamp=7), SETTINGS)
 
 
 @given(
@@ -58,9 +56,9 @@ def test_the_ratio_of_two_like_traces_is_found_whatever_their_height_and_offset(
     assert found.flaw == ""
     assert found.stamp == 7
     # Rounding: offsets may be 5000 times as large as the trace.
-    assert found.fit.ratio == pytest.approx(ratio, rel=1e-9)
-    assert found.fit.misfit < 1e-6
-    assert fit_hit(hit, "hammer", 1.0).fit.ratio == pytest.approx(1.0 / ratio, rel=1e-9)
+    assert found.ratio == pytest.approx(ratio, rel=1e-9)
+    assert found.misfit < 1e-6
+    assert fit_hit(hit, "hammer", 1.0).ratio == pytest.approx(1.0 / ratio, rel=1e-9)
 
 
 def test_a_delay_that_is_let_pass_changes_the_ratio_by_less_than_the_square_of_its_misfit():
@@ -68,11 +66,11 @@ def test_a_delay_that_is_let_pass_changes_the_ratio_by_less_than_the_square_of_i
     for delay in np.linspace(0.2e-6, 12e-6, 20):
         found = fit_hit(judge(1000 * make_pulse(), 1000 * make_pulse(delay)), "specimen", 1.0)
         if found.flaw:
-            assert found.fit.misfit > LARGEST_MISFIT
+            assert found.misfit > LARGEST_MISFIT
             assert "misfit" in found.flaw
         else:
             checked += 1
-            assert abs(found.fit.ratio - 1.0) <= found.fit.misfit**2
+            assert abs(found.ratio - 1.0) <= found.misfit**2
     assert 0 < checked < 20
 
 
@@ -97,7 +95,7 @@ MASSES = replace(PAPER_SETUP, hammer_mass=0.1, hammer_mass_uncertainty=0.001)
 
 def make_fits(*ratios, misfit=0.0):
     return [
-        HitFit(HitLabel("block", number), 0, TraceFit(ratio, misfit, misfit))
+        HitFit(HitLabel("block", number), 0, ratio, misfit, misfit)
         for number, ratio in enumerate(ratios, start=1)
     ]
 

@@ -208,8 +208,8 @@ def test_masses_without_stated_uncertainty_are_named():
 
 def test_a_converters_steps_count_where_no_noise_smooths_them():
     mean = make_mean("steel medium")
-    coarse = replace(mean.summary, largest_step=np.array([5.0, 5.0]))
-    contact, body, _ = estimate("steel medium", mean=replace(mean, summary=coarse))
+    coarse = replace(mean, largest_step=np.array([5.0, 5.0]))
+    contact, body, _ = estimate("steel medium", mean=coarse)
     fine, _, _ = estimate("steel medium")
     assert contact.contact_time.standard > fine.contact_time.standard
     # Two crossings at pi A / tau, and a level at half a wrong peak.

@@ -125,16 +125,15 @@ def test_a_sample_that_moves_only_after_the_impact_has_no_zero_shift():
     assert (hit.accepted, hit.findings) == (True, ())
 
 
-def test_a_pulse_without_a_baseline_is_truncated():
-    record = make_record(*make_traces(start=2.0), rate=RATE, pulse_index=3)
-    assert find_reasons(judge_hit(record, SETTINGS)) == {Reason.TRUNCATED}
-
-
-def test_a_pulse_cut_off_at_its_top_is_truncated():
-    traces = (trace[:740] for trace in make_traces())
-    hit = judge_hit(make_record(*traces, rate=RATE, pulse_index=500), SETTINGS)
+@pytest.mark.parametrize(
+    ("start", "stop", "told"),
+    [(2.0, COUNT, "too late for a baseline"), (500.0, 740, "half its peak on both sides")],
+)
+def test_a_pulse_without_a_baseline_or_without_its_end_is_truncated(start, stop, told):
+    traces = (trace[:stop] for trace in make_traces(start))
+    hit = judge_hit(make_record(*traces, rate=RATE, pulse_index=int(start) + 1), SETTINGS)
     assert find_reasons(hit) == {Reason.TRUNCATED}
-    assert "must fall to half its peak on both sides" in hit.rejections[0].explanation
+    assert told in hit.rejections[0].explanation
 
 
 def test_a_gap_does_not_hide_the_other_reasons():

@@ -14,16 +14,16 @@ from impact_rig.core.hits import (
     overrule_hit,
 )
 from impact_rig.core.records import HitLabel
-from impact_rig.core.verdict import Reason, Rejection
+from impact_rig.core.verdict import Finding, Reason
 
 FIRST = HitLabel("steel small", 17, 3, 1)
 SECOND = HitLabel("steel small", 18, 3, 2)
 OTHER = HitLabel("brass", 3, 1, 1)
 LABELS = (FIRST, SECOND, OTHER)
-WEAK = Rejection(Reason.WEAK, "too weak")
+WEAK = Finding(Reason.WEAK, "too weak")
 
 
-def make_hit(label: HitLabel, *rejections: Rejection, pulse: bool = True) -> JudgedHit:
+def make_hit(label: HitLabel, *rejections: Finding, pulse: bool = True) -> JudgedHit:
     filtered: Any = object.__new__(FilteredHit) if pulse else None
     return JudgedHit(label, rejections, filtered=filtered)
 
@@ -75,3 +75,15 @@ def test_a_hit_accepted_by_hand_remembers_what_was_against_it():
     assert describe_overruled(hit, "hit 17") == (
         "hit 17 accepted by hand, although weak: too weak"
     )
+
+
+@pytest.mark.parametrize(
+    ("hit", "told"),
+    [
+        (make_hit(FIRST, WEAK, pulse=False), r"no pulse that could be measured \(weak: too weak"),
+        (make_hit(FIRST, Finding(Reason.POLARITY, "")), "a mean of both signs is of neither"),
+    ],
+)
+def test_what_no_mean_can_hold_cannot_be_accepted_by_hand(hit, told):
+    with pytest.raises(ParameterError, match=rf"hit 17 .* cannot be accepted by hand: .*{told}"):
+        overrule_hit(hit, Overrules(accepted=frozenset({FIRST})))

@@ -14,7 +14,6 @@ from impact_rig.core.pulses import (
     PULSE_SHAPES,
     VERSED_SINE,
     compute_pulse,
-    differentiate_pulse,
 )
 
 every_shape = pytest.mark.parametrize("shape", PULSE_SHAPES, ids=lambda shape: shape.name)
@@ -78,32 +77,3 @@ def test_an_impossible_pulse_is_refused():
         compute_pulse(np.zeros(3), -1.0)
     with pytest.raises(ParameterError, match=r"asymmetry is 1.0: it must lie between -0.9 and"):
         compute_pulse(np.zeros(3), 1.0, asymmetry=1.0)
-
-
-@every_shape
-@given(duration=st.floats(0.5, 2.0), asymmetry=st.floats(-0.5, 0.5))
-def test_derivatives_are_those_of_the_pulse(shape, duration, asymmetry):
-    # Points inside, so that no foot and no peak, where the slope may jump, is stepped over.
-    rise = duration * (1 + asymmetry) / 2
-    time = np.concatenate(
-        (
-            rise * np.linspace(0.02, 0.98, 25),
-            rise + (duration - rise) * np.linspace(0.02, 0.98, 25),
-        )
-    )
-    step = 1e-6
-    pulse, derivatives = differentiate_pulse(time, duration, shape, asymmetry)
-    np.testing.assert_array_equal(pulse, compute_pulse(time, duration, shape, asymmetry))
-    numeric = [
-        compute_pulse(time - step, duration, shape, asymmetry)
-        - compute_pulse(time + step, duration, shape, asymmetry),
-        compute_pulse(time, duration + step, shape, asymmetry)
-        - compute_pulse(time, duration - step, shape, asymmetry),
-        compute_pulse(time, duration, shape, asymmetry + step)
-        - compute_pulse(time, duration, shape, asymmetry - step),
-    ]
-    # Central differences: curvature times step squared, and rounding over the step.
-    np.testing.assert_allclose(derivatives, np.array(numeric) / (2 * step), atol=1e-6)
-    outside, slopes = differentiate_pulse(np.array([-0.1, duration + 0.1]), duration, shape)
-    assert not outside.any()
-    assert not slopes.any()

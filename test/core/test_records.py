@@ -1,10 +1,19 @@
-"""Blocks, traces and records: copied, read-only, and checked."""
+"""Blocks and where their numbers come from: copied, read-only, and checked."""
 
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import RigError, SignalError
-from impact_rig.core.records import Block, ChannelBlock, HitLabel, Trace
+from impact_rig.core.errors import ParameterError, RigError, SignalError
+from impact_rig.core.records import (
+    IMPORTED,
+    MEASURED,
+    SIMULATED,
+    Block,
+    ChannelBlock,
+    HitLabel,
+    Origin,
+    join_origins,
+)
 
 LABEL = HitLabel("steel", record=7)
 
@@ -16,7 +25,8 @@ def make_channel(count: int = 4, **changes: float) -> ChannelBlock:
 
 def test_what_blocks_and_traces_hold_is_their_own():
     counts = np.arange(4, dtype=np.int32)
-    held = (ChannelBlock(counts, 0.5, 0.0, 2000.0).output, Trace(counts).acceleration)
+    channel = ChannelBlock(counts, 0.5, 0.0, 2000.0)
+    held = (channel.output, channel.acceleration)
     counts[0] = 99
     for array, kind in zip(held, (np.int32, np.float64), strict=True):
         assert (array.dtype, array[0]) == (kind, 0)
@@ -61,4 +71,28 @@ def test_what_is_read_only_already_is_not_copied():
     for array in (counts, values):
         array.setflags(write=False)
     assert ChannelBlock(counts, 0.5, 0.0, 2000.0).output is counts
-    assert Trace(values).acceleration is values
+    assert ChannelBlock(values, 0.5, 0.0, 0.0).output is values
+
+
+REAL, VIRTUAL = Origin(MEASURED, "digitizer 7"), Origin(SIMULATED, "virtual rig")
+
+
+def test_hits_of_one_kind_are_told_by_their_sources():
+    files = [Origin(IMPORTED, "csv file", f"hit_{number}.csv", "'a'") for number in (1, 2)]
+    assert join_origins(files) == Origin(IMPORTED, "csv file")
+    other = Origin(MEASURED, "digitizer 8")
+    assert join_origins([REAL, REAL, other]) == Origin(MEASURED, "digitizer 7; digitizer 8")
+
+
+def test_one_simulated_hit_among_measured_ones_is_not_lost():
+    found = join_origins([REAL] * 9 + [VIRTUAL])
+    assert str(found) == "mixed (measured (digitizer 7), simulated (virtual rig))"
+
+
+def test_an_unheard_of_kind_is_refused():
+    with pytest.raises(ParameterError, match=r"'guessed': it must be one of measured, simulated"):
+        Origin("guessed")
+
+
+def test_words_of_a_source_do_not_steer_a_terminal():
+    assert Origin(MEASURED, "scope\x1b[2J\n").source == "scope?[2J?"

@@ -7,10 +7,12 @@ import pytest
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.quantity import drop_internals
+from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
 from impact_rig.core.verdict import Reason
 
 from .blocks import SETUP, strike
+from .struck import Impact
 
 
 def test_a_rejected_hit_changes_no_estimate():
@@ -48,7 +50,7 @@ def test_a_sample_without_an_accepted_hit_says_so():
     (estimate,) = session.estimate_all().samples
     assert not estimate.contact_time.is_known
     assert (estimate.impacts_accepted, estimate.impacts_rejected) == (0, 2)
-    assert estimate.notes == ("heavy: not determined, none of 2 hits was accepted",)
+    assert estimate.notes == ("heavy: not determined: 0 of 2 hits accepted",)
 
 
 def test_results_come_in_the_order_of_the_set_and_rejections_in_that_of_arrival():
@@ -130,3 +132,24 @@ def test_a_stated_stiffness_of_the_hammer_takes_the_control_samples_place():
     strike(session, "heavy", 2)
     expected = measured.estimate_sample("heavy").stiffness.value
     assert session.estimate_sample("heavy").stiffness.value == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("signs", "named"),
+    [((-1, 1), "hammer and sample"), ((-1, -1), "hammer"), ((1, 1), "sample")],
+)
+def test_a_hit_of_the_other_sign_is_named_and_in_no_mean(signs, named):
+    sound, mixed = Session(SETUP), Session(SETUP)
+    hits = []
+    for record in range(1, 7):
+        impact, label = Impact(seed=record, resonance=300e3), HitLabel("alike", record, record)
+        hits += mixed.feed(
+            replace(impact, signs=(1, -1) if record % 2 else signs).make_block(label)
+        )
+        if record % 2:
+            sound.feed(impact.make_block(label))
+    assert [hit.accepted for hit in hits] == [True, False] * 3
+    (told,) = hits[1].rejections
+    assert str(told) == f"polarity: {named} of the other sign than in the hits before"
+    ours, theirs = (session.estimate_sample("alike") for session in (mixed, sound))
+    assert ours.contact_time.value == theirs.contact_time.value

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from impact_rig.core.filtering import low_pass
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.pulses import PULSE_SHAPES, VERSED_SINE, PulseShape, compute_pulse
-from impact_rig.core.records import Record, Trace
+from impact_rig.core.records import ChannelBlock, Record
 from impact_rig.core.setup import AnalysisSettings
 from impact_rig.core.verdict import (
+    Finding,
     Reason,
-    Rejection,
     SecondPulse,
     check_channels,
     check_pulse,
@@ -44,20 +44,19 @@ def make_trace(
     return trace
 
 
-def find_reasons(rejections: tuple[Rejection, ...]) -> list[Reason]:
+def find_reasons(rejections: list[Finding]) -> list[Reason]:
     return [item.reason for item in rejections]
 
 
-def judge_pulse(record: Record) -> tuple[Rejection, ...]:
+def judge_pulse(record: Record) -> list[Finding]:
     trace = record.hammer.acceleration
-    return check_pulse(trace, measure_pulse(trace), 0.0, record.sampling_rate, SETTINGS)[0]
+    return check_pulse(trace, measure_pulse(trace), 0.0, record.sampling_rate, SETTINGS)
 
 
-def judge_strength(record: Record) -> tuple[Rejection, ...]:
-    channels = [record.hammer] if record.specimen is None else [record.hammer, record.specimen]
+def judge_strength(record: Record) -> list[Finding]:
     return check_strength(
         record,
-        [float(np.abs(channel.acceleration).max()) for channel in channels],
+        [float(np.abs(channel.acceleration).max()) for channel in record.channels],
         SETTINGS,
         overloaded=Reason.OVERLOAD in find_reasons(check_channels(record, SETTINGS)),
     )
@@ -108,7 +107,7 @@ class TestChannels:
     def test_one_point_at_the_rail_may_be_chance_and_two_are_not(self):
         hammer = make_trace(1960.0, noise=0.0)
         hammer[300] = 2000.0
-        assert check_channels(make_record(hammer), SETTINGS) == ()
+        assert check_channels(make_record(hammer), SETTINGS) == []
         hammer[301] = 2000.0
         assert find_reasons(check_channels(make_record(hammer), SETTINGS)) == [Reason.OVERLOAD]
 
@@ -153,7 +152,11 @@ class TestChannels:
         points = np.clip((np.arange(400) - 200 - phase) / width, 0, 1)
         hammer = 900.0 * np.sin(np.pi * points) ** 2
         hammer += noise * np.random.default_rng(1).standard_normal(400)
-        assert check_channels(make_record(hammer), SETTINGS) == ()
+        assert check_channels(make_record(hammer), SETTINGS) == []
+
+
+def make_channel(values: np.ndarray) -> ChannelBlock:
+    return ChannelBlock(values, 1.0, 0.0, 0.0)
 
 
 class TestRail:
@@ -163,8 +166,9 @@ class TestRail:
     def test_is_not_seen_in_a_rounded_top(self, peak):
         step = 2000.0 / 2048
         counts = np.rint(make_trace(peak) / step)
-        assert find_longest_rail_run(Trace(counts * step, 2000.0, step), 200) == 0
-        assert find_longest_rail_run(Trace(counts * step), 200) == 0
+        counted = ChannelBlock(counts.astype(np.int32), step, 0.0, 2000.0)
+        assert find_longest_rail_run(counted, 200) == 0
+        assert find_longest_rail_run(make_channel(counts * step), 200) == 0
 
     @pytest.mark.parametrize("part", [0.6, 0.97])
     @pytest.mark.parametrize("step", [0.0, 4.0])
@@ -173,7 +177,7 @@ class TestRail:
         if step:
             clipped = np.rint(clipped / step) * step
         run = np.count_nonzero(clipped == clipped.max())
-        assert find_longest_rail_run(Trace(clipped), 200) == pytest.approx(run, abs=2)
+        assert find_longest_rail_run(make_channel(clipped), 200) == pytest.approx(run, abs=2)
         assert run > 15
 
     @pytest.mark.parametrize("volts", [0.2, 1.05])
@@ -194,7 +198,7 @@ class TestRail:
                 if levels:
                     trace = np.rint(trace / volts * levels) * volts / levels
                 written = np.array([float(f"{value:.2e}") for value in trace])
-                run = find_longest_rail_run(Trace(written), 200)
+                run = find_longest_rail_run(make_channel(written), 200)
                 assert (run >= SETTINGS.overload_run) is (part < 1.0)
 
 
@@ -209,14 +213,14 @@ class TestTop:
 
     @pytest.mark.parametrize("impact", LAWS, ids=str)
     def test_of_every_law_is_round(self, impact):
-        assert check_tops(impact.measure()) == ()
+        assert check_tops(impact.measure()) == []
 
     @pytest.mark.parametrize("resonance", [40e3, 55e3, 70e3, 100e3])
     def test_of_a_sensor_that_rings_is_none(self, resonance):
         for seed in range(20):
             impact = Impact(duration=(100 + 10 * seed) * 1e-6, resonance=resonance, seed=seed)
             filtered = [low_pass(trace, 50e3, 2.5e6) for trace in impact.measure()]
-            assert check_tops(np.stack(filtered)) == ()
+            assert check_tops(np.stack(filtered)) == []
 
     @pytest.mark.parametrize("impact", LAWS, ids=str)
     @pytest.mark.parametrize("part", [0.85, 0.8])
@@ -240,7 +244,7 @@ class TestStrength:
         assert find_reasons(found) == ([] if is_good else [reason])
 
     def test_a_small_answer_of_the_sample_is_not_weak_but_a_large_one_is_strong(self):
-        assert judge_strength(make_record(make_trace(900.0), make_trace(100.0))) == ()
+        assert judge_strength(make_record(make_trace(900.0), make_trace(100.0))) == []
         (found,) = judge_strength(make_record(make_trace(900.0), make_trace(-1950.0, noise=0.0)))
         assert str(found) == "strong: sample peak 1950 m/s^2 is above 1900 m/s^2"
 
@@ -250,7 +254,7 @@ class TestPulse:
 
     def test_one_that_ends_with_the_record_is_truncated(self):
         # 200 points wide, half amplitude at 50 and 150: 100 points must follow the fall.
-        assert judge_pulse(make_record(make_trace(900.0, start=1748, noise=0.0))) == ()
+        assert judge_pulse(make_record(make_trace(900.0, start=1748, noise=0.0))) == []
         (found,) = judge_pulse(make_record(make_trace(900.0, start=1752, noise=0.0)))
         assert str(found) == "truncated: the record ends too soon after the pulse"
 

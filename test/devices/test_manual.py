@@ -44,7 +44,7 @@ def test_a_key_that_cannot_be_meant_is_named_with_its_line(text, word):
 
 
 class TestHoldersWithoutADevice(DriverContract):
-    group, table = HOLDERS, "holder"
+    group = HOLDERS
 
     @pytest.fixture(params=[ManualHolder, VirtualHolder])
     def bench(self, request):

@@ -3,20 +3,17 @@
 import re
 import time
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import count
 
 import numpy as np
 import pytest
-from fakes.scpi_digitizer import LineServer, RedPitaya, ScpiDigitizer
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from fakes.scpi_digitizer import LineServer, ScpiDigitizer
 
 pytest.importorskip("pyvisa_py", reason="the extra `scpi` is not installed")
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
-from impact_rig.core.detection import to_acceleration
 from impact_rig.core.errors import DeviceError, ParameterError
 from impact_rig.core.records import HitLabel
 from impact_rig.core.sensors import Sensor
@@ -176,7 +173,7 @@ def test_a_sensor_that_looks_the_other_way_triggers_on_the_falling_voltage(rig):
     source.arm()
     assert rig.digitizer.feed(hit)
     block = read_record(source)
-    assert to_acceleration(block.hammer, block.hammer.output).max() > 49.0
+    assert block.hammer.acceleration.max() > 49.0
 
 
 def test_the_wide_range_has_larger_counts(rig):
@@ -184,7 +181,7 @@ def test_the_wide_range_has_larger_counts(rig):
     source.configure(rig.make_plan('[source.hammer]\nrange = "20 V"'))
     hit, block = take_record(rig, source)
     assert block.hammer.scale == pytest.approx(20 * block.specimen.scale * -0.5)
-    found, struck = (to_acceleration(item.hammer, item.hammer.output) for item in (block, hit))
+    found, struck = (item.hammer.acceleration for item in (block, hit))
     assert found.max() == pytest.approx(struck.max(), abs=block.hammer.scale)
 
 
@@ -221,14 +218,14 @@ def test_an_address_is_a_host_with_a_port():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"sampling_rate": 2.4e6}, "2400000 Hz: the nearest that the board can is 2403846.15 Hz"),
+        ({"sampling_rate": 2.4e6}, "2400000 Hz: the nearest rate of the board is 2403846.15 Hz"),
         ({"sampling_rate": 3e8, "record_duration": 1e-5, "pre_trigger": 0.0},
          "300000000 Hz: the nearest .* is 125000000 Hz$"),
         ({"record_duration": 7e-3}, "17500 points is too long for the board, which holds 16384"),
         ({"trigger_level": 2000.0}, "trigger_level is 2000 m/s.2, which is 1 V at the input"),
         ({"numbers": {"hammer": "3"}}, "channel of .source.hammer. is 3: it must be one of 1, 2"),
         ({"numbers": {"hammer": "2", "specimen": "2"}}, "hammer and sample are both on channel 2"),
-        ({"continuous": True}, "records of single hits: set mode to triggered"),
+        ({"continuous": True}, "records single hits only: set mode to triggered"),
         ({"text": '[source.hammer]\nrange = "2 V"'}, 'line 3: range .* "1 V" or "20 V"'),
     ],
 )  # fmt: skip
@@ -272,12 +269,6 @@ def test_an_address_that_no_instrument_has_is_named(rig):
         rig.make_source("a" * 70, TIMEOUT).configure(rig.make_plan())
 
 
-def test_an_instrument_without_its_server_is_named(rig):
-    rig.digitizer.unplug()
-    with refusal("refuses connections: start its SCPI server"):
-        rig.make_source().configure(rig.make_plan())
-
-
 @contextmanager
 def serve(answer):
     """Serve an instrument that answers as a function says: with bytes, and whether it goes on."""
@@ -287,15 +278,6 @@ def serve(answer):
         yield server.address
     finally:
         server.close()
-
-
-def test_an_instrument_that_does_not_obey_is_named(rig):
-    def answer(line: str) -> tuple[bytes, bool]:
-        return {"*IDN?": b"RedPitaya 9\r\n", "ACQ:DEC:FACTOR?": b"64\r\n"}.get(line, b""), True
-
-    words = "answers '64' to ACQ:DEC:FACTOR., where 50 was set"
-    with serve(answer) as address, refusal(words):
-        rig.make_source(address, TIMEOUT).configure(rig.make_plan())
 
 
 def test_settings_that_another_program_has_changed_are_noticed_at_the_next_arming(rig):
@@ -340,61 +322,6 @@ def test_a_wrong_answer_to_any_question_is_named_and_the_next_try_works(rig, que
     again = rig.make_source()
     again.configure(rig.make_plan())
     assert take_record(rig, again)[1].hammer.output.size == 5000
-
-
-EXAMPLES = settings(max_examples=50, deadline=None)
-FUZZ_TIMEOUT = 0.05
-POINTS = 64
-PLAN = AcquisitionPlan(
-    sampling_rate=125e6,
-    record_duration=POINTS / 125e6,
-    pre_trigger=16 / 125e6,
-    trigger_level=100.0,
-    hammer=SourceChannel("1", Sensor("hammer", sensitivity=1e-3)),
-    specimen=SourceChannel("2", Sensor("specimen", sensitivity=1e-3)),
-)
-PULSE = np.stack([np.r_[np.zeros(100), np.full(100, 0.5), np.zeros(100)]] * 2)
-
-
-@EXAMPLES
-@given(
-    place=st.integers(0, 14),
-    begin=st.integers(0, 300),
-    length=st.integers(0, 300),
-    patch=st.binary(max_size=12),
-    goes_on=st.booleans(),
-)
-def test_a_spoilt_answer_gives_an_error_in_words_or_a_whole_record(
-    place, begin, length, patch, goes_on
-):
-    board = RedPitaya()
-    count = 0
-
-    def answer(line: str) -> tuple[bytes, bool]:
-        nonlocal count
-        found = board.answer(line)
-        if line.startswith("ACQ:TRIG CH"):
-            board.strike(PULSE, 125e6)
-        if found is None:
-            return b"", True
-        found += b"\r\n"
-        count += 1
-        if count != place + 1:
-            return found, True
-        first = min(begin, len(found))
-        return found[:first] + patch + found[first + length :], goes_on
-
-    with serve(answer) as address:
-        source = ScpiSource(TomlTable({"address": address}, "[source]"))
-        source.timeout = FUZZ_TIMEOUT
-        with closing(source), suppress(DeviceError):
-            source.configure(PLAN)
-            source.arm()
-            block = source.read(1.0)
-            if count <= place and block is not None:
-                # Nothing was spoilt: every point is that of the pulse.
-                assert block.hammer.output.tolist() == [0] * 16 + [4096] * 48
-            assert block is None or (block.last and block.hammer.output.size == POINTS)
 
 
 class TestScpiSource(AccelerationSourceContract):

@@ -7,16 +7,12 @@ from fakes.relay_board import RelayBoard
 
 from impact_rig.configuration.toml_table import parse_toml_table
 from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.devices.serial_relay import SerialRelay, make_frame
+from impact_rig.devices.serial_relay import SerialRelay
 from impact_rig.testing import HammerHolderContract, HolderBench
 
 
 def make_relay(keys):
     return SerialRelay(parse_toml_table("[holder]\n" + keys).take_table("holder"))
-
-
-def test_a_frame_is_that_of_the_boards_manual():
-    assert make_frame(2, 1).hex() == "a00201a3"
 
 
 def test_a_file_that_is_no_serial_port_is_named(tmp_path):

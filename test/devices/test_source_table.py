@@ -42,8 +42,8 @@ def test_rate_and_channels_are_as_written_and_the_rest_follows_from_the_analysis
     assert (plan.points, plan.pre_trigger_points) == (4200, 600)
     assert (plan.hammer.name, plan.specimen.name) == ("1", "ai1")
     assert plan.hammer.compute_scale() == pytest.approx(100 * G)
-    assert plan.hammer.compute_full_scale(1.0) == pytest.approx(100 * G)
-    assert plan.hammer.compute_full_scale(20.0) == pytest.approx(500 * G)
+    assert plan.hammer.make_scale(1.0, 1.0, 1.0).full_scale == pytest.approx(100 * G)
+    assert plan.hammer.make_scale(1.0, 20.0, 1.0).full_scale == pytest.approx(500 * G)
 
 
 def test_what_is_written_goes_first():
@@ -63,7 +63,7 @@ def test_a_force_is_that_on_the_hammers_mass():
     plan = plan_rig(text, mass=0.25)
     assert plan.trigger_level == pytest.approx(80.0)
     assert plan.hammer.compute_scale() == pytest.approx(500 / 0.25)
-    assert plan.hammer.compute_full_scale(1e9) == pytest.approx(8000.0)
+    assert plan.hammer.make_scale(1.0, 1e9, 1.0).full_scale == pytest.approx(8000.0)
 
 
 def test_keys_of_a_channel_that_no_sheet_has_are_the_drivers():

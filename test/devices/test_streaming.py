@@ -5,12 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.sensors import Sensor
-from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
-from impact_rig.devices.streaming import CountScale, StreamCapture, StreamedSource
+from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, SourceChannel
+from impact_rig.devices.streaming import StreamCapture, StreamedSource
 
 RATE, STAMP = 1000.0, 1_700_000_000_000_000_000
 LEVEL, BEFORE, POINTS = 5, 4, 12
-SCALES = (CountScale(2.0, 200.0, 100), CountScale(-1.0, 200.0, 100))
+SCALES = (ChannelScale(2.0, 200.0, 100), ChannelScale(-1.0, 200.0, 100))
 
 
 def make_plan(*, continuous: bool = False) -> AcquisitionPlan:

@@ -19,7 +19,6 @@ import numpy as np
 from nidaqmx.errors import DaqError, DaqReadError
 from numpy.typing import NDArray
 
-from impact_rig.core.detection import to_acceleration
 from impact_rig.devices.virtual.rig import VirtualHit
 
 Volts = NDArray[np.float64]
@@ -150,7 +149,7 @@ class FakeDriver:
     def feed(self, hit: VirtualHit) -> None:
         """Strike: running tasks see the sensors' voltages from now on."""
         volts = {
-            physical: to_acceleration(block, block.output) * sensitivity
+            physical: block.acceleration * sensitivity
             for physical, block, sensitivity in zip(
                 INPUTS, (hit.hammer, hit.specimen), self.sensitivities, strict=True
             )

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.detection import to_acceleration
 from impact_rig.core.records import ChannelBlock, FloatArray
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import VirtualHit
@@ -118,7 +117,6 @@ class RedPitaya:
             return self._read(int(header.removeprefix("ACQ:SOUR")[0]) - 1, start, count)
         actions: dict[str, Callable[[], str | None]] = {
             "*IDN?": lambda: self.identity,
-            "*OPC?": lambda: "1",
             "ACQ:RST": self.reset,
             "ACQ:START": self._start,
             "ACQ:STOP": self._stop,
@@ -305,4 +303,4 @@ def _compute_acceleration(channel: ChannelBlock, size: int) -> FloatArray:
     """Return what a channel of a hit means [m/s^2], zero where it is not measured."""
     if not channel.output.size:
         return np.zeros(size)
-    return to_acceleration(channel, channel.output)
+    return channel.acceleration

@@ -1,6 +1,6 @@
-"""A stand-in for a sound card: a PulseAudio server of its own, which records what it is told.
+"""A stand-in for a sound card: a separate PulseAudio server that records what it plays.
 
-Whoever starts with its environment finds the card in PortAudio, bit by bit as it was played.
+A process with its environment finds the card in PortAudio, bit by bit as it was played.
 """
 
 import contextlib
@@ -97,7 +97,7 @@ class FakeSoundCard:
         self._player.join()
 
     def feed(self, counts: CountArray) -> None:
-        """Let the card hear something next: counts of 32 bits, shape (n, 2)."""
+        """Set what the card records next: counts of 32 bits, shape (n, 2)."""
         with self._lock:
             self._waiting.append(np.ascontiguousarray(counts, dtype="<i4"))
 

@@ -1,22 +1,20 @@
-"""Rigs whose nodes and devices are processes, each in a ROS domain of its own."""
+"""Rigs whose nodes and devices are processes, each in its own ROS domain."""
 
 import contextlib
-import os
 
 import pytest
+from terminal import make_colourful
 
 from impact_rig.nodes.discovery import reserve_domain
 
 
 @pytest.fixture(scope="module")
 def make_environment():
-    """Return a function that makes the environment of processes that meet nobody else."""
+    """Return a function that makes the environment of processes of one test."""
     with contextlib.ExitStack() as domains:
         yield lambda: {
-            **os.environ,
+            **make_colourful(),
             "ROS_DOMAIN_ID": str(domains.enter_context(reserve_domain())),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "PYTHONUNBUFFERED": "1",
-            # Whatever width of a terminal stands in the environment: lines are looked for whole.
-            "COLUMNS": "1000",
         }

@@ -2,20 +2,21 @@
 
 import json
 import math
+import sys
 from collections import Counter
 from contextlib import closing
 
 from fakes.rig_bench import RigBench
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from terminal import Terminal
 
 from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 
-from .processes import COMMAND_LINE, TalkingProcess
-
+RIG = (sys.executable, "-m", "impact_rig.cli.main")
 SAMPLES = ("steel small", "aluminium large")
 IMPACTS = 8
 """Enough for both devices: one to three hits lie between one unplugged and the next."""
@@ -39,27 +40,26 @@ def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virt
     environment = make_environment()
     with (
         closing(RigBench(tmp_path / "bench.toml", SEED)) as bench,
-        TalkingProcess(
-            COMMAND_LINE, "up", "--output", tmp_path, "--no-visualizer", "--stop-with-input",
+        Terminal([
+            *RIG, "up", "--output", tmp_path, "--no-visualizer",
             "--set", "hammer.swing_time=0.02", "--set", "hammer.reconnect_period=0.1",
             "--set", "accelerometer.reconnect_period=0.1",
             # A busy machine may take seconds to compute the first hit.
             "--set", "accelerometer.trigger_timeout=20.0",
             "--set", "campaign.verdict_timeout=30.0",
-            "--rig-file", tmp_path / "bench.toml", environment=environment,
-        ) as rig,
-        TalkingProcess(
-            COMMAND_LINE, "campaign", "--output", tmp_path,
-            *(word for name in SAMPLES for word in ("--sample", name)),
-            "--impacts", IMPACTS, environment=environment,
-        ) as campaign,
+            "--rig-file", tmp_path / "bench.toml",
+        ], environment) as rig,
+        Terminal([
+            *RIG, "campaign", "--output", tmp_path,
+            *(word for name in SAMPLES for word in ("--sample", name)), "--impacts", IMPACTS,
+        ], environment) as campaign,
     ):  # fmt: skip
         bench.to_unplug = [getattr(bench, name) for name in REASONS]
         mount(campaign, bench, SAMPLES[0], 0)
         unplug_each(campaign, bench, environment)
         mount(campaign, bench, SAMPLES[1], 0)
-        assert campaign.wait() == 0, campaign.output + rig.output
-        rig.stop()
+        assert campaign.wait() == 0, campaign.text + rig.text
+        rig.interrupt()
         strikes = bench.triggered
     results = json.loads((tmp_path / "results.json").read_text("utf-8"))
     check_hits(results["hits"], strikes)
@@ -70,7 +70,7 @@ def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virt
 def mount(campaign, bench, sample, start):
     campaign.wait_for(f"Mount {sample} and press Enter", start)
     bench.sample = sample
-    campaign.tell("")
+    campaign.write("\n")
 
 
 def unplug_each(campaign, bench, environment):
@@ -80,7 +80,7 @@ def unplug_each(campaign, bench, environment):
         told = campaign.wait_for(reason, told)
         getattr(bench, name).plug()
         for _ in range(TRIES):
-            with TalkingProcess(COMMAND_LINE, "hammer", "arm", environment=environment) as person:
+            with Terminal([*RIG, "hammer", "arm"], environment) as person:
                 if person.wait() == 0:
                     break
         told = campaign.wait_for("the campaign goes on", told)

@@ -1,6 +1,5 @@
 """`impact-rig` brings its Python along, wherever and in whatever environment it is called."""
 
-import contextlib
 import os
 import shutil
 import subprocess
@@ -9,17 +8,16 @@ from pathlib import Path
 
 import pytest
 import workspace
+from terminal import Terminal
 
 from impact_rig import __version__
 from impact_rig.nodes.discovery import reserve_domain
-
-from ..cli.pseudo_terminal import open_terminal
 
 PATIENCE = 60.0
 """How long a command may take before the test fails [s]."""
 PROMPT = "a prompt of one's own> "
 VERSION = (0, f"impact-rig, version {__version__}\n", "")
-FOREIGN_PYTHON = "this Python has none of the rig's packages"
+FOREIGN_PYTHON = "this Python lacks the rig's packages"
 
 
 @pytest.fixture(scope="module")
@@ -105,20 +103,18 @@ def test_a_copy_that_lies_in_no_installation_says_so(tmp_path):
 )
 def test_in_the_rig_s_shell_the_rig_s_commands_come_first(here, home):
     rig = here.root / "launch_scripts" / "rig.py"
-    with contextlib.ExitStack() as stack:
+    with reserve_domain() as domain:
         variables = {
             "SHELL": shutil.which("bash"),
             "HOME": str(home),
-            "ROS_DOMAIN_ID": str(stack.enter_context(reserve_domain())),
+            "ROS_DOMAIN_ID": str(domain),
         }
-        terminal = stack.enter_context(
-            open_terminal([sys.executable, str(rig), "shell"], 200, **variables)
-        )
-        terminal.read_until(lambda text: PROMPT in text)
-        terminal.write("cd; impact-rig --version\n")
-        terminal.write("python3 -c 'import rclpy, impact_rig_msgs.msg'\n")
-        terminal.write("echo python3 ended with $?; exit\n")
-        terminal.finish()
+        with Terminal([sys.executable, rig, "shell"], {**os.environ, **variables}) as terminal:
+            terminal.wait_for(PROMPT)
+            terminal.write("cd; impact-rig --version\n")
+            terminal.write("python3 -c 'import rclpy, impact_rig_msgs.msg'\n")
+            terminal.write("echo python3 ended with $?; exit\n")
+            terminal.wait()
     assert FOREIGN_PYTHON not in terminal.text
     assert "Traceback" not in terminal.text
     assert VERSION[1] in terminal.text

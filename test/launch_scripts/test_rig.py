@@ -2,7 +2,6 @@
 
 import ast
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,18 +10,6 @@ import pytest
 import rig
 
 SCRIPT = Path(rig.__file__)
-
-
-def find_old_python():
-    """Return a Python older than rig.py wants, if this machine has one that starts."""
-    for name in (f"python3.{minor}" for minor in range(6, 11)):
-        path = shutil.which(name)
-        if (
-            path
-            and not subprocess.run([path, "-c", ""], capture_output=True, check=False).returncode
-        ):
-            return path
-    return None
 
 
 def write_command(folder, name, script):
@@ -40,24 +27,7 @@ def test_a_python_that_will_not_do_is_named_with_those_that_will(version):
     reason = rig.check_python(version)
     assert "Python 3.11 to 3.13" in reason
     assert f"this is Python {version[0]}.{version[1]}" in reason
-
-
-@pytest.mark.parametrize("version", [(3, 11), (3, 12), (3, 13)])
-def test_the_supported_pythons_will_do(version):
-    assert rig.check_python(version) == ""
-
-
-def test_a_real_old_python_gets_one_sentence(environment):
-    python = find_old_python()
-    if python is None:
-        pytest.skip("no Python older than 3.11 is installed")
-    done = subprocess.run(
-        [python, SCRIPT, "demo"], capture_output=True, text=True, env=environment, check=False
-    )
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith("error: rig.py runs on Python 3.11")
-    assert len(done.stderr.splitlines()) == 1
+    assert not any(map(rig.check_python, [(3, 11), (3, 12), (3, 13)]))
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["-h"], ["help"]])

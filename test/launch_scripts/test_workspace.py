@@ -1,9 +1,13 @@
-"""What has changed is noticed, and nothing else is built again."""
+"""What has changed is noticed and made again; an interrupted set-up goes on."""
 
+import fcntl
 import os
 import shutil
+import signal
+import venv
 
 import pytest
+import workspace_setup
 from workspace import SetupError, Workspace, find_stale, find_workspace, make_environment
 
 ALL = ["python", "packages", "messages", "nodes"]
@@ -72,8 +76,12 @@ def test_a_workspace_that_was_moved_or_gets_another_ros_is_set_up_again(fresh, t
 
 
 def test_the_environment_may_be_entered_twice(copy):
-    once = make_environment(copy, {"PATH": "/usr/bin", "LD_LIBRARY_PATH": "/usr/lib"})
+    without_bytecode = {"PYTHONDONTWRITEBYTECODE": "1"}
+    once = make_environment(
+        copy, {"PATH": "/usr/bin", "LD_LIBRARY_PATH": "/usr/lib", **without_bytecode}
+    )
     assert make_environment(copy, once) == once
+    assert not without_bytecode.keys() & once.keys()
     assert once["PATH"].split(os.pathsep) == [
         str(copy.root / "install/impact_rig/bin"),
         str(copy.root / ".venv/bin"),
@@ -99,3 +107,69 @@ def test_another_ros_distribution_is_refused_by_its_name(monkeypatch):
 def test_a_sourced_jazzy_is_used(monkeypatch):
     monkeypatch.setenv("ROS_DISTRO", "jazzy")
     assert find_workspace().is_ros_installed
+
+
+STARTED = "setting up "
+
+
+def test_a_missing_compiler_is_said_before_anything_is_made(copy, run_rig, tmp_path_factory):
+    empty = tmp_path_factory.mktemp("bin")
+    done = run_rig("exec", "true", PATH=str(empty), CC="", CXX="")
+    assert done.code == 1
+    assert "no C++ compiler is on PATH" in done.errors
+    assert "build-essential" in done.errors
+    assert len(done.errors.splitlines()) == 1
+    assert not copy.venv.exists()
+
+
+def test_a_colcon_on_path_counts_only_if_the_environment_s_python_has_it(
+    copy, tmp_path, monkeypatch
+):
+    command = tmp_path / "colcon"
+    command.write_text("#!/bin/sh\n")
+    command.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    venv.create(copy.venv)
+    assert not workspace_setup.has_colcon(copy)
+    (copy.site_packages / "colcon_core").mkdir()
+    assert workspace_setup.has_colcon(copy)
+
+
+def test_a_step_that_fails_is_named_with_its_log_and_begins_the_next_call(fresh, run_rig):
+    venv.create(fresh.venv)
+    fresh.steps["messages"].stamp.unlink()
+    done = run_rig("exec", "true")
+    assert done.code == 1
+    # There is no colcon.
+    assert "error: messages (impact_rig_msgs): failed" in done.errors
+    assert str(fresh.root / "log" / "setup.log") in done.errors
+    assert find_stale(fresh) == ["messages"]
+
+
+def test_an_interruption_ends_it_without_a_traceback(copy, start_rig):
+    process = start_rig("exec", "true")
+    assert process.stderr.readline().startswith(STARTED)
+    process.send_signal(signal.SIGHUP)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGINT
+    assert errors.strip() == "interrupted: the next call goes on with the set-up"
+    assert not copy.steps["python"].is_fresh()
+
+
+def test_a_place_where_nothing_can_be_written_is_named(copy, run_rig):
+    (copy.root / "log").write_text("in the way of the folder of this name")
+    done = run_rig("exec", "true")
+    assert done.code == 1
+    assert done.errors.startswith(f"error: {copy.root / 'log'}: File exists: the set-up writes")
+
+
+def test_two_set_ups_of_one_workspace_wait_for_each_other(copy, start_rig):
+    with (copy.root / "setup.py").open() as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        process = start_rig("exec", "true")
+        assert process.stderr.readline().startswith("waiting: ")
+        fcntl.flock(other, fcntl.LOCK_UN)
+    assert process.stderr.readline().startswith(STARTED)
+    process.terminate()
+    process.communicate(timeout=60)

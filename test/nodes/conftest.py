@@ -1,4 +1,4 @@
-"""Real nodes over real DDS, each test in a ROS domain of its own."""
+"""Real nodes over real DDS, each test in its own ROS domain."""
 
 import contextlib
 import os
@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
+from types import SimpleNamespace
 from typing import Any, Self
 
 import pytest
@@ -27,20 +28,15 @@ from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.interfaces import NOT_YET, RECORD_STORED, RECORDER_STATE, SETUP, Topic
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.recorder import RecorderNode
+from impact_rig.nodes.rig_member import RigMember
 from impact_rig.nodes.rig_node import RigNode
 
 PATIENCE = 120.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""
 
 
-QUICK = {
-    "campaign.LOOK_PERIOD": 0.05,
-    "hammer.WATCH_PERIOD": 0.1,
-    "recorder.HEALTH_PERIOD": 0.1,
-    "recorder.DISCOVERY_PERIOD": 0.05,
-    "rig_node.DIAGNOSTIC_PERIOD": 0.1,
-}
-"""How often nodes look at what they look at now and then [s]: else tests wait for a second."""
+PACE = 10.0
+"""How many times as often as usual nodes look at things [-]: else tests wait for a second."""
 
 
 def wait_until(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
@@ -119,6 +115,7 @@ class Harness:
         node = kind(
             context=self._context,
             namespace=namespace or None,
+            pace=PACE,
             parameter_overrides=[
                 Parameter(name, value=value) for name, value in parameters.items()
             ],
@@ -129,7 +126,7 @@ class Harness:
         return node
 
     def run(self, work: Callable[[], Any]) -> Any:
-        """Do something where the nodes' callbacks run, none of them being under way."""
+        """Do something in the nodes' executor, between two callbacks."""
         done: Future = Future()
 
         def run() -> None:
@@ -217,7 +214,7 @@ class Harness:
 
 
 class NodeProcess:
-    """A node in a process of its own, with what it prints."""
+    """A node as a process, with what it prints."""
 
     def __init__(self, name: str, domain: int, parameters: dict[str, Any]) -> None:
         arguments = ["--ros-args"]
@@ -236,13 +233,25 @@ class NodeProcess:
     def send_signal(self, number: int) -> None:
         self._process.send_signal(number)
 
+    @property
+    def is_running(self) -> bool:
+        return self._process.poll() is None
+
+    def wait_for(self, word: str) -> None:
+        """Wait until it prints a word."""
+        for line in self._process.stdout or ():
+            self.output += line
+            if word in line:
+                return
+        raise AssertionError(f"it has ended: {self.output}")
+
     def wait(self) -> int:
         """Wait for the end; return the exit code."""
         self.output += self._process.communicate(timeout=PATIENCE)[0]
         return self._process.returncode
 
     def kill(self) -> None:
-        if self._process.poll() is None:
+        if self.is_running:
             self._process.kill()
             self.wait()
 
@@ -251,7 +260,7 @@ class NodeProcess:
 def start_process(
     ros_domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[Callable[..., NodeProcess]]:
-    """Return a function that starts a node, by name and parameters, in a process of its own."""
+    """Return a function that starts a node, by name and parameters, as a process."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     processes = []
 
@@ -268,7 +277,7 @@ def start_process(
 
 @pytest.fixture
 def ros_domain() -> Iterator[int]:
-    """Return a ROS domain that nobody else on this host uses now."""
+    """Return a ROS domain that is free on this host."""
     with reserve_domain() as number:
         yield number
 
@@ -277,8 +286,17 @@ def ros_domain() -> Iterator[int]:
 def harness(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Harness]:
     """Return a place to run nodes in."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    for name, period in QUICK.items():
-        monkeypatch.setattr(f"impact_rig.nodes.{name}", period)
+    keep = RigMember._keep_liveliness
+
+    def keep_liveliness(member: RigMember, status: Any) -> None:
+        """Nodes of one process give each other no signs of life, and are not silent."""
+        theirs = started.peer.get_publishers_info_by_topic(member._subscription.topic_name)
+        ours = {node.get_name() for node in (*started.nodes, started.peer)}
+        is_ours = any(item.node_name in ours for item in theirs)
+        silent = 0 if is_ours and not status.alive_count else status.not_alive_count
+        keep(member, SimpleNamespace(alive_count=status.alive_count, not_alive_count=silent))
+
+    monkeypatch.setattr(RigMember, "_keep_liveliness", keep_liveliness)
     with Harness(ros_domain) as started:
         yield started
 

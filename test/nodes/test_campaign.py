@@ -46,11 +46,6 @@ def test_every_sample_gets_its_hits_and_its_numbers(harness, start):
     ]
 
 
-def test_works_in_a_namespace(harness, start):
-    answer = run(harness, start(namespace="/rig7"), samples=[CONTROL_SAMPLE], impacts=1)
-    assert answer.result.success, answer.result.message
-
-
 def test_a_rejected_hit_is_repeated_and_reported(harness, start):
     answer = run(
         harness,
@@ -106,13 +101,16 @@ def test_the_plan_has_what_the_goal_asks_for():
     assert (resumed.campaign_id, resumed.plan) == (setup.campaign_id, setup.plan)
 
 
-def test_an_impossible_goal_and_one_beside_another_are_rejected(harness, start):
+def test_an_impossible_goal_and_one_beside_another_end_with_the_reason(harness, start):
     client = start()
-    impossible, _ = begin(harness, client, samples=["tin"], impacts=1)
+    impossible = run(harness, client, samples=["tin"], impacts=1)
     handle, feedback = begin(harness, client, impacts=1000)
     feedback.wait(lambda got: got[-1].impact >= 1)
-    second, _ = begin(harness, client, impacts=1)
-    assert [impossible.accepted, handle.accepted, second.accepted] == [False, True, False]
+    second = run(harness, client, impacts=1)
+    assert impossible.result.message.startswith("unknown sample 'tin'")
+    assert second.result.message.startswith("another campaign is running")
+    assert {impossible.status, second.status} == {GoalStatus.STATUS_ABORTED}
+    assert handle.status == GoalStatus.STATUS_EXECUTING
     harness.wait(handle.cancel_goal_async())
 
 

@@ -7,7 +7,8 @@ from impact_rig_msgs.msg import HammerState
 from impact_rig.cli.main import cli
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.client import CampaignClient, HammerClient
+from impact_rig.nodes.campaign_client import CampaignClient
+from impact_rig.nodes.client import HammerClient
 from impact_rig.nodes.hammer import HammerNode
 
 TIMEOUT = 60.0
@@ -49,7 +50,7 @@ def test_every_word_does_what_it_says_or_is_refused_with_the_reason(client, harn
 def test_a_rig_that_is_not_there_is_said(ros_domain, monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     with (
-        HammerClient("nobody", 0.1) as client,
+        HammerClient("no_such_rig", 0.1) as client,
         pytest.raises(DeviceError, match="no hammer publishes its state within"),
     ):
         client.describe()

@@ -141,7 +141,7 @@ def test_arming_waits_for_someone_who_finds_impacts(harness):
     harness.add(AccelerometerNode, **GENTLE, required_subscribers="")
     harness.tell_setup()
     request = Arm.Request(sample=SAMPLE, impact=1, attempt=1)
-    expected = "nobody finds impacts in /acceleration/stream"
+    expected = "no node finds impacts in /acceleration/stream"
     ask = partial(harness.call, Arm, interfaces.ARM_ACCELEROMETER, request)
     answer = harness.ask_until(expected, ask)[-1]
     assert answer.message.startswith(interfaces.NOT_YET)

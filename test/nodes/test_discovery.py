@@ -1,4 +1,4 @@
-"""The profile for Fast DDS: it is taken, it has room, and nobody's own is replaced."""
+"""The profile for Fast DDS: it is used, it has room, and a user's own stays."""
 
 import contextlib
 import os
@@ -138,16 +138,16 @@ def test_a_node_asks_to_be_remembered_for_a_minute_of_silence(ros_domain):
 
 
 def _count_waiting_bytes(port: int) -> int:
-    """Return what has come to a UDP port and nobody has read."""
+    """Return how many bytes a UDP port has received that are not read yet."""
     for line in Path("/proc/net/udp").read_text().splitlines()[1:]:
         words = line.split()
         if int(words[1].partition(":")[2], 16) == port:
             return int(words[4].partition(":")[2], 16)
-    raise AssertionError(f"nobody has port {port}")
+    raise AssertionError(f"port {port} is not open")
 
 
 @pytest.mark.skipif(not Path("/proc/net/udp").exists(), reason="only Linux says who has read")
-def test_nobody_reads_what_comes_to_a_node_from_outside_of_this_host(harness, start_process):
+def test_a_node_does_not_read_what_comes_from_outside_of_this_host(harness, start_process):
     process = psutil.Process(start_process("estimator").number)
     harness.call(GetResults, interfaces.GET_RESULTS)
     ports = {item.laddr for item in process.net_connections("udp4")}
@@ -156,7 +156,7 @@ def test_nobody_reads_what_comes_to_a_node_from_outside_of_this_host(harness, st
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for ip, port in ports:
             sender.sendto(b"RTPS", ("127.0.0.1" if ip == "0.0.0.0" else ip, port))
-        # Fast DDS sends from ports of its own, which nobody reads from.
+        # Fast DDS sends from other ports, which it never reads.
         harness.wait_until(lambda: any(not _count_waiting_bytes(port) for _, port in own))
         harness.call(GetResults, interfaces.GET_RESULTS)
     assert all(_count_waiting_bytes(port) for _, port in ports - own)
@@ -171,7 +171,7 @@ with reserve_domain() as number:
 """
 
 
-def test_nobody_gets_a_domain_that_is_taken_here_or_by_another_process():
+def test_a_domain_that_is_reserved_here_or_by_another_process_is_not_given_again():
     other = subprocess.Popen(
         [sys.executable, "-c", HOLDING], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
@@ -186,7 +186,7 @@ def test_nobody_gets_a_domain_that_is_taken_here_or_by_another_process():
         other.communicate()
 
 
-def test_nobody_gets_a_domain_in_which_somebody_s_nodes_are(monkeypatch):
+def test_a_domain_in_which_nodes_run_is_not_given(monkeypatch):
     """As those of a rig whose ROS_DOMAIN_ID a person chose, who reserves nothing."""
     monkeypatch.setattr(discovery, "FIRST_DOMAIN", FIRST_DOMAIN + DOMAINS)
     monkeypatch.setattr(discovery, "DOMAINS", 1)

@@ -1,4 +1,4 @@
-"""The holder lets go when a release was accepted, and never else."""
+"""The holder releases only when a release was accepted."""
 
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ CONFIRMED = st.booleans()
 
 
 class Holder:
-    """Counts what it is told; fails while it is told to."""
+    """Counts the calls; fails while `is_broken`."""
 
     is_by_hand = False
 

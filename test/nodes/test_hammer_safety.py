@@ -4,7 +4,7 @@ import signal
 import threading
 
 import pytest
-from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState, RecordStored
+from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState
 from impact_rig_msgs.srv import Release
 from std_srvs.srv import Trigger
 
@@ -28,7 +28,6 @@ class Rig:
         self.acquisition = harness.advertise(interfaces.ACQUISITION_STATE)
         self.recorder = harness.advertise(interfaces.RECORDER_STATE)
         self.campaign = harness.advertise(interfaces.SETUP)
-        self.stored = harness.advertise(interfaces.RECORD_STORED)
         self.states = harness.listen(interfaces.HAMMER_STATE)
         self.releases = harness.listen(interfaces.RELEASE)
         self.hammer = None
@@ -121,37 +120,6 @@ def test_the_hammer_says_not_yet_while_others_are_not_ready(rig):
     assert rig.release().success
 
 
-@pytest.fixture
-def struck(rig):
-    """Return a rig that has struck record 4 and is ready for record 5."""
-    rig.start()
-    assert rig.release().success
-    rig.wait(lambda item: item.message == "back in the holder")
-    rig.acquisition.publish(
-        AcquisitionState(state=AcquisitionState.ARMED, record=5, sample="steel small")
-    )
-    return rig
-
-
-def test_the_hammer_does_not_go_again_before_the_record_is_stored(struck, harness):
-    struck.stored.publish(RecordStored(record=3))
-    word = "has not said that record 4 is stored"
-    answers = harness.ask_until(word, lambda: struck.ask(record=5))
-    assert all(answer.message.startswith(interfaces.NOT_YET) for answer in answers)
-    struck.stored.publish(RecordStored(record=4))
-    assert struck.release(record=5).success
-
-
-def test_a_record_that_a_new_recording_cannot_store_any_more_is_not_waited_for(struck):
-    struck.recorder.publish(RecorderState(recording=False, message="deactivated"))
-    struck.wait_for_loss()
-    struck.recorder.publish(RecorderState(recording=True, uri="b.mcap"))
-    struck._harness.wait_until(lambda: struck.call(interfaces.ARM_HAMMER).success)
-    answer = struck.release(record=5)
-    assert answer.success, answer.message
-    assert answer.recording == "b.mcap"
-
-
 def test_accelerometers_that_report_a_fault_disarm_the_hammer_until_they_are_back(rig):
     rig.start()
     rig.acquisition.publish(
@@ -168,10 +136,13 @@ def test_accelerometers_that_report_a_fault_disarm_the_hammer_until_they_are_bac
     assert rig.release().success
 
 
-def test_a_recorder_that_stops_disarms_the_hammer(rig):
+def test_a_recorder_that_stops_disarms_the_hammer_until_it_records_again(rig):
     rig.start()
     rig.recorder.publish(RecorderState(recording=False, message="disk full"))
     assert "the recorder has stopped: disk full" in rig.wait_for_loss().message
+    rig.recorder.publish(RecorderState(recording=True, uri="b.mcap"))
+    rig._harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)
+    assert rig.release().recording == "b.mcap"
 
 
 @pytest.mark.parametrize("name", ["acquisition", "recorder", "campaign"])
@@ -207,15 +178,14 @@ def test_a_stop_works_in_every_state_of_the_node_and_outlasts_it(rig, harness):
         harness.wait(harness._executor.create_task(transition))
         assert "hammer/reset" in rig.call(interfaces.ARM_HAMMER).message
     assert rig.call(interfaces.RESET_HAMMER).message == (
-        "the emergency stop is ended; the hammer node is not active: activate it, then call"
-        " hammer/arm"
+        "the emergency stop is ended; the hammer is not armed: call hammer/arm first"
     )
     assert "not active" in rig.call(interfaces.ARM_HAMMER).message
 
 
 @pytest.fixture
 def start_by_hand(rig, tmp_path):
-    """Return a function that starts a hammer which an operator lets go within some time."""
+    """Return a function that starts a hammer which an operator releases within some time."""
 
     def start(patience):
         path = tmp_path / "rig.toml"
@@ -265,7 +235,7 @@ def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(harne
 
     assert "was stopped for a time" in harness.wait(answer).message
     assert not releases.messages
-    # Whoever still wants it asks again, when all is known again.
+    # A second request succeeds, when all is known again.
     assert harness.ask(Release, interfaces.RELEASE_HAMMER, Release.Request(**HIT)).success
     assert len(releases.wait_for_count(1)) == 1
 

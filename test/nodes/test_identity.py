@@ -1,7 +1,7 @@
 """Messages of other campaigns are told apart by one comparison of ids."""
 
 import pytest
-from impact_rig_msgs.msg import Impact
+from impact_rig_msgs.msg import Impact, StreamBlock
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, Membership, id_to_msg, make_id
@@ -46,6 +46,17 @@ def test_what_carries_another_id_is_foreign_and_warned_of_once(membership, warni
         assert membership.is_foreign(of(other), "impact")
     (warning,) = warnings
     assert warning.startswith("impact carries the id of another campaign")
+
+
+def test_the_accelerometers_stream_is_no_foreign_one_while_a_campaign_begins(membership):
+    own, other = Identity(make_id(), make_id()), Identity(make_id(), make_id())
+    membership.join(own)
+    block = StreamBlock()
+    for identity in (Identity(NO_ID, own.stream_id), Identity(own.campaign_id), own):
+        identity.fill(block)
+        assert not membership.is_foreign(block, "acceleration/stream")
+    other.fill(block)
+    assert membership.is_foreign(block, "acceleration/stream")
 
 
 def test_no_id_is_an_id_like_another(membership):

@@ -1,6 +1,8 @@
 """A parameter takes what it can mean, says so, and no set parameter keeps a node from its work."""
 
 import pytest
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import DescribeParameters
 from rclpy.clock import ClockType
 
@@ -47,6 +49,14 @@ def test_setting_the_computer_s_clock_holds_up_no_timer(harness):
         assert clocks == {ClockType.STEADY_TIME}
 
 
+def test_an_impossible_transition_is_refused(harness):
+    harness.add(HammerNode)
+    transition = Transition(id=Transition.TRANSITION_ACTIVATE)
+    request = ChangeState.Request(transition=transition)
+    assert not harness.call(ChangeState, "hammer/change_state", request).success
+    harness.change_state("hammer", "deactivate")
+
+
 def test_what_is_read_when_a_node_is_configured_is_refused_until_it_is_cleaned_up(harness):
     node = harness.add(AccelerometerNode)
     refusal = harness.set_parameter(node.get_name(), "source", MEGAHERTZ)
@@ -61,8 +71,9 @@ def test_what_is_read_when_a_node_is_configured_is_refused_until_it_is_cleaned_u
     assert node._open.acquisition.sampling_rate == 1e6
 
 
-def test_a_live_parameter_is_taken_at_any_time(harness):
-    node = harness.add(HammerNode)
+def test_a_live_parameter_is_taken_at_any_time_and_a_whole_number_is_a_number(harness):
+    node = harness.add(HammerNode, swing_time=1)
+    assert node.get_value("swing_time") == 1.0
     assert node.is_active
     assert not harness.set_parameter(node.get_name(), "swing_time", 0.1)
     assert node.get_value("swing_time") == 0.1

@@ -10,35 +10,20 @@ import time
 
 import pytest
 
-from impact_rig.cli.up import make_command
+from impact_rig.cli.running_nodes import make_command
 from impact_rig.configuration.processes import ACTIVE, LAUNCHER, NodeProcess
 from impact_rig.nodes import interfaces, rig_node
 from impact_rig.nodes.hammer import HammerNode
+
+from .conftest import PACE
 
 PATIENCE = 60.0
 """How long a process may take before the test fails [s]."""
 
 
 @pytest.fixture
-def start(ros_domain):
-    """Return a function that starts a node as a person would."""
-
-    def run(node, *parameters, options=()):
-        words = [word for parameter in parameters for word in ("-p", parameter)]
-        return subprocess.Popen(
-            [sys.executable, *options, "-m", "impact_rig.nodes", node, "--ros-args", *words],
-            env={**os.environ, "ROS_DOMAIN_ID": str(ros_domain)},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-
-    return run
-
-
-@pytest.fixture
 def run_script(ros_domain):
-    """Return a function that runs a program in a process of its own, to its end."""
+    """Return a function that runs a program as a process, to its end."""
 
     def run(script):
         return subprocess.run(
@@ -98,10 +83,10 @@ def test_a_node_needs_no_standard_error():
     assert done.returncode == 2  # an impossible parameter; 1 were a traceback
 
 
-def test_modules_in_the_working_folder_are_none_of_the_rig_s(tmp_path, ros_domain):
+def test_modules_in_the_working_folder_are_not_imported(tmp_path, ros_domain):
     (tmp_path / "numpy.py").write_text("raise SystemExit('a numpy of the folder')")
     process = subprocess.Popen(
-        ["sh", "-c", make_command(NodeProcess("hammer", {}))],
+        make_command(NodeProcess("hammer", {})),
         cwd=tmp_path,
         env={**os.environ, "ROS_DOMAIN_ID": str(ros_domain)},
         stderr=subprocess.PIPE,
@@ -113,32 +98,30 @@ def test_modules_in_the_working_folder_are_none_of_the_rig_s(tmp_path, ros_domai
     assert process.returncode == 0
 
 
-def test_a_node_ends_when_its_launcher_is_killed(start, tmp_path, monkeypatch):
+def test_a_node_ends_when_its_launcher_is_killed(start_process, tmp_path, monkeypatch):
     path = tmp_path / "session.mcap"
     launcher = subprocess.Popen(["sleep", "1000"])
     monkeypatch.setenv(LAUNCHER, str(launcher.pid))
-    process = start("recorder", f"output:={path}")
-    assert any("recording to" in line for line in process.stderr)
+    process = start_process("recorder", output=path)
+    process.wait_for("recording to")
     launcher.kill()
-    process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
+    assert process.wait() == 0
     assert path.read_bytes().endswith(b"\x89MCAP0\r\n")
     launcher.wait()
 
 
-def test_signals_while_a_node_ends_change_nothing(start, tmp_path):
+def test_signals_while_a_node_ends_change_nothing(start_process, tmp_path):
     path = tmp_path / "session.mcap"
-    process = start("recorder", f"output:={path}")
-    assert any("recording to" in line for line in process.stderr)
-    # As an impatient operator does, from the first that ends it to the last that finds nobody.
+    process = start_process("recorder", output=path)
+    process.wait_for("recording to")
+    # As an impatient operator does, from the first signal to one after its end.
     numbers = itertools.cycle([signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
-    while process.poll() is None:
+    while process.is_running:
         process.send_signal(next(numbers))
         time.sleep(0.001)
-    output, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
-    assert "Traceback" not in output + errors
-    assert "Exception" not in output + errors
+    assert process.wait() == 0
+    assert "Traceback" not in process.output
+    assert "Exception" not in process.output
     assert path.read_bytes().endswith(b"\x89MCAP0\r\n")
 
 
@@ -178,13 +161,13 @@ raise SystemExit(code)
     assert process.stdout == "dds.shm.wdog\n"
 
 
-def test_a_signal_ends_a_node_quietly_that_still_imports(start):
-    process = start("hammer", options=("-X", "importtime"))
-    assert any(line.split()[-1:] == ["rclpy.constants"] for line in process.stderr)
+def test_a_signal_ends_a_node_quietly_that_still_imports(start_process, monkeypatch):
+    monkeypatch.setenv("PYTHONPROFILEIMPORTTIME", "1")
+    process = start_process("hammer")
+    process.wait_for("rclpy.constants")
     process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
-    assert "Traceback" not in output + errors
+    assert process.wait() == 0
+    assert "Traceback" not in process.output
 
 
 def test_who_asks_a_node_for_help_gets_it_and_no_node(tmp_path):
@@ -204,7 +187,7 @@ def test_without_news_a_node_speaks_seldom_and_names_its_computer(harness):
     diagnostics = harness.listen(interfaces.DIAGNOSTICS)
     harness.add(HammerNode)
     periods = harness.make_collector()
-    harness.peer.create_timer(rig_node.DIAGNOSTIC_PERIOD, lambda: periods.take(None))
+    harness.peer.create_timer(rig_node.DIAGNOSTIC_PERIOD / PACE, lambda: periods.take(None))
     periods.wait_for_count(1)
     before = len(diagnostics.messages)
     periods.wait_for_count(10)

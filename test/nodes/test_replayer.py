@@ -16,6 +16,7 @@ from impact_rig.core.errors import FileError
 from impact_rig.core.setup import CONTROL_SAMPLE
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.nodes.replayer_recording import RecordingToReplay
 from impact_rig.recordings.scan import Scan
@@ -111,6 +112,23 @@ def test_a_recording_of_another_version_is_refused(tmp_path):
         RecordingToReplay(path)
 
 
+def test_a_run_that_was_resumed_is_replayed_with_all_its_files(harness, tmp_path):
+    hits = make_hits({CONTROL_SAMPLE: 2})
+    identity = Identity(make_id())
+    identity.fill(hits[0][2])
+    for _, topic, message in hits:
+        if topic is interfaces.ACCELERATION:
+            identity.fill(message)
+    for name, record in (("session", 1), ("session-2", 2)):
+        part = [item for item in hits if getattr(item[2], "record", record) == record]
+        write_recording(tmp_path / f"{name}.mcap", part)
+    harness.add(EstimatorNode)
+    node = play(harness, tmp_path, rate=1000.0, required_subscribers="estimator")
+    wait_for_end(harness, node)
+    (sample,) = harness.call(GetResults, interfaces.GET_RESULTS).samples
+    assert sample.impacts_accepted == 2
+
+
 def test_damage_within_ends_the_replay_with_an_error(harness, tmp_path):
     path = tmp_path / "session.mcap"
     writer = RecordingWriter(path, chunk_size=2000, compression="none")
@@ -143,8 +161,7 @@ def list_samples(blocks):
     return [item.first_sample for item in blocks]
 
 
-def test_a_pause_holds_until_it_is_ended(harness, tmp_path, monkeypatch):
-    monkeypatch.setattr("impact_rig.nodes.replayer.STATE_PERIOD", 0.1)
+def test_a_pause_holds_until_it_is_ended(harness, tmp_path):
     path = write_recording(tmp_path / "session.mcap", make_events(100, pause=0.02))
     blocks = harness.listen(interfaces.ACCELERATION)
     states = harness.listen(interfaces.REPLAYER_STATE)

@@ -6,7 +6,7 @@ import pytest
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.client import CampaignClient, CampaignGoal, read_newest_campaign
+from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal, read_newest_campaign
 from impact_rig.recordings.reader import read_recording
 from impact_rig.results.results_file import format_json, results_to_json
 
@@ -47,7 +47,7 @@ class Onlooker:
         self.follow = follow
 
     def mount(self, sample):
-        raise AssertionError("nobody is asked")
+        raise AssertionError("no question was expected")
 
     put_back = let_go = mount
 

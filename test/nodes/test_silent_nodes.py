@@ -96,13 +96,15 @@ def test_two_rigs_in_one_domain_release_no_hammer(harness, start_process, ros_do
     second = subprocess.Popen(
         [sys.executable, "-c", SECOND], env={**os.environ, "ROS_DOMAIN_ID": str(ros_domain)}
     )
-    states.wait(lambda got: got[-1].disarmed_by == HammerState.LOSS and not got[-1].armed)
-    told = "2 accelerometer nodes are up in this ROS domain and namespace: stop one rig"
-    assert told in states.messages[-1].message
-    assert told in harness.call(Trigger, interfaces.ARM_HAMMER).message
-    # It says goodbye: nobody has to wait for the end of its lease.
-    second.send_signal(signal.SIGINT)
-    second.wait()
+    try:
+        states.wait(lambda got: got[-1].disarmed_by == HammerState.LOSS and not got[-1].armed)
+        told = "2 accelerometer nodes are up in this ROS domain and namespace: stop one rig"
+        assert told in states.messages[-1].message
+        assert told in harness.call(Trigger, interfaces.ARM_HAMMER).message
+    finally:
+        # It announces its end: the others need not wait for its lease.
+        second.send_signal(signal.SIGINT)
+        second.wait()
     harness.wait_until(lambda: harness.call(Trigger, interfaces.ARM_HAMMER).success)
     kill(first)
 

@@ -77,7 +77,7 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
     harness.wait_until(
         lambda: (
             {"estimator", "visualizer"}
-            <= {each.name for each in harness.run(node._health.make_health).nodes}
+            <= {each.name for each in harness.run(node._health.list_nodes)}
         )
     )
     harness.close(node)
@@ -114,7 +114,7 @@ def test_what_comes_before_its_set_up_waits_for_it(harness, tmp_path):
     setups, impacts = map(harness.advertise, (interfaces.SETUP, interfaces.IMPACT))
     harness.wait_until(lambda: impacts.get_subscription_count() == 1)
 
-    def hear(publisher, message):
+    def deliver(publisher, message):
         handled = node.messages_handled
         publisher.publish(message)
         harness.wait_until(lambda: node.messages_handled > handled)
@@ -126,11 +126,11 @@ def test_what_comes_before_its_set_up_waits_for_it(harness, tmp_path):
     for stamp in (1, 2):
         setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(stamp))
         identities[stamp].fill(setup)
-        hear(setups, setup)
+        deliver(setups, setup)
         for found in (1, 2, 3):
             verdict = Impact(record=10 * stamp + found, sample=CONTROL_SAMPLE)
             identities[found].fill(verdict)
-            hear(impacts, verdict)
+            deliver(impacts, verdict)
         assert list_records() == [[11], [12, 22]][stamp - 1]
 
 
@@ -160,9 +160,7 @@ def clock(monkeypatch):
 def say(name, message="active", level=DiagnosticStatus.OK, **values):
     status = DiagnosticStatus(name=name, message=message, level=level)
     status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
-    array = DiagnosticArray(status=[status])
-    array.header.stamp.sec = 7
-    return array
+    return DiagnosticArray(status=[status])
 
 
 def test_the_last_word_of_each_node_is_kept(clock):
@@ -171,9 +169,7 @@ def test_the_last_word_of_each_node_is_kept(clock):
     assert health.add(say("/lab/rig1/hammer"))
     assert health.add(say("/lab/rig1/recorder", "disk full", DiagnosticStatus.ERROR, gaps="2"))
 
-    made = health.make_health()
-    hammer, recorder = made.nodes
-    assert made.stamp == 7 * 10**9
+    hammer, recorder = health.list_nodes()
     assert (hammer.name, hammer.level) == ("hammer", Level.OK)
     assert (recorder.name, recorder.level, recorder.message) == (
         "recorder", Level.ERROR, "disk full",
@@ -185,7 +181,7 @@ def test_the_last_word_of_each_node_is_kept(clock):
 def test_nodes_of_others_are_left_to_others(name):
     health = RigHealth("/lab/rig1")
     assert not health.add(say(name))
-    assert health.make_health().nodes == ()
+    assert health.list_nodes() == ()
 
 
 def test_a_node_that_says_nothing_any_more_is_marked(clock):
@@ -194,7 +190,7 @@ def test_a_node_that_says_nothing_any_more_is_marked(clock):
     clock.now += SILENCE + 1.0
     health.add(say("/recorder"))
 
-    hammer, recorder = health.make_health().nodes
+    hammer, recorder = health.list_nodes()
     assert hammer.level == Level.STALE
     assert hammer.message == "silent for 6 s; last: armed"
     assert recorder.level == Level.OK

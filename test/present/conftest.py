@@ -1,18 +1,17 @@
 """A struck campaign with everything there is to see of it."""
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from impact_rig.analysis.analyze import analyze
 from impact_rig.core.records import HitLabel
-from impact_rig.core.session import Session
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.results.campaign import hit_results_from_judged, results_from_session
-from impact_rig.results.hit_traces import TraceAssembler
-from impact_rig.results.sample_traces import align_hit, sample_traces_from_estimate
-from impact_rig.results.traced_campaign import TracedCampaign, TracedHit
+from impact_rig.results.run import TracedCampaign
 
 START = 1_700_000_000_123_456_789
 """2023-11-14 22:13:20.1 UTC."""
@@ -28,35 +27,23 @@ def trace_campaign(
     with_models: bool = False,
 ) -> TracedCampaign:
     """Strike samples, each hit by its sample and impact, and keep everything there is to see."""
-    rig, session, assembler = VirtualRig(setup, settings), Session(setup), TraceAssembler()
-    recorded, aligned, faults = {}, {}, {}
-    for record, (sample, impact) in enumerate(hits, start=1):
-        label = HitLabel(sample, record, impact)
-        hit = rig.strike(label)
-        faults[record] = tuple(fault.value for fault in hit.faults)
-        for block in hit.split(5000, START):
-            aligned |= {judged.label: align_hit(judged) for judged in session.feed(block)}
-            if (traces := assembler.feed(block)) is not None:
-                recorded[label] = traces
-    found = session.estimate_all() if with_models else session.estimate_all_without_models()
-    judged = {hit.label: hit for hit in (*found.accepted, *found.rejected)}
-    means = [
-        sample_traces_from_estimate(estimate, session.compute_mean(estimate.name))
-        for estimate in found.samples
+    rig = VirtualRig(setup, settings)
+    labels = [
+        HitLabel(name, record, impact) for record, (name, impact) in enumerate(hits, start=1)
     ]
-    return TracedCampaign(
-        results=results_from_session(found, faults),
-        samples=tuple(means),
-        hits=tuple(
-            TracedHit(
-                hit_results_from_judged(judged[label], faults[label.record]),
-                judged[label].stamp,
-                traces,
-                aligned[label],
-            )
-            for label, traces in recorded.items()
-        ),
+    struck = {label: rig.strike(label) for label in labels}
+    blocks = [block for hit in struck.values() for block in hit.split(5000, START)]
+    source = SimpleNamespace(
+        path=Path("struck"),
+        warnings=(),
+        size=0,
+        has_scale=True,
+        hammer_unit=None,
+        faults={label: tuple(fault.value for fault in struck[label].faults) for label in labels},
+        events=lambda _: iter([setup, *blocks]),
     )
+    (campaign,) = analyze(source, keep_traces=True, with_models=with_models).campaigns
+    return campaign
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ from impact_rig.recordings.recover import recover_recording
 
 OURS = "impact_rig_msgs/msg/"
 HITS = 4
-"""Hits of the recordings, each in a chunk of its own."""
+"""Hits of the recordings, one for each chunk."""
 
 
 class Raw(NamedTuple):
@@ -45,7 +45,7 @@ def label(record: int) -> dict[str, Any]:
 
 
 def add_hit(maker: Any, record: int) -> None:
-    """Add what a recorder writes of a hit, in a chunk of its own."""
+    """Add what a recorder writes of a hit, in one chunk."""
     maker.add("release", OURS + "HammerRelease", {**label(record), "swing_time": 0.2})
     for first in (0, 100):
         maker.add_block(record, **label(record), first_sample=first, last=first > 0)
@@ -128,7 +128,7 @@ class Recovered(NamedTuple):
     def is_complete(self) -> bool:
         """Whether all that was in it is in the sound one."""
         contents = self.contents
-        return not (contents.lost or any(damage.size for damage in contents.damages))
+        return not (contents.lost or any(damage.size for damage in contents.scan.damages))
 
 
 def recover(damaged: Path) -> Recovered:

@@ -17,10 +17,8 @@ from impact_rig.core.errors import FileError
 from impact_rig.recordings import new_file
 from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.scan import Scan
-from impact_rig.recordings.schemas import MessageDefinition, find_message_definition
+from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import COMPRESSIONS, RecordingWriter
-
-from .text_recordings import read_by_stream
 
 LATCHED = OfferedQos("reliable", "transient_local", "keep_last", 16)
 
@@ -69,17 +67,17 @@ def test_rosbags_decodes_every_message(recording):
 def test_quality_of_service_and_type_hash_stand_with_each_topic(tmp_path):
     path = tmp_path / "qos.mcap"
     definition = find_message_definition("std_msgs/msg/String")
+    weak = OfferedQos("best_effort", history="unknown", depth=0, lifespan=10_000_000_250)
     with RecordingWriter(path) as writer:
-        channel = writer.add_channel("/text", definition, (LATCHED, OfferedQos()))
+        channel = writer.add_channel("/text", definition, (LATCHED, weak))
         writer.add_message(channel, b"\0\1\0\0\1\0\0\0\0", 5, 4)
     with AnyReader([path]) as reader:
         offers = reader.connections[0].ext.offered_qos_profiles
-    assert [(offer.durability, offer.depth) for offer in offers] == [
-        (QosDurability.TRANSIENT_LOCAL, 16),
-        (QosDurability.VOLATILE, 10),
+    assert [(it.reliability, it.durability, it.history, it.depth) for it in offers] == [
+        (QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL, QosHistory.KEEP_LAST, 16),
+        (QosReliability.BEST_EFFORT, QosDurability.VOLATILE, QosHistory.UNKNOWN, 0),
     ]
-    assert {offer.reliability for offer in offers} == {QosReliability.RELIABLE}
-    assert {offer.history for offer in offers} == {QosHistory.KEEP_LAST}
+    assert (offers[1].lifespan.sec, offers[1].lifespan.nsec) == (10, 250)
 
 
 def test_topics_without_messages_and_empty_recordings_are_sound(tmp_path):
@@ -93,22 +91,7 @@ def test_topics_without_messages_and_empty_recordings_are_sound(tmp_path):
             summary = mcap.reader.make_reader(file).get_summary()
             assert [channel.topic for channel in summary.channels.values()] == topics
             assert summary.statistics.message_count == 0
-
-
-def test_two_versions_of_a_type_keep_their_own_schemas(tmp_path):
-    old = MessageDefinition("rig_msgs/msg/Note", "string data\n")
-    new = MessageDefinition("rig_msgs/msg/Note", "string data\nuint8 level\n")
-    with RecordingWriter(tmp_path / "both.mcap") as writer:
-        for topic, definition in (("/old", old), ("/new", new), ("/more", old)):
-            writer.add_channel(topic, definition, ())
-    with (tmp_path / "both.mcap").open("rb") as file:
-        summary = mcap.reader.make_reader(file).get_summary()
-    texts = {
-        item.topic: summary.schemas[item.schema_id].data.decode()
-        for item in summary.channels.values()
-    }
-    assert texts == {"/old": old.text, "/new": new.text, "/more": old.text}
-    assert len(summary.schemas) == 2
+            assert all(not it.metadata["offered_qos_profiles"] for it in summary.channels.values())
 
 
 def test_what_was_flushed_is_read_while_the_file_is_still_open(make_recording):
@@ -187,7 +170,7 @@ def test_after_kill_9_everything_synced_is_in_the_file(tmp_path):
     script = KILLED.format(output=str(path))
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
     assert done.returncode == -signal.SIGKILL, done.stderr
-    found = [message.data for _, message in read_by_stream(path)]
+    found = [message.data for message in Scan(path).read_messages()]
     assert found == [b"%d" % number * 3000 for number in range(3)]
 
 

@@ -1,5 +1,6 @@
 """Many recordings in one table."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +22,18 @@ TIMES = (144.61e-6, 144.93e-6, 145.22e-6)
 
 
 def make_campaign(
-    name: str, contact_time: float, number: int = 1, stiffness: float = 15.6e6
+    name: str,
+    contact_time: float,
+    number: int = 1,
+    *,
+    expanded: float = 0.3e-6,
+    stiffness: float = 15.6e6,
 ) -> BatchCampaign:
     sample = SampleEstimate(
         "aluminium small",
         10,
         2,
-        contact_time=Quantity(contact_time, expanded=0.3e-6),
+        contact_time=Quantity(contact_time, expanded=expanded),
         stiffness=Quantity(stiffness, expanded=0.4e6),
     )
     return BatchCampaign(Path(name), number, Results(PAPER_SETUP, HammerEstimate(), (sample,), ()))
@@ -57,20 +63,43 @@ def test_each_row_has_recording_sample_hits_and_values_with_uncertainty():
 
 
 def test_of_two_runs_each_quantity_stands_with_its_difference_and_whether_it_changed():
-    first, second = make_campaign("a.mcap", TIMES[0]), make_campaign("b.mcap", TIMES[2])
+    # By hand: 0.3, 0.4 and 0.5 are Pythagorean.
+    first = make_campaign("a.mcap", 144.61e-6, expanded=0.3e-6)
+    second = make_campaign("b.mcap", 145.21e-6, expanded=0.4e-6)
     (table,) = tabulate_changes(first, second)
     assert table.caption == "Changes from a.mcap to b.mcap"
     time, stiffness = table.rows
-    values = ("144.61 ± 0.30", "145.22 ± 0.30", "0.61 ± 0.42", "1.44")
+    values = ("144.61 ± 0.30", "145.21 ± 0.40", "0.60 ± 0.50", "1.20")
     assert time == ("aluminium small", "τp [µs]", *values)
     assert stiffness[-2:] == ("0.00 ± 0.57", "0.00")
     assert table.marked == {0}
     assert table.notes[0] == "1 of 2 values changed beyond their uncertainty."
 
 
-def test_runs_without_a_sample_in_common_have_no_changes():
+@pytest.mark.parametrize(
+    ("later", "expanded", "ratio", "marked"),
+    [
+        (143.9e-6, 0.4e-6, "-1.42", {0}),
+        (145.0e-6, 0.4e-6, "0.78", set()),
+        (300e-6, math.nan, "-", set()),
+    ],
+)
+def test_a_change_counts_in_either_direction_once_it_is_larger_than_its_uncertainty(
+    later, expanded, ratio, marked
+):
+    first = make_campaign("a", 144.61e-6, expanded=0.3e-6)
+    (table,) = tabulate_changes(first, make_campaign("b", later, expanded=expanded))
+    assert (table.rows[0][-1], table.marked) == (ratio, marked)
+
+
+def test_the_hammer_is_compared_and_what_only_one_run_determined_is_not(results):
+    (table,) = tabulate_changes(*[BatchCampaign(Path("a"), 1, results)] * 2)
+    assert len(table.rows) == 12 * 3 + 2
+    assert [row[0] for row in table.rows[-2:]] == ["hammer"] * 2
+    lost = make_campaign("b", math.nan, stiffness=math.nan)
     other = BatchCampaign(Path("b"), 1, Results(PAPER_SETUP, HammerEstimate(), (), ()))
-    assert tabulate_changes(make_campaign("a", TIMES[0]), other) == []
+    for second in (lost, other):
+        assert tabulate_changes(make_campaign("a", TIMES[0]), second) == []
 
 
 def test_the_spread_of_three_recordings_is_the_standard_deviation():

@@ -5,14 +5,14 @@ from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.records import HitLabel
 from impact_rig.core.session import SessionResults
 from impact_rig.core.setup import PAPER_SETUP
-from impact_rig.core.verdict import Reason, Rejection
+from impact_rig.core.verdict import Finding, Reason
 from impact_rig.results.campaign import results_from_session
 
 
 def test_rejections_come_by_record_with_reasons_and_injected_faults():
     def reject(record: int, *reasons: Reason) -> JudgedHit:
         label = HitLabel("brass small", record, impact=4, attempt=2)
-        return JudgedHit(label, tuple(Rejection(reason, "so it is") for reason in reasons))
+        return JudgedHit(label, tuple(Finding(reason, "so it is") for reason in reasons))
 
     session = SessionResults(
         PAPER_SETUP,

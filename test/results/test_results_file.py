@@ -89,14 +89,6 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path):
     }  # fmt: skip
 
 
-def test_what_is_not_determined_is_null(tmp_path):
-    path = tmp_path / "results.json"
-    write_results(path, RESULTS)
-    assert "NaN" not in path.read_text()
-    assert json.loads(path.read_text())["samples"][0]["stiffness_n_per_m"] is None
-    assert math.isnan(read_results(path).samples[0].stiffness.value)
-
-
 def test_results_are_as_readable_as_any_new_file(tmp_path):
     other = tmp_path / "other"
     other.write_text("")

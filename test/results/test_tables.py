@@ -1,18 +1,26 @@
-"""Tables of results: what stands in them, held against figures of their own."""
+"""Tables of results and the numbers in them, held against figures of their own."""
 
+import csv
+import io
+import math
 from dataclasses import replace
+from decimal import Decimal
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
 from impact_rig.core.quantity import BudgetLine, Quantity
-from impact_rig.core.records import SIMULATED, Origin
+from impact_rig.core.records import IMPORTED, SIMULATED, Origin
 from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
 from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
-from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.references import find_reference
+from impact_rig.results.campaign import FileResults, HitResults, Results
+from impact_rig.results.numbers import format_uncertain
+from impact_rig.results.references import find_expected
+from impact_rig.results.results_table import format_results_table
 from impact_rig.results.tables import (
     Table,
     tabulate_budgets,
@@ -28,6 +36,7 @@ from impact_rig.results.tables import (
     tabulate_stiffness,
     tabulate_summary,
 )
+from impact_rig.results.trace_series import tabulate_hits
 
 SHAPE = PulseShapeEstimate(
     "half-sine",
@@ -198,7 +207,7 @@ def test_a_budget_names_each_source_and_sums_up_what_is_small():
 
 @pytest.mark.parametrize(("row", "expected"), [(0, "203.20"), (1, "45.29"), (2, "1170.0")])
 def test_a_sample_by_itself_has_the_values_of_every_method(row, expected):
-    table = tabulate_methods(SAMPLE, find_reference(PAPER_SETUP.samples, "steel medium"))
+    table = tabulate_methods(SAMPLE, find_expected(make_results(SAMPLE), "steel medium"))
     assert [column.header for column in table.columns] == [
         "", "paper's method", "free decay", "fit (driven)", "expected",
     ]  # fmt: skip
@@ -215,3 +224,80 @@ def test_a_contact_law_stands_with_its_uncertainty_and_what_is_said_of_several_o
         ("heavy", "1.5000 ± 0.0040", "212.00"),
     ]
     assert table.notes[1:] == ("light, heavy: x.",)
+
+
+@pytest.mark.parametrize(
+    ("value", "expanded", "text"),
+    [
+        (212.1234, 0.4321, "212.12 ± 0.43"),
+        (212.1284, 0.4351, "212.13 ± 0.44"),
+        (45.286, 1.234, "45.3 ± 1.2"),
+        (2423.4, 341.0, "2420 ± 340"),
+        (2423.4, 12.3, "2423 ± 12"),
+        (0.35512, 0.00321, "0.3551 ± 0.0032"),
+        # The rounded uncertainty gains a digit: it still has two.
+        (0.5, 0.0996, "0.50 ± 0.10"),
+        (-0.001, 0.5, "0.00 ± 0.50"),
+        (1.0, 99.6, "0 ± 100"),
+    ],
+)
+def test_a_value_is_rounded_where_its_uncertainty_is(value, expanded, text):
+    assert format_uncertain(value, expanded, 2) == text
+
+
+@pytest.mark.parametrize("expanded", [math.nan, math.inf, 0.0])
+def test_a_value_without_uncertainty_stands_alone(expanded):
+    assert format_uncertain(12.3456, expanded, 2) == "12.35"
+
+
+@given(st.floats(-1e9, 1e9), st.floats(1e-9, 1e9))
+def test_what_is_shown_lies_half_a_last_digit_from_the_truth_at_most(value, expanded):
+    shown, wide = (Decimal(part) for part in format_uncertain(value, expanded, 2).split(" ± "))
+    # Two digits of the uncertainty: its last one is worth 1 to 10 % of it.
+    step = Decimal(10) ** (Decimal(repr(float(wide))).adjusted() - 1)
+    assert abs(shown - Decimal(value)) <= Decimal("0.5000001") * step
+    assert abs(wide - Decimal(expanded)) <= Decimal("0.5000001") * step
+    assert len(wide.normalize().as_tuple().digits) <= 2
+
+
+GOOD = FileResults(
+    Origin(IMPORTED, "npy file", "lab/hit_1.npy", "'a', points 0 to 99"),
+    True,
+    (),
+    100e-6,
+    Quantity(200e-6, 0.6e-6, 1.2e-6),
+    1.59,
+    512.0,
+    best_shape="versed-sine",
+    shape_residual_percent=0.31,
+    measured_peak=512.0,
+)
+BAD = FileResults(
+    Origin(IMPORTED, "npy file", "lab/hit_2.npy"), False, ("overload: 5 points at the rail",)
+)
+
+
+def test_each_hit_has_its_row_with_verdict_and_widths():
+    table = tabulate_hits((GOOD, BAD))
+    assert table.rows[0] == (
+        "hit_1.npy", "200.0 ± 1.2", "accepted", "100.00", "1.590", "versed-sine", "0.3", "512",
+        "'a', points 0 to 99",
+    )  # fmt: skip
+    assert table.rows[1][:3] == ("hit_2.npy", "-", "overload: 5 points at the rail")
+    assert table.marked == {1}
+
+
+def test_folders_are_shown_where_the_names_are_the_same():
+    table = tabulate_hits((GOOD, FileResults(Origin(IMPORTED, file="other/hit_1.npy"), True, ())))
+    assert [row[0] for row in table.rows] == ["lab/hit_1.npy", "other/hit_1.npy"]
+
+
+@pytest.mark.parametrize("name", ['=HYPERLINK("x")', "+1+2", "-cmd", "@sum", "'tis"])
+def test_no_cell_is_a_formula_and_the_name_is_behind_an_apostrophe(name):
+    samples = SampleSet((Sample(name, 0.1),), "")
+    estimate = SampleEstimate(name, 1, 0, hammer_peak=-2.5, specimen_peak=math.nan)
+    results = Results(replace(PAPER_SETUP, samples=samples), HammerEstimate(), (estimate,), ())
+    (row,) = csv.DictReader(io.StringIO(format_results_table([results])))
+    assert row["name"] == f"'{name}"
+    assert row["hammer_peak_m_per_s2"] == "-2.5"
+    assert row["specimen_peak_m_per_s2"] == ""

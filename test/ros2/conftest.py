@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from terminal import Terminal
 
 from impact_rig.nodes.discovery import reserve_domain
 
-from .tools import MARK, Terminal, Tools, list_marked
+from .tools import MARK, Tools, list_marked
 
 PATIENCE = 30.0
 """How long what has been stopped may take to end [s], our choice."""

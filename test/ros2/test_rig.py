@@ -46,7 +46,7 @@ def test_parameters_come_from_the_file_and_are_checked(rig, tools):
     assert "fail" in refused.lower()
 
 
-def test_a_latched_state_is_told_whoever_comes_late(rig, tools):
+def test_a_late_subscriber_receives_the_latched_state(rig, tools):
     state = tools.run("ros2", "topic", "echo", "--once", "/bench/recorder/state", STATE)
     assert "recording: true" in state
     assert f"uri: {rig.folder}" in state

@@ -153,7 +153,7 @@ def run_campaign(plant: Plant, setup: RigSetup, seed: int, number: int) -> list[
                 # The blocks say the rate that the laboratory believes in.
                 session.feed(replace(block, sampling_rate=digitizer.sampling_rate))
     has_models = any(asked.method == "identification" for asked in ASKED[plant])
-    found = session.estimate_all() if has_models else session.estimate_all_without_models()
+    found = session.estimate_all(with_models=has_models)
     estimate = next(sample for sample in found.samples if sample.name == name)
     true = compute_truth(plant, truth, name)
     outcomes = []

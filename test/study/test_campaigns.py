@@ -1,4 +1,4 @@
-"""Truths are drawn about what is stated; a campaign shows the laboratory the stated ones only."""
+"""Simulated campaigns and faults: truths drawn about what is stated, faults rightly named."""
 
 import math
 
@@ -20,6 +20,7 @@ from study.campaigns import (
     run_campaign,
     summarize,
 )
+from study.selection import FAULTS, SURE, strike_fault, strike_good_hits
 
 
 def test_masses_and_clock_scatter_by_their_stated_uncertainties():
@@ -76,3 +77,24 @@ def test_intervals_that_cover_are_counted_and_what_is_not_determined_covers_noth
 def test_chance_leaves_what_a_binomial_distribution_says():
     # P(X <= 29) of 36 at 0.95 is 0.0016, P(X <= 28) 0.0003.
     assert (find_least(36, 0.95), find_most(36, 0.05)) == (29, 7)
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.reason.value)
+def test_a_fault_is_found_from_its_size_on(fault):
+    found = [strike_fault(PAPER_SETUP, fault, 2, number) for number in range(3)]
+    for size in fault.sizes:
+        name = fault.name(size)
+        # A step of some sizes goes as a droop of that size would.
+        assert name not in SURE or sum(series[name] for series in found) >= 2
+
+
+def test_faults_below_that_size_are_tried_and_some_are_missed():
+    for fault in FAULTS:
+        sure = [fault.name(size) in SURE for size in fault.sizes]
+        assert sure == sorted(sure)
+    small = strike_fault(PAPER_SETUP, FAULTS[0], 2, 0)
+    assert not small["second contact of 1.5 %"]
+
+
+def test_good_hits_stay():
+    assert sum(strike_good_hits(PAPER_SETUP, 2, number) for number in range(3)) == 0

@@ -1,4 +1,4 @@
-"""What a virtual rig can be asked for by name: light, since every command's help lists it."""
+"""Names of the virtual rig's plants and faults; a light module, which every help imports."""
 
 from enum import Enum
 

@@ -117,7 +117,7 @@ class Contact:
         return replace(self, stiffness=stiffness, impact_speed=self.impact_speed * speed)
 
     def describe(self) -> ContactLaw:
-        """Return the truth as an estimator would say it."""
+        """Return the true parameters in the form of an estimate."""
         stiffness = self.equivalent_mass * (math.pi / self.duration) ** 2
         return ContactLaw(
             exponent=Quantity(self.exponent),
@@ -131,7 +131,7 @@ class Contact:
         )
 
     def make_model(self) -> ImpactModel:
-        """Return duration and peak force beside two equal springs that are in contact as long."""
+        """Return a model with this duration and peak force, and two equal springs to match."""
         fine = self.compute_force(np.linspace(0.0, self.duration, 2001))
         spring = 2.0 * self.equivalent_mass * (math.pi / self.duration) ** 2
         return ImpactModel(
@@ -207,7 +207,7 @@ def make_nominal_contact(
     Raises
     ------
     ParameterError
-        If a mass is not known, or the sample is of none of `MATERIALS`.
+        If a mass is unknown, or the sample's material is not in `MATERIALS`.
     """
     for body in setup.find_unknown_masses(sample):
         raise ParameterError(f"the virtual rig needs the mass of {body}: it is not known")

@@ -39,7 +39,7 @@ class _LaidHit:
 
 
 class VirtualStream:
-    """What the digitizer delivers, block by block, whether anything happens or not.
+    """The digitizer's endless stream of blocks: noise, and the hits laid into it.
 
     Blocks are counted from 0 and may be asked for in rising order only: a hit is forgotten when
     the stream has passed it.
@@ -100,7 +100,7 @@ class VirtualStream:
         return any(laid.point < first + self.block_size for laid in self._hits)
 
     def is_lost(self, number: int) -> bool:
-        """Return whether a block is lost on its way: the one with the middle of such a hit."""
+        """Return whether a block is lost: the middle one of a hit with this fault."""
         return any(
             Fault.LOST_BLOCK in laid.hit.faults
             and (laid.point + laid.stop) // 2 // self.block_size == number

@@ -15,9 +15,9 @@ from impact_rig.core.setup import RigSetup
 from impact_rig.devices.protocols import (
     Acquisition,
     AcquisitionPlan,
+    CommandedHolder,
     FoundDevice,
     SourceChannel,
-    ToldHolder,
 )
 from impact_rig.devices.virtual.choices import IDENTITY, Fault, Plant
 from impact_rig.devices.virtual.delivery import StreamingDigitizer, TriggeredDigitizer
@@ -244,7 +244,7 @@ def read_digitizer(table: TomlTable) -> DigitizerSettings:
 
 
 def _take_each(table: TomlTable, key: str, parse: Callable[[str], T]) -> Iterator[T]:
-    """Parse what stands between the commas of a text."""
+    """Parse the items of a list with commas."""
     for name in table.take_text(key).split(","):
         if name.strip():
             with table.locating(key):
@@ -252,9 +252,9 @@ def _take_each(table: TomlTable, key: str, parse: Callable[[str], T]) -> Iterato
 
 
 def make_virtual_plan(table: TomlTable) -> AcquisitionPlan:
-    """Return the plan that asks of a simulated source what its table [source] says.
+    """Return the plan of a simulated source from its table [source].
 
-    It may say nothing of rate, record and full scales.
+    Rate, record and full scales have defaults.
 
     Raises
     ------
@@ -292,7 +292,7 @@ def _follow_plan(digitizer: DigitizerSettings, plan: AcquisitionPlan) -> Digitiz
     )
 
 
-class VirtualHolder(ToldHolder):
+class VirtualHolder(CommandedHolder):
     """Holds the virtual rig's hammer.
 
     Parameters

@@ -90,8 +90,8 @@ def make_nominal_model(setup: RigSetup, sample: str, hammer_damping: float) -> I
     ):
         if math.isnan(value):
             raise ParameterError(
-                f"sample {owner.name!r} has no reference {quantity}: the virtual rig cannot"
-                " strike it without; give one in the rig file"
+                f"sample {owner.name!r} has no reference {quantity}, which the virtual rig needs:"
+                " give it in the rig file"
             )
     hammer_stiffness = estimate_hammer_stiffness(
         estimate_equivalent_stiffness(

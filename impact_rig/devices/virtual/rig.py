@@ -39,7 +39,7 @@ def fault_from_name(name: str) -> Fault:
 
 @dataclass(frozen=True)
 class ScheduledFault:
-    """A fault ordered for one hit, at its first attempt."""
+    """A fault scheduled for one hit, at its first attempt."""
 
     fault: Fault
     impact: int  # of the series, counted from 1
@@ -77,11 +77,11 @@ class FaultPlan:
     scheduled: tuple[ScheduledFault, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse a probability that is none."""
+        """Refuse a probability outside 0 to 1."""
         check_between("fault probability", self.probability, 0.0, 1.0)
 
     def draw(self, label: HitLabel, generator: np.random.Generator) -> tuple[Fault, ...]:
-        """Return the faults of one hit; takes the same number of draws whatever comes."""
+        """Return the faults of one hit; always draws the same number of random numbers."""
         drawn = generator.random(len(Fault))
         chosen = {
             fault
@@ -236,13 +236,13 @@ class VirtualRigSettings:
 
     @property
     def origin(self) -> Origin:
-        """What its hits say of themselves."""
+        """Origin of its hits."""
         return Origin(SIMULATED, f"{IDENTITY}, plant {self.plant.value}")
 
 
 @dataclass(frozen=True)
 class VirtualHit:
-    """One hit: the truth, and what the digitizer made of it."""
+    """One hit: its true parameters and its digitized signals."""
 
     label: HitLabel
     faults: tuple[Fault, ...]
@@ -303,7 +303,7 @@ def make_nominal_physics(setup: RigSetup, sample: str, settings: VirtualRigSetti
 
 
 def _scatter_physics(nominal: HitPhysics, duration: float, force: float) -> HitPhysics:
-    """Return a hit with the contact time and the force, or the speed, times these factors."""
+    """Return a hit whose contact time and force (or speed) are scaled by these factors."""
     if nominal.contact is not None:
         contact = nominal.contact.scatter(duration, force)
         return replace(nominal, model=contact.make_model(), contact=contact)
@@ -319,7 +319,7 @@ def _scatter_physics(nominal: HitPhysics, duration: float, force: float) -> HitP
 
 
 def _slow_down(physics: HitPhysics, contact: Contact, height: float) -> HitPhysics:
-    """Return a contact whose peak is `height` times the other's: slower, and so wider as well."""
+    """Return a slower and wider contact whose peak is `height` times the given one's."""
     # Without loss F goes with v^(2n / (n + 1)).
     exponent = contact.exponent
     return _scatter_physics(physics, 1.0, height ** ((exponent + 1.0) / (2.0 * exponent)))
@@ -335,8 +335,8 @@ class VirtualRig:
     settings : VirtualRigSettings
         Physics, scatter and faults.
     is_ranged : bool
-        The digitizer's full scales go with the speed of the release angle, as who turns the
-        amplifiers' knobs would have it.
+        The digitizer's full scales follow the speed of the release angle, as if a person set the
+        amplifiers.
     """
 
     def __init__(

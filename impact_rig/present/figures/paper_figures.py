@@ -2,31 +2,78 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.stiffness import estimate_equivalent_mass
 from impact_rig.present.figures.picture import Picture, make_panel, make_picture, shorten_name
 from impact_rig.results.campaign import Results
-from impact_rig.results.figure_rows import (
-    ERRORS,
-    LARGEST_ERRORS_PERCENT,
-    PEAKS,
-    FigureRow,
-    make_figure_rows,
-    sort_as_figure_5,
-)
-from impact_rig.results.numbers import MICRO, format_percent
+from impact_rig.results.numbers import MICRO, format_error
 from impact_rig.results.palette import SERIES, VERMILION, format_hex
+from impact_rig.results.references import Reference, find_expected
 from impact_rig.results.sample_traces import DRIVEN, SampleTraces
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BODY_TITLES = {"hammer": "a) hammer", "sample": "b) samples"}
+
+@dataclass(frozen=True)
+class Body:
+    """What Figs. 4 and 6 show of hammer or samples; fields of `SampleEstimate`."""
+
+    title: str
+    peak: str
+    error: str
+    largest_error: float  # of the paper's Fig. 6, as its text gives it [%]
+
+
+HAMMER = Body("a) hammer", "hammer_peak", "mse_hammer_percent", 0.25)
+SAMPLES = Body("b) samples", "specimen_peak", "mse_sample_percent", 2.8)
+BODIES = (HAMMER, SAMPLES)
 MARKERS = "s^oDvPX*"
 GRAM = 1e3  # kilograms to grams
-CASES = 3  # samples that the paper shows in Fig. 5
+CASES = ("brass small", "steel medium", "aluminium large")
+"""The three samples of the paper's Fig. 5, from top to bottom."""
+
+
+@dataclass(frozen=True)
+class FigureRow:
+    """One sample's place in the figures."""
+
+    estimate: SampleEstimate
+    material: str  # samples of one material share a colour
+    relative_mass: float  # m1 m2 / (m1 + m2), equation (6a) [kg]; NaN: not known
+    contact_times: tuple[float, ...]  # tau_p of every hit in the mean [s]
+    reference: Reference
+
+
+def make_figure_rows(results: Results) -> list[FigureRow]:
+    """Return the samples as the figures show them, in the order of the results.
+
+    Raises
+    ------
+    ParameterError
+        If the results name a sample that is not in their set-up.
+    """
+    rows = []
+    samples = results.setup.samples
+    for estimate in results.samples:
+        name = estimate.name
+        masses = results.setup.hammer_mass, samples.get_moving_mass(name)
+        is_weighed = math.isfinite(sum(masses))
+        times = (hit.contact_time for hit in results.select_accepted(name))
+        row = FigureRow(
+            estimate,
+            material=samples.find(name).material or name,
+            relative_mass=estimate_equivalent_mass(*masses) if is_weighed else math.nan,
+            contact_times=tuple(filter(math.isfinite, times)),
+            reference=find_expected(results, name),
+        )
+        rows.append(row)
+    return rows
 
 
 def make_contact_pictures(results: Results) -> list[Picture]:
@@ -47,7 +94,7 @@ def make_contact_pictures(results: Results) -> list[Picture]:
             "Largest acceleration of the mean hit against the pulse width. The paper prints this"
             " figure without numbers: there is nothing to lay beside it."
         )
-        draw = [partial(draw_peaks, rows, body) for body in PEAKS]
+        draw = [partial(draw_peaks, rows, body) for body in BODIES]
         found.append(make_picture(title, caption, draw))
     return found
 
@@ -63,7 +110,8 @@ def make_model_pictures(results: Results, samples: Sequence[SampleTraces]) -> li
         Mean hits and models; empty where only results are known.
     """
     modelled = {sample.name: sample for sample in samples if sample.find_model(DRIVEN)}
-    cases = [modelled[name] for name in sort_as_figure_5(tuple(modelled))[:CASES]]
+    names = [*(name for name in CASES if name in modelled), *modelled]
+    cases = [modelled[name] for name in dict.fromkeys(names)][: len(CASES)]
     rows = [
         row for row in make_figure_rows(results) if math.isfinite(row.estimate.mse_hammer_percent)
     ]
@@ -85,7 +133,7 @@ def make_model_pictures(results: Results, samples: Sequence[SampleTraces]) -> li
             " prints this figure without numbers. This measure is forgiving: a visibly wrong"
             " shape still gives 1 to 3 %."
         )
-        draw = [partial(draw_errors, rows, body) for body in ERRORS]
+        draw = [partial(draw_errors, rows, body) for body in BODIES]
         found.append(make_picture(title, caption, draw))
     return found
 
@@ -123,7 +171,7 @@ def draw_widths(rows: Sequence[FigureRow]) -> "Figure":
     return panel
 
 
-def draw_peaks(rows: Sequence[FigureRow], body: str) -> "Figure":
+def draw_peaks(rows: Sequence[FigureRow], body: Body) -> "Figure":
     """Draw the largest acceleration of a body's mean hits over tau_p."""
     panel = make_panel(3.2)
     (axes,) = panel.axes
@@ -131,12 +179,10 @@ def draw_peaks(rows: Sequence[FigureRow], body: str) -> "Figure":
         axes,
         rows,
         x=[row.estimate.contact_time.value * MICRO for row in rows],
-        y=[getattr(row.estimate, PEAKS[body]) for row in rows],
+        y=[getattr(row.estimate, body.peak) for row in rows],
     )
     axes.set_ylim(bottom=0.0)
-    axes.set(
-        title=BODY_TITLES[body], xlabel="pulse width τp [µs]", ylabel="maximum amplitude [m/s²]"
-    )
+    axes.set(title=body.title, xlabel="pulse width τp [µs]", ylabel="maximum amplitude [m/s²]")
     panel.legend(loc="lower center", ncols=3)
     return panel
 
@@ -182,7 +228,7 @@ def draw_responses(cases: Sequence[SampleTraces], channel: int) -> "Figure":
             axes.plot(time, modelled[shown], color=format_hex(VERMILION), label="model")
         axes.plot(time, measured[shown], "--", color="black", linewidth=1.0, label="measured")
         model = sample.find_model(DRIVEN)
-        error = format_percent(model.mse_percent[channel]) if model else ""
+        error = f"{format_error(model.mse_percent[channel])} %" if model else ""
         axes.annotate(
             f"{shorten_name(sample.name)}\nMSE {error}",
             (0.99, 0.95),
@@ -191,24 +237,24 @@ def draw_responses(cases: Sequence[SampleTraces], channel: int) -> "Figure":
             verticalalignment="top",
         )
         axes.set_ylabel("a / peak")
-    panel.axes[0].set_title(list(BODY_TITLES.values())[channel])
+    panel.axes[0].set_title(BODIES[channel].title)
     panel.axes[-1].set_xlabel("time from the middle of the pulse [µs]")
     panel.legend(*panel.axes[0].get_legend_handles_labels(), loc="lower center", ncols=2)
     return panel
 
 
-def draw_errors(rows: Sequence[FigureRow], body: str) -> "Figure":
+def draw_errors(rows: Sequence[FigureRow], body: Body) -> "Figure":
     """Draw the mean square error of the force-driven model, and the paper's largest."""
     panel = make_panel(1.4 + 0.22 * len(rows), left=1.5)
     (axes,) = panel.axes
-    values = [getattr(row.estimate, ERRORS[body]) for row in rows]
+    values = [getattr(row.estimate, body.error) for row in rows]
     bars = axes.barh(range(len(rows)), values, color=format_hex(VERMILION))
-    axes.bar_label(bars, [f" {format_percent(value)}" for value in values], fontsize="small")
+    axes.bar_label(bars, [f" {format_error(value)} %" for value in values], fontsize="small")
     axes.set_yticks(range(len(rows)), [shorten_name(row.estimate.name) for row in rows])
     axes.invert_yaxis()
-    bound = LARGEST_ERRORS_PERCENT[body]
-    axes.axvline(bound, color="black", linestyle="--", label=f"largest of the paper, {bound:g} %")
+    bound = f"largest of the paper, {body.largest_error:g} %"
+    axes.axvline(body.largest_error, color="black", linestyle="--", label=bound)
     axes.margins(x=0.15)
-    axes.set(title=BODY_TITLES[body], xlabel="MSE [%]")
+    axes.set(title=body.title, xlabel="MSE [%]")
     panel.legend(loc="lower center")
     return panel

@@ -4,6 +4,7 @@ import base64
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ STYLE: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # fixed: placing each title takes a tenth of the time
     "axes.titlesize": "medium",
     "grid.alpha": 0.2,
     "legend.fontsize": "small",
@@ -74,6 +76,25 @@ def make_panel(*heights: float, left: float = LEFT) -> "Figure":
     )
     for axes in panel.axes:
         axes.locator_params(nbins=MOST_TICKS)
+    return panel
+
+
+_make_once = cache(make_panel)
+
+
+def reuse_panel(*heights: float) -> "Figure":
+    """Return a panel as `make_panel` does: the same one, cleared, for the same heights.
+
+    Axes and ticks take half the time of a panel, and every sample has panels of the same heights.
+    """
+    panel = _make_once(*heights)
+    for axes in panel.axes:
+        for artist in (*axes.lines, *axes.patches, *axes.texts):
+            artist.remove()
+        axes.relim()
+        axes.autoscale()
+    for legend in panel.legends:
+        legend.remove()
     return panel
 
 

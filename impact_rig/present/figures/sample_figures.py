@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from impact_rig.core.sample import SampleEstimate
-from impact_rig.present.figures.picture import Picture, make_panel, make_picture
-from impact_rig.results.comparison import SAMPLE_MEASURANDS
+from impact_rig.present.figures.picture import Picture, make_picture, reuse_panel
 from impact_rig.results.law_curves import LawCurves
-from impact_rig.results.numbers import MICRO, format_count, format_percent, format_quantity
+from impact_rig.results.measurands import SAMPLE_MEASURANDS
+from impact_rig.results.numbers import MICRO, format_count, format_error, format_quantity
 from impact_rig.results.palette import BLUE, GREEN, PURPLE, VERMILION, format_hex
 from impact_rig.results.sample_traces import (
     DRIVEN,
@@ -73,7 +73,7 @@ def make_sample_picture(
 
 def draw_channel(traces: SampleTraces, hits: Sequence[AlignedHit], channel: int) -> "Figure":
     """Draw traces above and residuals below, on one time axis."""
-    panel = make_panel(2.6, *[1.2] * bool(traces.models))
+    panel = reuse_panel(2.6, *[1.2] * bool(traces.models))
     upper, lower = panel.axes[0], panel.axes[-1]
     start = -1.2 * traces.contact_time
     stop = np.nanmax([4.0 * traces.contact_time, 1.2 * traces.second_peak_time])
@@ -89,8 +89,8 @@ def draw_channel(traces: SampleTraces, hits: Sequence[AlignedHit], channel: int)
     plot(upper, traces.time, traces.mean[channel], color="black", linewidth=1.6, label="mean")
     for model in traces.models:
         look = LOOKS[model.model]
-        error = format_percent(model.mse_percent[channel])
-        label = f"{MODEL_NAMES[model.model]}, MSE {error}"
+        error = format_error(model.mse_percent[channel])
+        label = f"{MODEL_NAMES[model.model]}, MSE {error} %"
         plot(upper, traces.time, model.traces[channel], **look, label=label)
         plot(lower, traces.time, traces.compute_residual(model)[channel], **look)
     half = 0.5 * MICRO * traces.contact_time
@@ -133,7 +133,7 @@ def make_law_picture(sample: SampleEstimate, curves: LawCurves) -> Picture:
 
 def draw_law_pulse(curves: LawCurves) -> "Figure":
     """Draw force over time, and below the residuals of law and versed-sine."""
-    panel = make_panel(2.6, 1.2)
+    panel = reuse_panel(2.6, 1.2)
     forces, residuals = panel.axes
     time = curves.time * MICRO
     forces.plot(time, curves.measured, **MEASURED_LOOK, label="mean")
@@ -148,7 +148,7 @@ def draw_law_pulse(curves: LawCurves) -> "Figure":
 
 def draw_law_loop(curves: LawCurves) -> "Figure":
     """Draw force over indentation."""
-    panel = make_panel(3.8)
+    panel = reuse_panel(3.8)
     (axes,) = panel.axes
     if curves.indentation.size:
         indentation = curves.indentation * MICRO

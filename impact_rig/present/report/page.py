@@ -1,8 +1,7 @@
 """A document as one HTML file that needs no other file."""
 
 from functools import cache
-from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from impact_rig import __version__
 from impact_rig.present.report.document import Document, Section
@@ -10,10 +9,7 @@ from impact_rig.present.report.document import Document, Section
 if TYPE_CHECKING:
     import jinja2
 
-TEMPLATES = "templates"
-"""Folder beside this module."""
 PAGE = "page.html.jinja"
-STYLE = "style.css"
 
 
 def render_page(document: Document) -> str:
@@ -28,13 +24,7 @@ def render_page(document: Document) -> str:
         return f"section-{numbers.setdefault(id(section), len(numbers) + 1)}"
 
     template = _make_environment().get_template(PAGE)
-    page = template.render(
-        document=document,
-        anchor=anchor,
-        style=_mark_safe(_read_template(STYLE)),
-        version=__version__,
-    )
-    return page.lstrip()
+    return template.render(document=document, anchor=anchor, version=__version__).lstrip()
 
 
 @cache
@@ -42,7 +32,7 @@ def _make_environment() -> "jinja2.Environment":
     import jinja2
 
     environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(_read_template),
+        loader=jinja2.PackageLoader("impact_rig.present.report"),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -51,14 +41,3 @@ def _make_environment() -> "jinja2.Environment":
     )
     environment.filters["kind"] = lambda part: type(part).__name__
     return environment
-
-
-def _read_template(name: str) -> str:
-    return (files(__package__) / TEMPLATES / name).read_text(encoding="utf-8")
-
-
-def _mark_safe(text: str) -> Any:
-    """Return our own HTML, which is not escaped."""
-    from markupsafe import Markup
-
-    return Markup(text)  # noqa: S704 - our style sheet, never words of a file

@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 from impact_rig.core.records import IMPORTED, MEASURED, join_origins
 from impact_rig.present.report.document import Document, Facts, Section
 from impact_rig.present.report.run import make_run_sections
-from impact_rig.present.report.setup import format_time, is_dated
+from impact_rig.present.report.setup import format_date
 from impact_rig.results.remarks import describe_origin
-from impact_rig.results.run import Provenance, Run
+from impact_rig.results.run import Run
 
 TITLE = "Impact test report"
 GUIDE = {
@@ -105,14 +105,8 @@ def _list_facts(runs: Sequence[Run]) -> tuple[tuple[str, str], ...]:
     facts = [
         ("Run", ", ".join(run.name for run in runs)),
         ("Rig", ", ".join(rigs)),
-        ("Recorded", _format_date(runs[0].provenance)),
+        ("Recorded", format_date(runs[0].provenance)),
         ("Samples", str(len(names))),
         ("Hits in the means", f"{hits - left_out} of {hits}"),
     ]
     return tuple((name, text) for name, text in facts if text)
-
-
-def _format_date(provenance: Provenance | None) -> str:
-    if provenance is None or not is_dated(provenance):
-        return "date not known"
-    return format_time(provenance.start_time)

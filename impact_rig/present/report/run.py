@@ -18,11 +18,11 @@ from impact_rig.present.report.document import (
     Section,
     drop_empty,
 )
-from impact_rig.present.report.setup import format_time, is_dated, make_setup_section
+from impact_rig.present.report.setup import make_setup_section
 from impact_rig.results import tables
 from impact_rig.results.campaign import Results
 from impact_rig.results.law_curves import compute_law_curves
-from impact_rig.results.numbers import format_count
+from impact_rig.results.numbers import format_count, format_time, is_dated
 from impact_rig.results.references import find_expected
 from impact_rig.results.remarks import (
     Remark,
@@ -152,7 +152,7 @@ def gather_run_remarks(run: Run) -> list[Remark]:
     if provenance is not None:
         losses = [f"lost while recording: {provenance.losses}"] * bool(provenance.losses)
         texts += [*provenance.problems, *losses]
-        if is_dated(provenance):
+        if is_dated(provenance.start_time):
             day = format_time(provenance.start_time).partition(" ")[0]
             texts += results.setup.list_calibration_warnings(day)
     return gather_remarks(results, texts)

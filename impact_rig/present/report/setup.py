@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from datetime import UTC, datetime
 
 from impact_rig.core.quantity import list_stored
 from impact_rig.core.sensors import Sensor
@@ -13,15 +12,20 @@ from impact_rig.core.setup import (
     format_angle,
 )
 from impact_rig.present.report.document import Facts, Folded, Listing, Paragraph, Part, Section
-from impact_rig.results.hit_traces import Acquisition
-from impact_rig.results.numbers import MEGA, MICRO, MISSING, format_count, format_number
-from impact_rig.results.run import Provenance, Run
-from impact_rig.results.tables import Table, make_column, make_table, make_text_column
+from impact_rig.results.numbers import (
+    MEGA,
+    MICRO,
+    MISSING,
+    format_count,
+    format_number,
+    format_time,
+    is_dated,
+)
+from impact_rig.results.run import Provenance, Run, TracedCampaign
+from impact_rig.results.tables import Column, Table, make_table, make_text_column
 
 GRAM = 1e3
 """Kilograms to grams."""
-EARLIEST_TIME = 631_152_000_000_000_000
-"""1990-01-01 [ns since the epoch]: files without a date are imported as of 1970."""
 WITHOUT_TRACES = (
     "This run was read from its results alone. They hold no traces and say nothing of date,"
     " calibration and software: Fig. 5 and the traces of each sample are missing here. A report of"
@@ -40,7 +44,6 @@ SETTINGS = {
     "overload_run": ("points at the rail that make an overload", "", 1.0),
     "double_hit_level": ("second pulse that makes a double hit, of the first", "%", 100.0),
     "double_hit_window": ("second pulse counts within, 0 for anywhere", "ms", 1e3),
-    "turns_polarity": ("hits of the other sign are turned", "", 1.0),
     "contact_exponent": ("n of the contact law, 0 where it is fitted", "", 1.0),
     "keep_hits": ("hits of a sample averaged at most, 0 for all", "", 1.0),
 }
@@ -50,38 +53,23 @@ SETTINGS = {
 def make_setup_section(run: Run) -> Section:
     """Return the sections on the set-up."""
     setup = run.campaign.results.setup
-    parts: list[Part] = [] if run.has_traces else [Paragraph(WITHOUT_TRACES)]
+    parts: list[Part] = [] if run.campaign.hits else [Paragraph(WITHOUT_TRACES)]
     parts += [
         Facts(_list_facts(run)),
         _tabulate_bodies(setup),
         *_tabulate_sensors(setup.sensors),
-        *_tabulate_acquisitions(run.acquisitions),
+        *_tabulate_calibrations(run.campaign),
         _fold_settings(setup.analysis),
         *_list_software(run.provenance),
     ]
     return Section("Set-up", tuple(parts))
 
 
-def format_time(nanoseconds: int) -> str:
-    """Return a moment in universal time, alike on every machine."""
-    try:
-        moment = datetime.fromtimestamp(nanoseconds // 1_000_000_000, tz=UTC)
-    except (OverflowError, OSError, ValueError):
-        return f"{nanoseconds} ns"
-    return f"{moment:%Y-%m-%d %H:%M:%S} UTC"
-
-
-def is_dated(provenance: Provenance) -> bool:
-    """Return whether a recording has a date."""
-    return provenance.start_time >= EARLIEST_TIME
-
-
-def _format_period(provenance: Provenance) -> str:
-    """Return start and duration of a recording; both are unknown for imported hits."""
-    if not is_dated(provenance):
+def format_date(provenance: Provenance | None) -> str:
+    """Return when a run was recorded; imported hits have no date."""
+    if provenance is None or not is_dated(provenance.start_time):
         return "date not known"
-    duration = (provenance.end_time - provenance.start_time) * 1e-9
-    return f"{format_time(provenance.start_time)}, for {duration:.1f} s"
+    return format_time(provenance.start_time)
 
 
 def _list_facts(run: Run) -> tuple[tuple[str, str], ...]:
@@ -100,21 +88,20 @@ def _list_facts(run: Run) -> tuple[tuple[str, str], ...]:
 
 
 def _list_recording_facts(provenance: Provenance) -> list[tuple[str, str]]:
-    facts = [("Recorded", _format_period(provenance))]
-    facts += [
-        ("File", f"{file.name}, {file.size / 1e6:.4g} MB, SHA-256 {file.sha256}")
-        for file in provenance.files
-    ]
     is_sound = "sound: every checksum is right and nothing is missing"
-    facts += [
+    duration = (provenance.end_time - provenance.start_time) * 1e-9
+    period = f", for {duration:.1f} s" if is_dated(provenance.start_time) else ""
+    facts = [
+        ("Recorded", f"{format_date(provenance)}{period}"),
+        ("File", f"{provenance.size / 1e6:.4g} MB, SHA-256 {provenance.sha256}"),
         ("Condition", "; ".join(provenance.problems) or is_sound),
         # Only a recorder that was there knows.
         ("Lost while recorded", provenance.losses or ("nothing" if provenance.ended else "")),
         ("Ended", provenance.ended),
     ]
     return facts + [
-        (f"Note, {format_time(note.time)}" if note.time else "Notes", note.text)
-        for note in provenance.notes
+        (f"Note, {format_time(time)}" if time else "Notes", text)
+        for time, text in provenance.notes
     ]
 
 
@@ -184,11 +171,11 @@ def _tabulate_bodies(setup: RigSetup) -> Table:
     columns = [
         make_text_column("Body", [name for name, *_ in rows]),
         make_text_column("Material", [material for _, material, *_ in rows]),
-        make_column("Mass [g]", [format_number(mass * GRAM, 2) for *_, mass, _ in rows]),
-        make_column("u [g]", [f"{wide * GRAM:.2g}" if wide else MISSING for *_, wide in rows]),
-        make_column("Ref. τp [µs]", refer("reference_contact_time", 2, MICRO)),
-        make_column("Ref. k2 [MN/m]", refer("reference_stiffness", 2, MEGA)),
-        make_column("Ref. c2 [N s/m]", refer("reference_damping_coefficient", 0)),
+        Column("Mass [g]", [format_number(mass * GRAM, 2) for *_, mass, _ in rows]),
+        Column("u [g]", [f"{wide * GRAM:.2g}" if wide else MISSING for *_, wide in rows]),
+        Column("Ref. τp [µs]", refer("reference_contact_time", 2, MICRO)),
+        Column("Ref. k2 [MN/m]", refer("reference_stiffness", 2, MEGA)),
+        Column("Ref. c2 [N s/m]", refer("reference_damping_coefficient", 0)),
         make_text_column("Role", roles),
     ]
     note = (
@@ -205,34 +192,33 @@ def _tabulate_sensors(sensors: Sequence[Sensor]) -> list[Part]:
     for name, header, make, scale in (
         ("quantity", "Quantity", make_text_column, 1.0),
         ("unit", "Unit", make_text_column, 1.0),
-        ("sensitivity", "Sensitivity [mV per unit]", make_column, 1e3),
-        ("full_scale", "Full scale [unit]", make_column, 1.0),
+        ("sensitivity", "Sensitivity [mV per unit]", Column, 1e3),
+        ("full_scale", "Full scale [unit]", Column, 1.0),
         ("serial_number", "Serial number", make_text_column, 1.0),
         ("calibration_date", "Calibrated", make_text_column, 1.0),
-        ("resonance", "Resonance [kHz]", make_column, 1e-3),
-        ("low_corner", "Low corner [Hz]", make_column, 1.0),
+        ("resonance", "Resonance [kHz]", Column, 1e-3),
+        ("low_corner", "Low corner [Hz]", Column, 1.0),
     ):
         values = [getattr(sensor, name) or "" for sensor in sensors]
         columns.append(make(header, [_format_value(value, scale) for value in values]))
     return [make_table("Sensors, by their calibration sheets", columns)]
 
 
-def _tabulate_acquisitions(acquisitions: Sequence[Acquisition]) -> list[Part]:
-    rows = [(item, channel) for item in acquisitions for channel in item.channels]
-    if not rows:
+def _tabulate_calibrations(campaign: TracedCampaign) -> list[Part]:
+    found = list(
+        dict.fromkeys(item for hit in campaign.hits for item in hit.recorded.calibrations)
+    )
+    if not found:
         return []
-    channels = [channel for _, channel in rows]
     columns = [
-        make_text_column("Channel", [item.name for item in channels]),
-        make_column("Rate [kHz]", [f"{item.sampling_rate * 1e-3:.7g}" for item, _ in rows]),
-        make_text_column(
-            "Output", ["counts" if item.is_counted else "numbers" for item in channels]
-        ),
-        make_column("Scale [m/s² per unit]", [f"{item.scale:.7g}" for item in channels]),
-        make_column("Offset [m/s²]", [f"{item.offset:.7g}" for item in channels]),
-        make_column(
+        make_text_column("Channel", [item.name for item in found]),
+        Column("Rate [kHz]", [f"{item.sampling_rate * 1e-3:.7g}" for item in found]),
+        make_text_column("Output", ["counts" if item.is_counted else "numbers" for item in found]),
+        Column("Scale [m/s² per unit]", [f"{item.scale:.7g}" for item in found]),
+        Column("Offset [m/s²]", [f"{item.offset:.7g}" for item in found]),
+        Column(
             "Full scale [m/s²]",
-            [f"{item.full_scale:.7g}" if item.full_scale else MISSING for item in channels],
+            [f"{item.full_scale:.7g}" if item.full_scale else MISSING for item in found],
         ),
     ]
     note = "Acceleration is scale times output plus offset, as every block of the recording says."
@@ -240,19 +226,11 @@ def _tabulate_acquisitions(acquisitions: Sequence[Acquisition]) -> list[Part]:
 
 
 def _fold_settings(settings: AnalysisSettings) -> Folded:
-    stored = list_stored(settings)
-    fields = [SETTINGS[name] for name in stored]
-    values = [
-        _format_value(value, scale)
-        for value, (_, _, scale) in zip(stored.values(), fields, strict=True)
-    ]
-    columns = [
-        make_text_column("Setting", [label for label, _, _ in fields]),
-        make_column("Value", values),
-        make_text_column("Unit", [unit for _, unit, _ in fields]),
-    ]
-    title = "Settings of judgement and evaluation"
-    return Folded(title, (make_table(title, columns),))
+    rows = []
+    for name, value in list_stored(settings).items():
+        label, unit, scale = SETTINGS[name]
+        rows.append((label, f"{_format_value(value, scale)} {unit}".rstrip()))
+    return Folded("Settings of judgement and evaluation", (Facts(tuple(rows)),))
 
 
 def _list_software(provenance: Provenance | None) -> list[Part]:
@@ -260,9 +238,7 @@ def _list_software(provenance: Provenance | None) -> list[Part]:
         return []
     parts: list[Part] = []
     if provenance.versions:
-        names, versions = zip(*provenance.versions, strict=True)
-        columns = [make_text_column("Software", names), make_text_column("Version", versions)]
-        parts.append(Folded("Software that recorded it", (make_table("Software", columns),)))
+        parts.append(Folded("Software that recorded it", (Facts(provenance.versions),)))
     if provenance.parameters:
         listings = tuple(Listing(node, text.rstrip()) for node, text in provenance.parameters)
         parts.append(Folded(f"Parameters of {format_count(len(listings), 'node')}", listings))

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.entities import BODIES, Path, make_body_path
 from impact_rig.present.rerun.health import LEVELS, LOSSES, RATES
-from impact_rig.present.rerun.rerun_sdk import import_rerun
+from impact_rig.present.rerun.viewers import import_rerun
 from impact_rig.results.numbers import show_unit
 
 if TYPE_CHECKING:
@@ -29,8 +28,6 @@ times [-]: some periods of the sample's decay."""
 OVERVIEW = "All [m/s²]: hammer blue, sample orange, model on top, residual grey, contact green"
 LAYERS = (entities.CONTACT, entities.OVERLAY, entities.MODELS, entities.POINTS)
 """Layers of a body, from below."""
-Range = tuple[float, float]
-"""First and last time that a plot shows [s]."""
 
 
 def make_blueprint(
@@ -53,9 +50,14 @@ def make_blueprint(
     RigError
         If rerun-sdk is not installed.
     """
-    layout = import_rerun().blueprint
+    sdk = import_rerun()
+    layout = sdk.blueprint
     known = [time for time in contact_times if math.isfinite(time) and time > 0.0]
-    decay = (-BEFORE * max(known), AFTER * max(known)) if known else None
+    decay = None
+    if known:
+        ends = (round(part * max(known), 9) for part in (-BEFORE, AFTER))
+        limits = (sdk.TimeRangeBoundary.absolute(seconds=end) for end in ends)
+        decay = layout.TimeAxis(view_range=sdk.TimeRange(*limits))
     return layout.Blueprint(
         layout.Tabs(
             _lay_out_hit(),
@@ -81,7 +83,7 @@ def _lay_out_hit() -> rrb.Container:
     )
 
 
-def _lay_out_samples(names: Sequence[str], time_range: Range | None) -> rrb.Container:
+def _lay_out_samples(names: Sequence[str], time_axis: rrb.TimeAxis | None) -> rrb.Container:
     """Return a tab with an overview, and a tab for each sample."""
     cells = [
         _make_time_view(
@@ -93,27 +95,29 @@ def _lay_out_samples(names: Sequence[str], time_range: Range | None) -> rrb.Cont
                 for layer in LAYERS
                 if (body, layer) != (entities.SPECIMEN, entities.CONTACT)
             ],
-            time_range,
+            time_axis,
             has_legend=False,
         )
         for name in names
     ]
-    return import_rerun().blueprint.Tabs(
-        _make_grid(OVERVIEW, cells),
-        *(_lay_out_sample(name, time_range) for name in names),
+    layout = import_rerun().blueprint
+    columns = min(LARGEST_GRID_WIDTH, max(math.ceil(math.sqrt(len(cells))), 1))
+    return layout.Tabs(
+        layout.Grid(contents=cells, grid_columns=columns, name=OVERVIEW),
+        *(_lay_out_sample(name, time_axis) for name in names),
         name=TAB_SAMPLE,
         active_tab=0,
     )
 
 
-def _lay_out_sample(sample: str, time_range: Range | None) -> rrb.Container:
+def _lay_out_sample(sample: str, time_axis: rrb.TimeAxis | None) -> rrb.Container:
     """Return a tab with hammer, sample, contact law and results."""
     layout = import_rerun().blueprint
     traces = [
         _make_time_view(
             f"{body} of {sample} [m/s²]",
             [(*make_body_path(sample, body), layer) for layer in LAYERS],
-            time_range,
+            time_axis,
         )
         for body in BODIES
     ]
@@ -134,11 +138,6 @@ def _lay_out_sample(sample: str, time_range: Range | None) -> rrb.Container:
         column_shares=[3, 2, 2],
         name=sample,
     )
-
-
-def _make_grid(name: str, cells: Sequence[rrb.View]) -> rrb.Container:
-    columns = min(LARGEST_GRID_WIDTH, math.ceil(math.sqrt(len(cells))))
-    return import_rerun().blueprint.Grid(contents=cells, grid_columns=max(columns, 1), name=name)
 
 
 def _lay_out_campaign(hammer_unit: str) -> rrb.Container:
@@ -204,29 +203,19 @@ def _make_text_view(name: str, path: Path) -> rrb.TextDocumentView:
 def _make_time_view(
     name: str,
     parents: Sequence[Path],
-    time_range: Range | None = None,
+    time_axis: rrb.TimeAxis | None = None,
     *,
     has_legend: bool = True,
 ) -> rrb.TimeSeriesView:
     """Return a plot over time of all entities below `parents`.
 
-    It shows `time_range` first, or everything.
+    It shows what `time_axis` says first, or everything.
     """
     sdk = import_rerun()
     layout = sdk.blueprint
     return layout.TimeSeriesView(
         contents=[f"+ {sdk.new_entity_path(parent)}/**" for parent in parents],
         name=name,
-        axis_x=_make_axis(time_range) if time_range else None,
+        axis_x=time_axis,
         plot_legend=layout.PlotLegend(layout.Corner2D.RightTop, visible=has_legend),
     )
-
-
-@lru_cache
-def _make_axis(time_range: Range) -> rrb.TimeAxis:
-    """Return an axis; it takes a millisecond to make, and many plots share one."""
-    sdk = import_rerun()
-    start, end = (
-        sdk.TimeRangeBoundary.absolute(seconds=round(moment, 9)) for moment in time_range
-    )
-    return sdk.blueprint.TimeAxis(view_range=sdk.TimeRange(start, end))

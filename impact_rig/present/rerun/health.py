@@ -12,7 +12,7 @@ import numpy as np
 
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.markdown import escape_markdown
-from impact_rig.present.rerun.rerun_sdk import import_rerun
+from impact_rig.present.rerun.viewers import import_rerun
 from impact_rig.results.palette import GREEN, GREY, ORANGE, VERMILION
 
 if TYPE_CHECKING:
@@ -27,27 +27,20 @@ class Level(IntEnum):
     ERROR = 2
     STALE = 3
 
+    @classmethod
+    def _missing_(cls, _: object) -> Level:
+        """Count any other number as an error."""
+        return cls.ERROR
+
 
 @dataclass(frozen=True)
 class NodeHealth:
     """The newest state of one node."""
 
     name: str
-    level: int = Level.OK  # a `Level`; any other number counts as an error
+    level: Level = Level.OK
     message: str = ""
     values: tuple[tuple[str, str], ...] = ()  # names and texts of its figures
-
-
-@dataclass(frozen=True)
-class Health:
-    """The newest state of all nodes of a rig.
-
-    The view keeps the history of rates ("blocks per second") and losses ("gaps", "missing
-    points", "views dropped", "impacts rejected"), by the name of the figure.
-    """
-
-    nodes: tuple[NodeHealth, ...]
-    stamp: int  # [ns since the epoch]
 
 
 RATES = "rates"
@@ -72,26 +65,29 @@ NO_HEALTH = "No node has published its state. The view of a file has none."
 
 
 class HealthLog:
-    """Logs the health of a rig."""
+    """Logs the health of a rig.
+
+    The view keeps the history of rates ("blocks per second") and losses ("gaps", "missing
+    points", "views dropped", "impacts rejected"), by the name of the figure.
+    """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
         self._rr = import_rerun()
         self._stream = stream
         self._levels: dict[str, Level] = {}
 
-    def log(self, health: Health) -> None:
-        """Add figures and changes of level to the history."""
-        for node in health.nodes:
-            self._log_level(node, health.stamp)
+    def log(self, nodes: Sequence[NodeHealth], stamp: int) -> None:
+        """Add figures and changes of level to the history; `stamp` is in ns since the epoch."""
+        for node in nodes:
+            self._log_level(node, stamp)
             for name, text in node.values:
-                kind, value = choose_kind(name), read_figure(text)
-                if kind and math.isfinite(value):
+                kind, value = choose_kind(name), _read_figure(text)
+                if kind is not None and math.isfinite(value):
                     path = (*entities.HEALTH_HISTORY, kind, node.name, name)
-                    self._send(path, health.stamp, self._rr.Scalars.columns(scalars=[value]))
+                    self._send(path, stamp, self._rr.Scalars.columns(scalars=[value]))
 
     def _log_level(self, node: NodeHealth, stamp: int) -> None:
-        level = read_level(node)
-        if self._levels.get(node.name) == level:
+        if self._levels.get(node.name) == node.level:
             return
         path = (*entities.HEALTH_HISTORY, LEVELS, node.name)
         if node.name not in self._levels:
@@ -99,8 +95,9 @@ class HealthLog:
                 values=[item.name.lower() for item in COLOURS], colors=list(COLOURS.values())
             )
             self._stream.log(self._rr.new_entity_path(path), configuration, static=True)
-        self._levels[node.name] = level
-        self._send(path, stamp, self._rr.StateChange.columns(state=[level.name.lower()]))
+        self._levels[node.name] = node.level
+        change = self._rr.StateChange.columns(state=[node.level.name.lower()])
+        self._send(path, stamp, change)
 
     def _send(self, path: entities.Path, stamp: int, columns: rr.ComponentColumnList) -> None:
         moment = np.array([stamp], "datetime64[ns]")
@@ -111,21 +108,16 @@ class HealthLog:
         )
 
 
-def read_level(node: NodeHealth) -> Level:
-    """Return the level of a node; an unknown number is an error."""
-    return Level(node.level) if node.level in set(Level) else Level.ERROR
-
-
-def choose_kind(name: str) -> str:
-    """Return the plot of a figure, by its name; empty: it has none."""
+def choose_kind(name: str) -> str | None:
+    """Return the plot of a figure, by its name; None: it has none."""
     if name.endswith(RATE_ENDINGS):
         return RATES
     if any(word in name for word in LOSS_WORDS):
         return LOSSES
-    return ""
+    return None
 
 
-def read_figure(text: str) -> float:
+def _read_figure(text: str) -> float:
     """Return the number that a figure starts with; NaN without one."""
     try:
         return float(text.split(maxsplit=1)[0])
@@ -134,7 +126,7 @@ def read_figure(text: str) -> float:
 
 
 def _format_figure(name: str, text: str) -> str:
-    size = read_figure(text)
+    size = _read_figure(text)
     shown = f"{size / GIGABYTE:.3f} GB" if name == SIZE and math.isfinite(size) else text
     return f"{escape_markdown(name)} **{escape_markdown(shown)}**"
 
@@ -144,10 +136,9 @@ def format_health(nodes: Sequence[NodeHealth]) -> str:
     if not nodes:
         return NO_HEALTH
     paragraphs = []
-    for node in sorted(nodes, key=read_level, reverse=True):
-        level = read_level(node)
-        title = f"## {SIGNS[level]} {escape_markdown(node.name)}: {level.name.lower()}"
-        paragraphs += [title, escape_markdown(node.message)]
+    for node in sorted(nodes, key=lambda node: node.level, reverse=True):
+        title = f"{SIGNS[node.level]} {escape_markdown(node.name)}: {node.level.name.lower()}"
+        paragraphs += [f"## {title}", escape_markdown(node.message)]
         figures = [_format_figure(name, text) for name, text in node.values if text]
         paragraphs += [" · ".join(figures)] if figures else []
     return "\n\n".join(paragraphs)

@@ -52,7 +52,10 @@ def format_verdict(hit: HitResults, hammer: tuple[float, str] = ACCELERATION) ->
         escape_markdown(f"Origin: {hit.origin}"),
         "## Accepted" if hit.accepted else "## Rejected",
     ]
-    lines += [format_reason(reason) for reason in hit.reasons]
+    for reason in hit.reasons:
+        code, separator, explanation = reason.partition(": ")
+        about = code.replace("_", " ") if separator else ""
+        lines.append(_format_item(about, explanation if separator else reason))
     figures = [
         f"| {name} | {format_number(value, digits)} {unit} |"
         for name, value, digits, unit in (
@@ -70,12 +73,10 @@ def format_verdict(hit: HitResults, hammer: tuple[float, str] = ACCELERATION) ->
     return "\n\n".join(lines)
 
 
-def format_reason(reason: str) -> str:
-    """Return a reason, ``code: explanation``, as an item of a Markdown list."""
-    code, separator, explanation = reason.partition(": ")
-    if not separator:
-        return f"- {escape_markdown(reason)}"
-    return f"- **{escape_markdown(code.replace('_', ' '))}**: {escape_markdown(explanation)}"
+def _format_item(about: str, text: str) -> str:
+    """Return an item of a Markdown list, with its subject where there is one."""
+    subject = f"**{escape_markdown(about)}**: " if about else ""
+    return f"- {subject}{escape_markdown(text)}"
 
 
 def format_log_line(hit: HitResults) -> str:
@@ -123,32 +124,21 @@ def format_table(table: Table) -> str:
 
 
 def _format_remarks(remarks: Sequence[Remark]) -> list[str]:
-    items = [
-        f"- **{escape_markdown(remark.about)}**: {escape_markdown(remark.text)}"
-        if remark.about
-        else f"- {escape_markdown(remark.text)}"
-        for remark in remarks
-    ]
+    items = [_format_item(remark.about, remark.text) for remark in remarks]
     return ["## Remarks", "\n".join(items)] if items else []
 
 
 def format_summary(results: Results, sample: SampleEstimate) -> str:
     """Return one sample: its values by each method, and its remarks."""
     reference = find_expected(results, sample.name)
-    tables = [
-        tabulate_methods(sample, reference),
-        *tabulate_errors([sample]),
-        *tabulate_checks([sample]),
-    ]
     paragraphs = [
         f"# {escape_markdown(sample.name)}",
         escape_markdown(f"Origin: {results.find_origin(sample.name)}"),
         f"{sample.impacts_accepted} hits in the mean, {sample.impacts_rejected} rejected.",
-        *map(format_table, tables),
-        *(
-            escape_markdown(explain_misprint(reference.published))
-            for _ in range(reference.is_misprinted)
-            if reference.published is not None
-        ),
+        format_table(tabulate_methods(sample, reference)),
+        *map(format_table, tabulate_errors([sample])),
+        *map(format_table, tabulate_checks([sample])),
     ]
+    if reference.published is not None and reference.is_misprinted:
+        paragraphs.append(escape_markdown(explain_misprint(reference.published)))
     return "\n\n".join([*paragraphs, *_format_remarks(gather_sample_remarks(sample))])

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from impact_rig.core.records import FloatArray
 from impact_rig.present.rerun.entities import HIT_TIME, Path
-from impact_rig.present.rerun.rerun_sdk import import_rerun
-from impact_rig.results.hit_traces import Float32Array
+from impact_rig.present.rerun.viewers import import_rerun
 from impact_rig.results.palette import GREY
 
 if TYPE_CHECKING:
@@ -136,12 +135,6 @@ class PlotLog:
         self._stream.log(path, style, static=True)
         return path
 
-    def draw_hidden(self, family: Path, time: FloatArray, values: NDArray[Any]) -> None:
-        """Draw lines that are replaced already, shape (n, columns)."""
-        path = self._make_path(family)
-        self._hide(_Drawn(path, values.shape[1], is_points=False))
-        self._send(path, time, values)
-
     def hide(self, parent: Path = ()) -> None:
         """Hide all lines at or below `parent`; without it, all."""
         for family in [item for item in self._shown if item[: len(parent)] == parent]:
@@ -181,9 +174,11 @@ def make_scalars(values: NDArray[Any]) -> rr.ComponentColumn:
     """Return rows of scalars, shape (n, columns), as Rerun takes them, in single precision."""
     sdk = import_rerun()
     rows, columns = values.shape
+    descriptor = sdk.Scalars.descriptor_scalars()
+    # Rerun's own class for scalars would make them twice as large.
     column: rr.ComponentColumn = sdk.ComponentColumn(
-        sdk.Scalars.descriptor_scalars(),
-        _SinglePrecision(values),
+        descriptor,
+        sdk.AnyBatchValue(descriptor, values.astype(np.float32).reshape(-1)),
         offsets=np.arange(0, rows * columns + 1, columns, dtype=np.int32),
     )
     return column
@@ -194,16 +189,3 @@ def _pack(shades: Sequence[Shade]) -> NDArray[np.uint32]:
     return np.array(
         [int.from_bytes([*shade, OPAQUE][:4], "big") for shade in shades], dtype=np.uint32
     )
-
-
-class _SinglePrecision:
-    """Scalars as float32: Rerun's own class would make them twice as large."""
-
-    def __init__(self, values: NDArray[Any]) -> None:
-        self._values: Float32Array = np.ascontiguousarray(values, dtype=np.float32)
-
-    def as_arrow_array(self) -> Any:
-        """Return all values, row by row."""
-        import pyarrow as pa
-
-        return pa.array(self._values.reshape(-1))

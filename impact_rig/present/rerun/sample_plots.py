@@ -1,4 +1,4 @@
-"""The plots of one sample: its aligned hits, their mean, the models."""
+"""The plots of one sample: its aligned hits, their mean, the models, the contact law."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.records import FloatArray
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.entities import BODIES, Path, make_body_path
 from impact_rig.present.rerun.plots import Line, Mark, PlotLog
 from impact_rig.results.hit_traces import Float32Array
-from impact_rig.results.numbers import MICRO, format_percent
+from impact_rig.results.law_curves import LawCurves
+from impact_rig.results.numbers import MICRO, format_error, format_quantity
 from impact_rig.results.palette import (
+    BLUE,
     CONTACT,
     GREY,
     HAMMER,
@@ -21,6 +24,7 @@ from impact_rig.results.palette import (
     PURPLE,
     SPECIMEN,
     SPECIMEN_MODEL,
+    VERMILION,
 )
 from impact_rig.results.sample_traces import (
     DRIVEN,
@@ -87,7 +91,7 @@ def draw_sample(plots: PlotLog, traces: SampleTraces) -> None:
     for row, body in enumerate(bodies):
         parent = make_body_path(traces.name, body)
         columns, lines = _gather_lines(traces, row, (DRIVEN, IDENTIFIED))
-        replace_lines(plots, (*parent, entities.MODELS), traces.time, columns, lines)
+        _replace_lines(plots, (*parent, entities.MODELS), traces.time, columns, lines)
         plots.hide((*parent, entities.CONTACT))
         plots.hide((*parent, entities.POINTS))
         _draw_contact(plots, traces, row)
@@ -116,10 +120,10 @@ def _gather_lines(
 
 def _name_model(model: ModelTraces, row: int) -> str:
     kind = "identified model" if model.model == IDENTIFIED else "model"
-    return f"{BODIES[row]}, {kind} (MSE {format_percent(model.mse_percent[row])})"
+    return f"{BODIES[row]}, {kind} (MSE {format_error(model.mse_percent[row])} %)"
 
 
-def replace_lines(
+def _replace_lines(
     plots: PlotLog,
     family: Path,
     time: FloatArray,
@@ -176,3 +180,26 @@ def _draw_points(plots: PlotLog, traces: SampleTraces) -> None:
                 for name, _, height in peaks
             ],
         )
+
+
+def draw_law(plots: PlotLog, sample: str, law: ContactLaw, curves: LawCurves | None) -> None:
+    """Draw pulse, law and versed-sine, and both residuals; they replace older ones.
+
+    Without `curves` nothing is drawn.
+    """
+    pulse = make_body_path(sample, entities.LAW)
+    residual = make_body_path(sample, entities.LAW_RESIDUAL)
+    if curves is None:
+        plots.hide(pulse)
+        plots.hide(residual)
+        return
+    exponent, restitution = format_quantity(law.exponent, 3), format_quantity(law.restitution, 3)
+    models = [
+        Line(f"law, n = {exponent}, e = {restitution}", BLUE, MODEL_WIDTH),
+        Line("versed-sine, lasting τp", VERMILION, MODEL_WIDTH),
+    ]
+    forces = [curves.law, curves.versed_sine]
+    lines = [Line("mean", GREY, MEAN_WIDTH), *models]
+    _replace_lines(plots, pulse, curves.time, [curves.measured, *forces], lines)
+    left = [curves.measured - force for force in forces]
+    _replace_lines(plots, residual, curves.time, left, models)

@@ -13,8 +13,7 @@ from impact_rig.core.setup import ACCELERATION, RigSetup
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.blueprint import make_blueprint
 from impact_rig.present.rerun.entities import Path
-from impact_rig.present.rerun.health import Health, HealthLog, format_health
-from impact_rig.present.rerun.law_plots import draw_law
+from impact_rig.present.rerun.health import HealthLog, NodeHealth, format_health
 from impact_rig.present.rerun.markdown import (
     format_log_line,
     format_results,
@@ -22,15 +21,15 @@ from impact_rig.present.rerun.markdown import (
     format_verdict,
 )
 from impact_rig.present.rerun.plots import Line, Mark, PlotLog, make_scalars
-from impact_rig.present.rerun.rerun_sdk import import_rerun
-from impact_rig.present.rerun.sample_plots import draw_aligned_hits, draw_sample
+from impact_rig.present.rerun.sample_plots import draw_aligned_hits, draw_law, draw_sample
+from impact_rig.present.rerun.viewers import import_rerun
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.hit_traces import HitTraces
 from impact_rig.results.law_curves import compute_law_curves
 from impact_rig.results.numbers import MICRO
 from impact_rig.results.palette import CONTACT, GREY, HAMMER, SPECIMEN
+from impact_rig.results.run import TracedCampaign
 from impact_rig.results.sample_traces import AlignedHit, SampleTraces
-from impact_rig.results.traced_campaign import TracedCampaign
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -130,77 +129,17 @@ class ViewLog:
             static=True,
         )
 
-    def log_verdict(self, verdict: HitResults, stamp: int) -> None:
-        """Show a hit's verdict, and add it to the log and the trends.
+    def log_verdicts(self, hits: Sequence[HitResults], stamps: Sequence[int]) -> None:
+        """Show the last hit's verdict, and add all to the log and the trends.
 
         Parameters
         ----------
-        verdict : HitResults
-            On the hit.
-        stamp : int
-            Time of the hit, nanoseconds since the epoch.
+        hits : sequence of HitResults
+            At least one.
+        stamps : sequence of int
+            Times of the hits, nanoseconds since the epoch.
         """
-        self._log_document(entities.VERDICT, format_verdict(verdict, self._hammer))
-        self._log_verdicts([verdict], [stamp])
-
-    def log_aligned_hit(self, hit: AlignedHit) -> None:
-        """Add a hit to the aligned hits of its sample; for hits in the mean."""
-        draw_aligned_hits(self._plots, [hit])
-
-    def log_sample(self, traces: SampleTraces) -> None:
-        """Show a sample's mean, models, residuals and marks; they replace older ones."""
-        draw_sample(self._plots, traces)
-
-    def log_law(self, traces: SampleTraces, law: ContactLaw, setup: RigSetup) -> None:
-        """Show a sample's contact law beside its mean; it replaces an older one."""
-        curves = compute_law_curves(law, traces, setup)
-        draw_law(self._plots, traces.name, law, curves)
-
-    def log_results(self, results: Results) -> None:
-        """Show the tables and the results of each sample; they replace older ones."""
-        self._log_document(entities.TABLES, format_results(results))
-        for sample in results.samples:
-            self._summarised.add(sample.name)
-            self._log_document(_make_summary_path(sample.name), format_summary(results, sample))
-
-    def log_health(self, health: Health) -> None:
-        """Show the state of the nodes, and add their figures to the history."""
-        self._log_document(entities.HEALTH, format_health(health.nodes))
-        self._health.log(health)
-
-    def log_campaign(self, campaign: TracedCampaign) -> None:
-        """Show a whole campaign at once.
-
-        Samples without hits are left out, unless all are.
-        """
-        results, hits = campaign.results, campaign.hits
-        self.log_setup(
-            results.setup.name,
-            [sample.name for sample in results.samples or results.setup.samples.samples],
-            [sample.contact_time.value for sample in results.samples],
-            results.setup.hammer_reading,
-        )
-        if hits:
-            self._log_verdicts([hit.result for hit in hits], [hit.stamp for hit in hits])
-        self._draw_earlier_hits([hit.recorded for hit in hits[:-1]])
-        for last in hits[-1:]:
-            self.log_hit(last.recorded)
-            self._log_document(entities.VERDICT, format_verdict(last.result, self._hammer))
-        overlays: dict[tuple[str, float], list[AlignedHit]] = defaultdict(list)
-        for hit in hits:
-            if hit.aligned is not None and hit.result.accepted:
-                overlays[hit.result.sample, hit.aligned.sampling_rate].append(hit.aligned)
-        for overlay in overlays.values():
-            draw_aligned_hits(self._plots, overlay)
-        laws = {sample.name: sample.contact_law for sample in results.samples}
-        for traces in campaign.samples:
-            self.log_sample(traces)
-            self.log_law(traces, laws.get(traces.name, NO_LAW), results.setup)
-        self.log_results(results)
-        self._log_document(entities.HEALTH, format_health(()))
-
-    def _log_verdicts(self, hits: Sequence[HitResults], stamps: Sequence[int]) -> None:
-        """Add hits with their times, nanoseconds since the epoch, to the log and the trends."""
+        self._log_document(entities.VERDICT, format_verdict(hits[-1], self._hammer))
         rr = self._rr
         indexes = [
             rr.TimeColumn(entities.HIT, sequence=[hit.record for hit in hits]),
@@ -229,6 +168,70 @@ class ViewLog:
                 self._begin_trend(quantity), indexes=indexes, columns=[make_scalars(rows)]
             )
 
+    def log_aligned_hits(self, hits: Sequence[AlignedHit]) -> None:
+        """Add hits to the aligned hits of their samples; for hits in the mean."""
+        overlays: dict[tuple[str, float], list[AlignedHit]] = defaultdict(list)
+        for hit in hits:
+            overlays[hit.label.sample, hit.sampling_rate].append(hit)
+        for overlay in overlays.values():
+            draw_aligned_hits(self._plots, overlay)
+
+    def log_sample(self, traces: SampleTraces, law: ContactLaw, setup: RigSetup) -> None:
+        """Show a sample's mean, models, residuals, marks and law; they replace older ones."""
+        draw_sample(self._plots, traces)
+        draw_law(self._plots, traces.name, law, compute_law_curves(law, traces, setup))
+
+    def log_results(self, results: Results) -> None:
+        """Show the tables and the results of each sample; they replace older ones."""
+        self._log_document(entities.TABLES, format_results(results))
+        for sample in results.samples:
+            self._summarised.add(sample.name)
+            self._log_document(_make_summary_path(sample.name), format_summary(results, sample))
+
+    def log_health(self, nodes: Sequence[NodeHealth], stamp: int) -> None:
+        """Show the state of the nodes, and add their figures to the history.
+
+        `stamp` is in nanoseconds since the epoch.
+        """
+        self._log_document(entities.HEALTH, format_health(nodes))
+        self._health.log(nodes, stamp)
+
+    def log_campaign(self, campaign: TracedCampaign) -> None:
+        """Show a whole campaign at once.
+
+        Samples without hits are left out, unless all are.
+        """
+        results, hits = campaign.results, campaign.hits
+        self.log_setup(
+            results.setup.name,
+            [sample.name for sample in results.samples or results.setup.samples.samples],
+            [sample.contact_time.value for sample in results.samples],
+            results.setup.hammer_reading,
+        )
+        if hits:
+            self.log_verdicts([hit.result for hit in hits], [hit.stamp for hit in hits])
+            self._draw_hits([hit.recorded for hit in hits[:-1]])
+            self.log_hit(hits[-1].recorded)
+        accepted = [hit.aligned for hit in hits if hit.result.accepted]
+        self.log_aligned_hits([hit for hit in accepted if hit is not None])
+        laws = {sample.name: sample.contact_law for sample in results.samples}
+        for traces in campaign.samples:
+            self.log_sample(traces, laws.get(traces.name, NO_LAW), results.setup)
+        self.log_results(results)
+        self.log_health((), 0)
+
+    def _draw_hits(self, hits: Sequence[HitTraces]) -> None:
+        """Draw records, of which those with the same points of time share an entity.
+
+        A row costs three times what a value does.
+        """
+        by_time: dict[bytes, list[HitTraces]] = defaultdict(list)
+        for hit in hits:
+            by_time[hit.time.tobytes()].append(hit)
+        for group in by_time.values():
+            values = np.concatenate([hit.values for hit in group], axis=1)
+            self._plots.draw_lines(entities.HITS, group[0].time, values, LINES * len(group))
+
     def _begin_trend(self, quantity: str) -> str:
         """Return the entity of a trend; each campaign has new ones."""
         if quantity not in self._trends:
@@ -238,20 +241,6 @@ class ViewLog:
             ]
             self._trends[quantity] = self._plots.add_points((*entities.TRENDS, quantity), marks)
         return self._trends[quantity]
-
-    def _draw_earlier_hits(self, hits: Sequence[HitTraces]) -> None:
-        """Draw records that another one has replaced already.
-
-        Those with the same points of time share an entity: a row costs three times what a value
-        does.
-        """
-        by_time: dict[bytes, list[HitTraces]] = defaultdict(list)
-        for hit in hits:
-            if hit.time.size > 0:
-                by_time[hit.time.tobytes()].append(hit)
-        for group in by_time.values():
-            values = np.concatenate([hit.values for hit in group], axis=1)
-            self._plots.draw_hidden(entities.HITS, group[0].time, values)
 
     def _log_document(self, path: Path, text: str) -> None:
         document = self._rr.TextDocument(text, media_type=self._rr.MediaType.MARKDOWN)

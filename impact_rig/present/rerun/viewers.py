@@ -1,7 +1,11 @@
-"""Viewers: their addresses, and Rerun's program on this host as a window or as a web page."""
+"""Rerun: its module, its program on this host as a window or as a web page, its addresses.
+
+The module is imported when it is used: a rig without viewer does not need it.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import os
 import shutil
@@ -9,12 +13,18 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import ModuleType
 from urllib.parse import quote, urlsplit
 
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 
+MINIMUM_VERSION = (0, 41)
+"""Oldest tested rerun-sdk."""
+
+LOG_VARIABLE = "RUST_LOG"
+"""Variable for the logging of programs in Rust, as Rerun."""
 LOOPBACK = "127.0.0.1"
 """Servers listen there: other hosts do not reach them."""
 DEFAULT_PORT = 9876  # Rerun's
@@ -24,6 +34,49 @@ PAGE_PERIOD = 0.05  # [s] between two looks whether it is up
 STOP_TIMEOUT = 3.0  # [s] in which a web page ends
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 """Variables that name a screen on Linux."""
+
+
+def import_rerun() -> ModuleType:
+    """Return the module `rerun`, its blueprint module loaded.
+
+    Raises
+    ------
+    RigError
+        If rerun-sdk is not installed, or too old.
+    """
+    wanted = ".".join(map(str, MINIMUM_VERSION))
+    try:
+        with _keep_silent():
+            import rerun
+            import rerun.blueprint
+    except ImportError as error:
+        raise RigError(
+            "the view needs the Python package rerun-sdk, which is not installed:"
+            f" pip install 'rerun-sdk>={wanted}'"
+        ) from error
+    version = tuple(int(part) for part in rerun.__version__.split(".")[:2])
+    if version < MINIMUM_VERSION:
+        raise RigError(
+            f"rerun-sdk {rerun.__version__} is too old for the view:"
+            f" pip install 'rerun-sdk>={wanted}'"
+        )
+    return rerun
+
+
+@contextlib.contextmanager
+def _keep_silent() -> Iterator[None]:
+    """Turn off Rerun's own logging, unless the environment sets it.
+
+    Rerun reads the variable when it is imported. Its users report errors in a sentence.
+    """
+    if LOG_VARIABLE in os.environ or "rerun" in sys.modules:
+        yield
+        return
+    os.environ[LOG_VARIABLE] = "off"
+    try:
+        yield
+    finally:
+        os.environ.pop(LOG_VARIABLE, None)
 
 
 def check_viewer_address(address: str) -> tuple[str, int]:
@@ -47,36 +100,28 @@ def check_viewer_address(address: str) -> tuple[str, int]:
     return parts.hostname or "", port
 
 
-def check_answering(address: str) -> None:
-    """Require a viewer that accepts a connection at an address.
+def find_missing_viewer(address: str) -> str | None:
+    """Return why no viewer can be reached at an address; None: one answers.
 
     Raises
     ------
     ParameterError
         If the address is invalid.
-    DeviceError
-        If no viewer answers.
     """
     host, port = check_viewer_address(address)
-    if not _is_answering(host, port):
-        raise DeviceError(
-            f"no viewer answers at {address}: start one there with rerun --port {port}"
-        )
+    if _is_answering(host, port):
+        return None
+    return f"no viewer answers at {address}: start one there with rerun --port {port}"
 
 
-def check_screen() -> None:
-    """Require a screen for a viewer's window.
-
-    Raises
-    ------
-    DeviceError
-        Without a screen.
-    """
-    if sys.platform == "linux" and not any(os.environ.get(name) for name in SCREENS):
-        raise DeviceError(
-            f"no screen for a viewer (neither {SCREENS[0]} nor {SCREENS[1]} is set): write the"
-            " view to a file, serve it as a web page, or connect to a viewer elsewhere"
-        )
+def find_missing_screen() -> str | None:
+    """Return why no window can be shown; None: there is a screen."""
+    if sys.platform != "linux" or any(os.environ.get(name) for name in SCREENS):
+        return None
+    return (
+        f"no screen for a viewer (neither {SCREENS[0]} nor {SCREENS[1]} is set): write the"
+        " view to a file, serve it as a web page, or connect to a viewer elsewhere"
+    )
 
 
 def make_viewer_address(port: int) -> str:
@@ -116,17 +161,16 @@ def open_window(*shown: str) -> subprocess.Popen[bytes]:
 
     Raises
     ------
-    DeviceError
-        If there is no screen.
     RigError
         If the viewer is not installed.
     """
-    check_screen()
     return _start([str(find_viewer()), "--bind", LOOPBACK, "--port", "auto", *shown])
 
 
 class WebPage:
     """A page with a viewer, for browsers of this host, until it is closed or this process ends.
+
+    Rerun's own `serve_web_viewer` would let every host of the network in.
 
     Parameters
     ----------

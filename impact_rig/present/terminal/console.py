@@ -8,18 +8,17 @@ import os
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, TextIO
 
 from rich import box
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderableType
+from rich.measure import Measurement
 from rich.padding import Padding
 from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from impact_rig.results.numbers import MISSING
 from impact_rig.results.palette import GREEN, VERMILION, format_hex
 
 if TYPE_CHECKING:
@@ -91,52 +90,31 @@ def _measure_stream(stream: TextIO, *, can_move: bool) -> int | None:
         return UNLIMITED
 
 
-def print_table(
-    console: Console, title: str, columns: "Sequence[Column]", notes: Iterable[str] = ()
-) -> None:
-    """Print a title, a table, notes below it, and an empty line.
+def print_table(console: Console, table: "ResultTable") -> None:
+    """Print a table below its caption, notes below it, and an empty line.
 
-    Optional columns that the terminal is too narrow for are left out, and named. Where the others
-    do not fit side by side either, every row stands line by line.
-
-    Parameters
-    ----------
-    console : Console
-        Where to.
-    title : str
-        Above the table.
-    columns : sequence of Column
-        All with as many cells; the first names the rows.
-    notes : iterable of str
-        Paragraphs below the table.
+    Rows that stand out are coloured. Optional columns that the terminal is too narrow for are left
+    out, and named. Where the others do not fit side by side either, every row stands line by line.
     """
-    shown, left_out = _choose_columns(columns, console.width)
-    print_text(console, title, TITLE)
-    widths = _share_width(shown, console.width)
-    if widths is None:
-        _print_rows(console, shown)
+    styles = [WARNING if place in table.marked else "" for place in range(len(table.rows))]
+    shown = list(table.columns)
+    optional = [column for column in shown if column.is_optional]
+    left_out: list[Column] = []
+    while optional and not _has_room(console, _make_table(shown, styles, EASY_TEXT)):
+        left_out.insert(0, optional.pop())
+        shown.remove(left_out[0])
+    print_text(console, table.caption, TITLE)
+    grid = _make_table(shown, styles, NARROWEST_TEXT)
+    if _has_room(console, grid):
+        console.print(grid)
     else:
-        console.print(_make_table(shown, widths))
-    for note in (*notes, *(column.note for column in shown if column.note)):
+        _print_rows(console, shown, styles)
+    for note in (*table.notes, *(column.note for column in shown if column.note)):
         print_text(console, note, NOTE)
     if left_out:
-        names = ", ".join(column.name for column in left_out)
+        names = ", ".join(column.header for column in left_out)
         print_text(console, f"A wider terminal shows {names} as well.", NOTE)
     console.print()
-
-
-def print_result(console: Console, table: "ResultTable") -> None:
-    """Print a table of results; rows that stand out are coloured."""
-    styles = [WARNING if place in table.marked else "" for place in range(len(table.rows))]
-    columns = [
-        replace(
-            column,
-            header="\n".join([*textwrap.wrap(column.label, LONGEST_HEADER), column.unit]).strip(),
-            styles=styles,
-        )
-        for column in table.columns
-    ]
-    print_table(console, table.caption, columns, table.notes)
 
 
 def make_printable(text: str) -> str:
@@ -174,101 +152,47 @@ def print_facts(console: Console, rows: Iterable[Sequence[str | Text]]) -> None:
     console.print()
 
 
-def _make_table(columns: "Sequence[Column]", widths: Sequence[int]) -> Table:
+def _make_table(columns: "Sequence[Column]", styles: Sequence[str], narrowest: int) -> Table:
+    """Return a table whose texts wrap down to a width, whose numbers never do."""
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
-    for column, width in zip(columns, widths, strict=True):
+    for column in columns:
+        header = "\n".join([*textwrap.wrap(column.label, LONGEST_HEADER), column.unit]).strip()
+        texts = [make_printable(text) for text in (header, *column.cells)]
+        word = max(cell_len(word) for text in texts for word in (*text.split(), ""))
+        line = max(cell_len(line) for text in texts for line in text.split("\n"))
         table.add_column(
-            Text(column.header),
-            width=width,
+            Text(header),
             justify="left" if column.is_text else "right",
             overflow="fold",
+            width=None if column.is_text else line,
+            min_width=min(max(narrowest, min(word, EASY_TEXT)), line) if column.is_text else None,
         )
-    for cells in zip(*map(_make_cells, columns), strict=True):
-        table.add_row(*cells)
+    rows = zip(*map(_make_cells, columns), strict=True)
+    for style, cells in zip(styles, rows, strict=True):
+        table.add_row(*cells, style=style)
     return table
 
 
-def _print_rows(console: Console, columns: "Sequence[Column]") -> None:
+def _has_room(console: Console, table: Table) -> bool:
+    """Return whether a table's numbers and longest words have room side by side."""
+    options = console.options.update(width=UNLIMITED)
+    return Measurement.get(console, options, table).minimum <= console.width
+
+
+def _print_rows(console: Console, columns: "Sequence[Column]", styles: Sequence[str]) -> None:
     """Print each cell in a line, row by row."""
-    names, *others = map(_make_cells, columns)
-    for name, *cells in zip(names, *others, strict=True):
+    rows = zip(*map(_make_cells, columns), strict=True)
+    for style, (name, *cells) in zip(styles, rows, strict=True):
         if name:
-            console.print(name)
+            console.print(name, style=style)
         table = Table.grid(padding=(0, len(COLUMN_GAP), 0, 0))
         table.add_column(overflow="fold")
         table.add_column(overflow="fold")
         for column, cell in zip(columns[1:], cells, strict=True):
             if cell:
-                table.add_row(column.name, cell)
+                table.add_row(Text(column.header), cell, style=style)
         console.print(Padding(table, (0, 0, 0, len(COLUMN_GAP)), expand=False))
 
 
 def _make_cells(column: "Column") -> list[Text]:
-    styles = column.styles or [""] * len(column.cells)
-    return [
-        Text(make_printable(cell), style) for cell, style in zip(column.cells, styles, strict=True)
-    ]
-
-
-def _measure_width(column: "Column") -> int:
-    """Return the width at which no cell of a column wraps [characters]."""
-    return max(cell_len(line) for text in _list_texts(column) for line in text.split("\n"))
-
-
-def _measure_narrowest(column: "Column") -> int:
-    """Return the width down to which words may wrap [characters]: hardly any is broken."""
-    longest = max(cell_len(word) for text in _list_texts(column) for word in (*text.split(), ""))
-    return min(max(NARROWEST_TEXT, longest), EASY_TEXT)
-
-
-def _list_texts(column: "Column") -> list[str]:
-    return [make_printable(text) for text in (column.header, *column.cells)]
-
-
-def _choose_columns(
-    columns: "Sequence[Column]", width: int
-) -> "tuple[list[Column], list[Column]]":
-    """Return the columns that are shown, and those that do not fit.
-
-    Optional columns without a number are in neither. Others are left out from the right until the
-    rest fits into `width` [characters].
-    """
-    shown = [
-        column
-        for column in columns
-        if not column.is_optional or any(cell not in ("", MISSING) for cell in column.cells)
-    ]
-    left_out: list[Column] = []
-    while _add_widths(_compute_widths(shown, EASY_TEXT)) > width:
-        optional = [column for column in shown if column.is_optional]
-        if not optional:
-            break
-        shown.remove(optional[-1])
-        left_out.insert(0, optional[-1])
-    return shown, left_out
-
-
-def _share_width(columns: "Sequence[Column]", width: int) -> list[int] | None:
-    """Return the widths of columns side by side [characters]; numbers go first.
-
-    None: they do not fit.
-    """
-    for text_width in range(max(map(_measure_width, columns)), 0, -1):
-        widths = _compute_widths(columns, text_width)
-        if _add_widths(widths) <= width:
-            return widths
-    return None
-
-
-def _compute_widths(columns: "Sequence[Column]", text_width: int) -> list[int]:
-    """Return the widths of columns whose texts wrap at `text_width`."""
-    return [
-        min(_measure_width(column), max(text_width, _measure_narrowest(column)))
-        if column.is_text
-        else _measure_width(column)
-        for column in columns
-    ]
-
-
-def _add_widths(widths: Sequence[int]) -> int:
-    return sum(widths) + len(COLUMN_GAP) * (len(widths) - 1)
+    return [Text(make_printable(cell)) for cell in column.cells]

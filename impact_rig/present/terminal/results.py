@@ -10,7 +10,7 @@ from impact_rig.present.terminal.console import (
     ALARM,
     TITLE,
     print_item,
-    print_result,
+    print_table,
     print_text,
 )
 from impact_rig.results.batch import BatchCampaign, tabulate_batch, tabulate_changes
@@ -51,7 +51,7 @@ def print_screen(console: Console, results: Results, reading: Sequence[str] = ()
     """
     print_origin(console, results.hits)
     for table in tabulate_summary(results):
-        print_result(console, table)
+        print_table(console, table)
     remarks = gather_remarks(results, reading)
     shown = select_attention(remarks)[:MOST_REMARKS]
     if shown:
@@ -78,7 +78,7 @@ def print_full(console: Console, results: Results, reading: Sequence[str] = ()) 
     files = results.files
     hits = [tabulate_hits(files)] if files else tabulate_rejections(results)
     for table in (*hits, *tabulate_results(results), *tabulate_summary(results)):
-        print_result(console, table)
+        print_table(console, table)
     for remark in gather_remarks(results, reading):
         print_item(console, _format_remark(remark))
     rejected = len(results.rejections)
@@ -99,7 +99,7 @@ def print_batch(console: Console, campaigns: Sequence[BatchCampaign]) -> None:
     print_origin(console, [hit for campaign in campaigns for hit in campaign.results.hits])
     changes = tabulate_changes(*campaigns) if len(campaigns) == 2 else []  # noqa: PLR2004 - a pair
     for table in changes or tabulate_batch(campaigns):
-        print_result(console, table)
+        print_table(console, table)
 
 
 def _format_remark(remark: Remark) -> str:

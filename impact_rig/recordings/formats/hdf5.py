@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from impact_rig.core.errors import FileError
+from impact_rig.recordings.formats.bounds import read_apart
 from impact_rig.recordings.formats.measurement import (
     DIMENSIONS,
     ORIGIN,
@@ -22,7 +23,6 @@ from impact_rig.recordings.formats.measurement import (
     make_unique,
     round_rate,
 )
-from impact_rig.recordings.formats.sizes import SizeLimit
 
 START_NAMES = {"start", "start s", "t0", "x0"}
 """Names of attributes, in small letters, underscores as blanks."""
@@ -40,6 +40,13 @@ MATLAB_NUMBERS = {
 
 
 def read_hdf5(path: Path) -> Measurement:
+    """Read a file in a second process; see `parse_hdf5`."""
+    import h5py  # noqa: F401 - named here where it is not installed
+
+    return read_apart(parse_hdf5, path)
+
+
+def parse_hdf5(path: Path) -> Measurement:
     """Read all data sets of up to three axes, of which the longest is time.
 
     Rate, unit and start are attributes of the data set or of a group around it, or arrays by
@@ -53,12 +60,12 @@ def read_hdf5(path: Path) -> Measurement:
     import h5py
 
     with h5py.File(path, "r") as file:
-        arrays = list(_read_group(path, file, {}, set(), SizeLimit(path)))
+        arrays = list(_read_group(path, file, {}, set()))
     return make_measurement(path, arrays)
 
 
 def _read_group(
-    path: Path, group: Any, stated: dict[str, Any], visited: set[int], limit: SizeLimit
+    path: Path, group: Any, stated: dict[str, Any], visited: set[int]
 ) -> Iterator[NamedArray]:
     """Yield the arrays of a group and of those in it; links to other files are left alone."""
     import h5py
@@ -73,9 +80,9 @@ def _read_group(
             continue
         visited.add(address)
         if isinstance(item, h5py.Group):
-            yield from _read_group(path, item, stated, visited, limit)
+            yield from _read_group(path, item, stated, visited)
         elif isinstance(item, h5py.Dataset) and _is_readable(item):
-            yield _read_array(path, item, _inherit(stated, item), limit)
+            yield _read_array(path, item, _inherit(stated, item))
 
 
 def _is_readable(item: Any) -> bool:
@@ -92,13 +99,10 @@ def _is_readable(item: Any) -> bool:
     )
 
 
-def _read_array(path: Path, item: Any, stated: dict[str, Any], limit: SizeLimit) -> NamedArray:
+def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
     name = item.name.strip("/")
     if item.size and not item.id.get_storage_size():
         raise FileError(f"{path}: {name} should have {item.size} numbers, the file has none")
-    # A chunk is unpacked as a whole, however little of it is in the array.
-    points = max(item.size, math.prod(item.chunks or (0,)))
-    limit.claim(points * item.dtype.itemsize)
     rate = _read_number(stated, RATE_NAMES)
     if is_step := math.isnan(rate):
         rate = round_rate(_read_number(stated, STEP_NAMES))

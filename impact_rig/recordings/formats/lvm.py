@@ -5,14 +5,12 @@ of what is cut off, takes columns of times for channels, leaves step, start and 
 channel to the caller, and unpickles any `.lvm.pkl` that lies beside the file.
 """
 
-import bisect
 import datetime as dt
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -25,20 +23,28 @@ from impact_rig.recordings.formats.measurement import (
     Measurement,
     round_rate,
 )
-from impact_rig.recordings.formats.text import Line, Style, read_pieces, read_text, split_lines
+from impact_rig.recordings.formats.text import (
+    NOTHING,
+    NUMBER,
+    Line,
+    RowReader,
+    Style,
+    Table,
+    read_pieces,
+    read_text,
+    split_lines,
+)
 
 X_VALUE = "X_Value"
 """Heading of every column of times."""
 COMMENT = "Comment"
 """Heading of the last column, of words."""
-DAY = re.compile(r"(\d{4})\D(\d{1,2})\D(\d{1,2})")
-CLOCK = re.compile(r"(\d{1,2}):(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)")
 FIRST_WORDS, END_OF_HEADER = "LabVIEW Measurement", "***End_of_Header***"
 SEGMENT_TAGS = {"Channels", "Samples", "Delta_X"}
 """What the header of a table states, and that of the file does not."""
 SEPARATORS = {"Tab": "\t", "Comma": ","}
-SPECIAL_START, SPECIAL_END = "***Start_Special***", "***End_Special***"
-"""Around what a program adds for itself."""
+SPECIAL = re.compile(r"(?ms)^ *\*{3}Start_Special\*{3}.*?(^ *\*{3}End_Special\*{3}|\Z)")
+"""What a program adds for itself."""
 
 
 @dataclass(frozen=True)
@@ -51,21 +57,20 @@ class Segment:
     headings: list[str]  # of its columns
     # Lines of its header by their first cell; the other cells stand below their columns.
     tags: dict[str, list[str]]
-    rows: list[tuple[int, list[str]]] = field(default_factory=list)  # line number, cells
+    rows: list[Line] = field(default_factory=list)  # with a cell for each heading
 
     def get_tag(self, key: str, column: int) -> str:
         """Return what the header states of a column; empty: nothing."""
         cells = self.tags.get(key, [])
         return cells[column] if column < len(cells) else ""
 
-    def get_cells(self, column: int) -> list[str]:
-        """Return the cells of a column; empty where a row ends before it."""
-        return [cells[column] if column < len(cells) else "" for _, cells in self.rows]
-
-    @cached_property
-    def axes(self) -> list[int]:
-        """Columns of times, each of the channels that follow it."""
-        return [column for column, name in enumerate(self.headings) if name == X_VALUE]
+    def add_row(self, line: Line, cells: list[str]) -> None:
+        """Add a line of numbers, in which the first and the last cells may be left out."""
+        separator = self.style.delimiter or "\t"
+        has_time = not cells[0] or self.headings[0] == X_VALUE
+        text = line.text if has_time else separator + line.text
+        missing = len(self.headings) - len(cells) - (not has_time)
+        self.rows.append(Line(line.number, text + separator * missing))
 
     def list_columns(self) -> list[int]:
         """Return the columns of the channels: neither of times nor of words."""
@@ -97,33 +102,50 @@ def make_channels(segment: Segment, first: Segment) -> list[MeasuredChannel]:
             f"{segment.path} states {stated} channels in segment {segment.number}, its table has"
             f" {len(columns)}"
         )
-    packet = _read_packet(segment, columns)
     suffix = f" (segment {segment.number})" if segment.number > 1 else ""
     origin = _read_time(first, first.list_columns()[0])
     return [
         MeasuredChannel(
             name=segment.headings[column] + suffix,
-            values=_parse_column(segment, column, packet),
-            sampling_rate=_read_rate(segment, column),
+            values=values,
+            sampling_rate=_read_rate(segment, column, values.size),
             unit=segment.get_tag("Y_Unit_Label", column),
             start=_read_start(segment, column, origin),
             recorded_at=origin or 0,
         )
-        for column in columns
+        for column, values in _read_numbers(segment, columns).items()
     ]
 
 
-def _read_packet(segment: Segment, columns: list[int]) -> int:
-    """Return the rows that one writing of the table takes; 0: not stated."""
-    stated = [_parse_count(segment, column) for column in columns]
-    packet = max(stated, default=0)
-    if len(segment.rows) < packet:
-        name = segment.headings[columns[stated.index(packet)]]
+def _read_numbers(segment: Segment, columns: list[int]) -> dict[int, FloatArray]:
+    """Return the numbers of each channel, which ends where its header says, in each packet."""
+    counts = {column: _parse_count(segment, column) for column in columns}
+    longest = max(columns, key=counts.__getitem__)
+    rows, packet = segment.rows, counts[longest]
+    if len(rows) < packet:
         raise FileError(
-            f"{segment.path} is cut off: {name!r} should have {packet} points, the table has"
-            f" {len(segment.rows)} rows"
+            f"{segment.path} is cut off: {segment.headings[longest]!r} should have {packet}"
+            f" points, the table has {len(rows)} rows"
         )
-    return packet
+    places = range(len(segment.headings))
+    kinds = "".join(NUMBER if place in counts else NOTHING for place in places)
+    table = Table(segment.style, rows[0].number if rows else 0, kinds, tuple(columns))
+    parts: dict[int, list[FloatArray]] = {column: [np.empty(0)] for column in columns}
+    for first in range(0, len(rows), packet or len(rows) or 1):
+        lines = rows[first : first + packet] if packet else rows
+        reader = RowReader(segment.path, table)
+        numbers = reader.read_lines(lines)
+        for column, values in zip(columns, numbers.T, strict=True):
+            count = reader.ends.get(column, len(lines))
+            stated = min(counts[column], len(lines)) if packet else count
+            if count != stated:
+                raise FileError(
+                    f"{segment.path}, line {lines[min(count, stated)].number}:"
+                    f" {segment.headings[column]!r} has {'more' if count > stated else 'fewer'}"
+                    " points than its header states"
+                )
+            parts[column].append(values[:count])
+    return {column: np.concatenate(blocks) for column, blocks in parts.items()}
 
 
 def _parse_count(segment: Segment, column: int) -> int:
@@ -133,27 +155,8 @@ def _parse_count(segment: Segment, column: int) -> int:
     return int(text or 0)
 
 
-def _parse_column(segment: Segment, column: int, packet: int) -> FloatArray:
-    """Return the numbers of a channel; it has none where its header says that it ended."""
-    cells = np.array(segment.get_cells(column), dtype=object)
-    is_there = cells != ""
-    if packet:
-        should_be = np.arange(cells.size) % packet < _parse_count(segment, column)
-    else:
-        should_be = np.arange(cells.size) < np.count_nonzero(is_there)
-    wrong = np.flatnonzero(is_there != should_be)
-    if wrong.size:
-        what = "more" if is_there[wrong[0]] else "fewer"
-        raise FileError(
-            f"{segment.path}, line {segment.rows[wrong[0]][0]}: {segment.headings[column]!r} has"
-            f" {what} points than its header states"
-        )
-    lines = [segment.rows[row][0] for row in np.flatnonzero(is_there)]
-    return segment.style.parse(segment.path, cells[is_there].tolist(), lines)
-
-
-def _read_rate(segment: Segment, column: int) -> float:
-    """Return the rate of a channel [Hz]; NaN: not stated.
+def _read_rate(segment: Segment, column: int, count: int) -> float:
+    """Return the rate of a channel with so many points [Hz]; NaN: not stated.
 
     Both step and times are rounded, often to microseconds: the more exact one is used.
     """
@@ -167,14 +170,14 @@ def _read_rate(segment: Segment, column: int) -> float:
     if not text:
         return math.nan
     step, error = _parse_rounded(segment, text)
-    axis = segment.axes[bisect.bisect(segment.axes, column) - 1] if segment.axes else 0
-    cells, numbers = segment.get_cells(axis), segment.get_cells(column)
-    while numbers and not numbers[-1]:
-        numbers.pop()
-    if len(numbers) > 1 and cells[0] and cells[len(numbers) - 1]:
-        times = [_parse_rounded(segment, cells[index]) for index in (0, len(numbers) - 1)]
-        mean_step = (times[1][0] - times[0][0]) / (len(numbers) - 1)
-        mean_error = (times[1][1] + times[0][1]) / (len(numbers) - 1)
+    # A column of times is that of all channels that follow it.
+    axis = max((at for at in range(column) if segment.headings[at] == X_VALUE), default=0)
+    rows = (segment.rows[0], segment.rows[count - 1]) if count > 1 else ()
+    times = [segment.style.split(row.text)[axis] for row in rows]
+    if times and all(times):
+        (begin, begin_error), (end, end_error) = (_parse_rounded(segment, time) for time in times)
+        mean_step = (end - begin) / (count - 1)
+        mean_error = (end_error + begin_error) / (count - 1)
         if mean_error < error and abs(mean_step - step) <= mean_error + error:
             step, error = mean_step, mean_error
     return round_rate(step, error)
@@ -199,18 +202,14 @@ def _read_start(segment: Segment, column: int, origin: int | None) -> float:
 
 def _read_time(segment: Segment, column: int) -> int | None:
     """Return what a channel's times count from [ns since the epoch]; None: not stated."""
-    day = DAY.fullmatch(segment.get_tag("Date", column))
-    clock = CLOCK.fullmatch(segment.get_tag("Time", column))
-    if day is None or clock is None:
-        return None
-    hours, minutes, seconds = clock.groups()
+    day = "/".join(re.split(r"\D", segment.get_tag("Date", column)))
+    clock, _, fraction = segment.get_tag("Time", column).replace(",", ".").partition(".")
     try:
-        date = dt.date(*map(int, day.groups()))
-        minute = dt.datetime.combine(date, dt.time(int(hours), int(minutes)), dt.UTC)
-    except ValueError:
+        second = dt.datetime.strptime(f"{day} {clock} +0000", "%Y/%m/%d %H:%M:%S %z")
+        nanoseconds = round(NANOSECONDS * Decimal(f"0.{fraction}"))
+    except (ValueError, ArithmeticError):
         return None
-    whole = NANOSECONDS * int(minute.timestamp())
-    return whole + round(NANOSECONDS * Decimal(seconds.replace(",", ".")))
+    return NANOSECONDS * int(second.timestamp()) + nanoseconds
 
 
 def read_lvm(path: Path) -> Measurement:
@@ -226,14 +225,15 @@ def read_lvm(path: Path) -> Measurement:
     FileError
         If the file is no `.lvm`, is cut off, or its table contradicts its header.
     """
-    lines = split_lines("".join(read_pieces(path)))
+    text = "".join(read_pieces(path))
+    lines = split_lines(SPECIAL.sub(lambda special: "\n" * special[0].count("\n"), text))
     if not lines or not lines[0].text.startswith(FIRST_WORDS):
         if any(line.text.startswith(END_OF_HEADER) for line in lines):
             raise FileError(f"{path} is no .lvm file: it should begin with {FIRST_WORDS!r}")
         return read_text(path)  # LabVIEW's plain tables are often called so, too
-    segments = list(_split_segments(path, lines))
+    style = _read_style(path, lines)
+    segments = _split_segments(path, lines, style)
     if not segments:
-        style = _read_style(path, lines)
         if any(style.is_number(style.split(line.text)[0]) for line in lines):
             return read_text(path)  # a table without names
         raise FileError(f"{path} is cut off: it holds no table of numbers")
@@ -243,46 +243,28 @@ def read_lvm(path: Path) -> Measurement:
     )
 
 
-def _split_segments(path: Path, lines: Sequence[Line]) -> Iterator[Segment]:
-    """Yield the tables; headings begin with `X_Value`, or follow the end of a segment's header."""
-    style = _read_style(path, lines)
-    segment: Segment | None = None
+def _split_segments(path: Path, lines: Sequence[Line], style: Style) -> list[Segment]:
+    """Return the tables: headings begin with `X_Value`, or follow a segment's header."""
+    segments: list[Segment] = []
     tags: dict[str, list[str]] = {}
-    number = 0
-    for line in _leave_out_special(lines):
+    for line in lines:
         cells = style.split(line.text)
         key = cells[0]
         if not any(cells):
             continue
         if key == X_VALUE or (tags.get(END_OF_HEADER) and SEGMENT_TAGS & tags.keys()):
-            if segment is not None:
-                yield segment
-            number += 1
             headings = cells if key in ("", X_VALUE) else ["", *cells]
             while not headings[-1]:
                 headings.pop()
-            segment = Segment(path, number, style, headings, tags)
+            segments.append(Segment(path, len(segments) + 1, style, headings, tags))
             tags = {}
-        elif segment is not None and not tags and (not key or style.is_number(key)):
-            has_time = not key or segment.headings[0] == X_VALUE
-            segment.rows.append((line.number, cells if has_time else ["", *cells]))
+        elif segments and not tags and (not key or style.is_number(key)):
+            segments[-1].add_row(line, cells)
         else:
             # Of two ends of headers the segment's is the second.
             tags.pop(END_OF_HEADER, None)
             tags[key] = cells
-    if segment is not None:
-        yield segment
-
-
-def _leave_out_special(lines: Sequence[Line]) -> Iterator[Line]:
-    is_special = False
-    for line in lines:
-        if line.text.startswith(SPECIAL_START):
-            is_special = True
-        elif line.text.startswith(SPECIAL_END):
-            is_special = False
-        elif not is_special:
-            yield line
+    return segments
 
 
 def _read_style(path: Path, lines: Sequence[Line]) -> Style:

@@ -1,21 +1,14 @@
 """MATLAB's files: by scipy, and since MATLAB 7.3 by h5py."""
 
-import math
-import os
 import re
-import struct
-import zlib
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from impact_rig.core.errors import FileError
-from impact_rig.recordings.formats.hdf5 import read_hdf5
+from impact_rig.recordings.formats.bounds import read_apart
+from impact_rig.recordings.formats.hdf5 import parse_hdf5
 from impact_rig.recordings.formats.measurement import (
     Measurement,
     NamedArray,
@@ -24,52 +17,19 @@ from impact_rig.recordings.formats.measurement import (
     make_unique,
     read_described,
 )
-from impact_rig.recordings.formats.sizes import SizeLimit
 
-READ = {1, 2, 4, *range(6, 16)}
-"""Classes of variables that are read: cells, structs, text and numbers; objects, functions and
-what only MATLAB knows are left alone."""
-HEADING, TAG_SIZE = 128, 8
-"""Sizes of what stands at the beginning, and before each variable [byte]."""
-ORDERS = {b"IM": "<", b"MI": ">"}
-"""Byte orders by the end of the heading; MATLAB 4, whose files are not compressed, has none."""
-COMPRESSED = 15
-"""Kind of a variable that is compressed."""
-CLASS, SHAPE, SHORTEST_HEADING = 8, 24, 40
-"""Where a variable says its class and its shape, and what stands before its numbers [byte]."""
-PIECE = 1 << 20
-"""What is unpacked at once to learn its size [byte]."""
-NUMBER_SIZE = 8
-"""Of a number, or of a place in a cell, in memory [byte]."""
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
-HDF5_BLOCK = 512
-"""Where HDF5 begins in MATLAB's files [byte]: after words for people."""
+HDF5_END = 512 + len(HDF5_MARK)
+"""Where the mark ends in MATLAB's files [byte]: words for people stand before it."""
 CHANNELS = "channels"
 """Ours: names, units, rates, starts and dates of all variables, as JSON."""
 NAME_LETTERS = 27
 """Longest name of a variable: of the 31 that every MATLAB reads some are left for a number."""
 
 
-_POOL: list[ProcessPoolExecutor] = []
-"""The process that reads MATLAB's files; none: it was not needed yet."""
-
-
 def read_mat(path: Path) -> Measurement:
-    """Read a file in a second process, since damaged ones crash scipy; see `parse_mat`.
-
-    Raises
-    ------
-    FileError
-        If the file is no file of MATLAB, is damaged, or has no vector of real numbers.
-    """
-    for _ in range(2):  # the process of an earlier file may have been killed since
-        if not _POOL:
-            _POOL.append(ProcessPoolExecutor(1, mp_context=get_context("spawn")))
-        try:
-            return _POOL[0].submit(parse_mat, path).result()
-        except BrokenProcessPool:
-            _POOL.clear()
-    raise FileError(f"{path} is no sound .mat file: it crashes the library scipy")
+    """Read a file in a second process; see `parse_mat`."""
+    return read_apart(parse_mat, path)
 
 
 def parse_mat(path: Path) -> Measurement:
@@ -84,79 +44,24 @@ def parse_mat(path: Path) -> Measurement:
         If the file is no file of MATLAB, is cut off, or has no vector of real numbers.
     """
     with path.open("rb") as file:
-        beginning = file.read(HDF5_BLOCK + len(HDF5_MARK))
-    if HDF5_MARK in (beginning[: len(HDF5_MARK)], beginning[HDF5_BLOCK:]):
-        return read_hdf5(path)
+        if HDF5_MARK in file.read(HDF5_END):
+            return parse_hdf5(path)
 
     from scipy.io import loadmat
+    from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
-    names = _list_variables(path)
-    variables = loadmat(path, appendmat=False, variable_names=names, simplify_cells=True)
-    text = variables.get(CHANNELS)
+    found = loadmat(path, appendmat=False, simplify_cells=True)
+    text = found.get(CHANNELS)
     if isinstance(text, str):
-        return read_described(path, text, variables)
-    arrays = [array for name in names for array in _list_arrays(_part(name), variables[name])]
+        return read_described(path, text, found)
+    unknown = MatlabFunction, MatlabObject, MatlabOpaque  # what only MATLAB knows
+    arrays = [
+        array
+        for name, value in found.items()
+        if not name.startswith("__") and not isinstance(value, unknown)
+        for array in _list_arrays(_part(name), value)
+    ]
     return make_measurement(path, arrays)
-
-
-def _list_variables(path: Path) -> list[str]:
-    """Return the names of what is read.
-
-    Raises
-    ------
-    FileError
-        If the file unpacks to more than one of its size may.
-    """
-    from scipy.io import whosmat
-
-    limit = SizeLimit(path)
-    names = []
-    with path.open("rb") as file:
-        order = ORDERS.get(file.read(HEADING)[-2:])
-        if order is None:
-            for name, shape, _ in whosmat(path, appendmat=False):
-                limit.claim(math.prod(shape) * NUMBER_SIZE)
-                names.append(name)
-            return names
-        while len(tag := file.read(TAG_SIZE)) == TAG_SIZE:
-            kind, size = struct.unpack(f"{order}II", tag)
-            if kind == COMPRESSED:
-                head = _unpack(file.read(size), limit)[TAG_SIZE:]
-            else:
-                head = file.read(min(size, PIECE))
-                file.seek(size - len(head), os.SEEK_CUR)
-            names += _read_heading(head, order, limit)
-    return names
-
-
-def _unpack(packed: bytes, limit: SizeLimit) -> bytes:
-    """Return the beginning of what is packed, its whole size counted."""
-    engine, head = zlib.decompressobj(), b""
-    while packed and not engine.eof:
-        piece = engine.decompress(packed, PIECE)
-        limit.claim(len(piece))
-        head = head or piece
-        packed = engine.unconsumed_tail
-    return head
-
-
-def _read_heading(head: bytes, order: str, limit: SizeLimit) -> list[str]:
-    """Return the name of a variable that is read, its size counted; nothing of others."""
-    if len(head) < SHORTEST_HEADING or head[CLASS if order == "<" else CLASS + 3] not in READ:
-        return []
-    # Class, then shape and name, each behind a tag of kind and size.
-    (size,) = struct.unpack_from(f"{order}I", head, SHAPE - 4)
-    shape = np.frombuffer(head, f"{order}i4", min(size, len(head) - SHAPE) // 4, SHAPE)
-    limit.claim(math.prod(map(int, np.abs(shape))) * NUMBER_SIZE)
-    place = SHAPE + -(-size // TAG_SIZE) * TAG_SIZE
-    if place + TAG_SIZE > len(head):
-        return []
-    kind, size = struct.unpack_from(f"{order}II", head, place)
-    start = place + TAG_SIZE
-    if kind >> 16:  # a short name stands in its tag
-        start, size = place + 4, kind >> 16
-    name = head[start : start + size].decode("latin-1")
-    return [name] if name else []
 
 
 def _part(name: str) -> str:

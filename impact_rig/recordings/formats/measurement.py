@@ -1,12 +1,10 @@
 """What any file of measured channels comes down to."""
 
-import contextlib
 import itertools
 import json
 import math
 import mmap
 import re
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.errors import FileError, ParameterError, RigError, SignalError, check_positive
+from impact_rig.core.errors import FileError, ParameterError, SignalError, check_positive
 from impact_rig.core.records import RawArray
 from impact_rig.core.sensors import (
     SAMPLES,
@@ -70,16 +68,6 @@ def find_time_unit(name: str, unit: str = "") -> str:
     return next(filter(None, map(normalize_time_unit, (unit, *TIME_HEADING.split(name)))), "")
 
 
-def refuse_spectrum(path: Path, name: str, unit: str) -> None:
-    """Raise `SignalError` if the heading of an axis is that of frequencies."""
-    words = {word.lower() for word in (unit.strip(), *TIME_HEADING.split(name))}
-    if words & SPECTRUM_WORDS and not words & TIME_NAMES:
-        raise SignalError(
-            f"{path}: its axis is {name!r}{unit and f' in {unit}'}: it is a spectrum; a hit is a"
-            " trace over time"
-        )
-
-
 def round_rate(step: float, error: float = 0.0) -> float:
     """Find the rate that a step stands for, as round as the step allows.
 
@@ -110,27 +98,33 @@ def compute_rounding(value: float, digits: int) -> float:
     return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) - digits + 1)
 
 
-def compute_sampling_rate(times: RawArray, unit: str = "") -> float:
-    """Find the rate of a column of times.
-
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-        Of each point, finite; two at least.
-    unit : str
-        Of the times, one of `TIME_UNITS`; empty: seconds.
+def read_clock(path: Path, name: str, times: RawArray, unit: str = "") -> tuple[float, str, str]:
+    """Read a column of times, two at least and all finite, by its heading.
 
     Returns
     -------
-    float
-        [Hz], rounded to `RATE_DIGITS` digits.
+    tuple of float, str and str
+        Rate [Hz], rounded to `RATE_DIGITS`, as of seconds where no unit is stated; NaN: not known.
+        Unit as stated; empty: it is not. Why the times make no sound rate; empty: they do.
 
     Raises
     ------
     SignalError
-        If time does not run in even steps.
+        If it is no column of times but of frequencies.
     """
-    scale = TIME_UNITS[unit or "s"]
+    words = {word.lower() for word in (unit.strip(), *TIME_HEADING.split(name))}
+    if words & SPECTRUM_WORDS and not words & TIME_NAMES:
+        raise SignalError(
+            f"{path}: its axis is {name!r}{unit and f' in {unit}'}: it is a spectrum; a hit is a"
+            " trace over time"
+        )
+    found = find_time_unit(name, unit)
+    if found == SAMPLES:
+        return math.nan, "", f"{path}: {name!r} counts samples: give their rate (--rate)"
+    if unit.strip() and not normalize_time_unit(unit):
+        flaw = f"times are in {unit!r}: they must be in {', '.join(TIME_UNITS)}"
+        return math.nan, "", f"{path}: {flaw}; if they are, skip them and give --rate"
+    scale = TIME_UNITS[found or "s"]
     begin, end = scale * times[0], scale * times[-1]
     step = (end - begin) / (times.size - 1)
 
@@ -141,14 +135,20 @@ def compute_sampling_rate(times: RawArray, unit: str = "") -> float:
         return bool(np.diff(time).min(initial=step) >= 0 and error <= LARGEST_TIME_ERROR * step)
 
     if step > 0 and math.isfinite(step) and all(is_even(*found) for found in split_points(times)):
-        return float(f"{1.0 / step:.{RATE_DIGITS}g}")
-    time = scale * times
+        return float(f"{1.0 / step:.{RATE_DIGITS}g}"), found, ""
+    flaw = f"{path}: {_describe_unevenness(scale * times, step)}"
+    is_known = step > 0 and MANY_STEPS * np.diff(times).max() < times[-1] - times[0]
+    return 1.0 / step if is_known else math.nan, found, flaw
+
+
+def _describe_unevenness(time: NDArray[Any], step: float) -> str:
+    """Return why times [s] with a mean step make no sound rate."""
     steps = np.diff(time)
     if not steps.any():
-        raise SignalError(f"its times are rounded: all are {time[0]:g} s. Give --rate")
+        return f"its times are rounded: all are {time[0]:g} s. Give --rate"
     if steps.min() < 0 or not (step > 0 and math.isfinite(step)):
         worst = int(np.argmin(steps))
-        raise SignalError(
+        return (
             f"time does not grow from point {worst} to {worst + 1}"
             f" ({time[worst]:g} s, {time[worst + 1]:g} s): is this the time column?"
         )
@@ -157,47 +157,16 @@ def compute_sampling_rate(times: RawArray, unit: str = "") -> float:
     least = steps[steps > 0].min()
     uneven = np.count_nonzero(np.abs(steps - np.median(steps)) > LARGEST_TIME_ERROR * least)
     if steps.min() == 0 or (deviation.max() <= least and uneven > MANY_UNEVEN):
-        raise SignalError(
+        return (
             f"its times are rounded, they have too few digits: they go on by {steps.min():.6g} to"
             f" {steps.max():.6g} s from point to point, by {step:.6g} s on average. If its points"
             f" are evenly spaced, give --rate, about {1.0 / step:.3g} Hz"
         )
     worst = int(np.argmax(np.abs(steps - step)))
-    raise SignalError(
+    return (
         f"time does not run in even steps of {step:g} s: it goes on by {steps[worst]:g} s at point"
         f" {worst}"
     )
-
-
-def read_clock(path: Path, name: str, times: RawArray, unit: str = "") -> tuple[float, str, str]:
-    """Read a column of times by its heading.
-
-    Returns
-    -------
-    tuple of float, str and str
-        Rate [Hz], as of seconds where no unit is stated; NaN: not known. Unit as stated; empty:
-        it is not. Why the times make no sound rate; empty: they do.
-
-    Raises
-    ------
-    SignalError
-        If it is no column of times but of frequencies.
-    """
-    found, flaw = find_time_unit(name, unit), ""
-    refuse_spectrum(path, name, unit)
-    if found == SAMPLES:
-        return math.nan, "", f"{path}: {name!r} counts samples: give their rate (--rate)"
-    if unit.strip() and not normalize_time_unit(unit):
-        flaw = f"times are in {unit!r}: they must be in {', '.join(TIME_UNITS)}"
-        return math.nan, "", f"{path}: {flaw}; if they are, skip them and give --rate"
-    try:
-        rate = compute_sampling_rate(times, found)
-    except SignalError as error:
-        flaw = f"{path}: {error}"
-        span = TIME_UNITS[found or "s"] * float(times[-1] - times[0])
-        is_known = span > 0.0 and MANY_STEPS * np.diff(times).max() < times[-1] - times[0]
-        rate = (times.size - 1) / span if is_known else math.nan
-    return rate, found, flaw
 
 
 def is_clock(values: RawArray) -> bool:
@@ -221,43 +190,6 @@ def split_points(values: RawArray) -> Iterator[tuple[int, RawArray]]:
         yield first, values[first : first + PIECE + 1]
         if isinstance(source, mmap.mmap):
             source.madvise(mmap.MADV_DONTNEED)
-
-
-SHOWN_LETTERS = 200
-"""Of a library's complaint, our choice."""
-
-
-@contextlib.contextmanager
-def blame_file(path: Path) -> Iterator[None]:
-    """Make a `FileError` of whatever a library trips over while it reads a file.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file; its suffix says what it should be.
-
-    Raises
-    ------
-    FileError
-        If the block fails otherwise than by an error of the rig or a missing library.
-    """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    except ParameterError as error:  # of a channel: it does not know its file
-        raise FileError(f"{path}: {error}") from None
-    except (RigError, ImportError):
-        raise
-    except MemoryError:
-        raise FileError(
-            f"{path} cannot be read: it asks for more memory than a file of its size may"
-        ) from None
-    except Exception as error:  # noqa: BLE001 - damaged files break libraries in every way there is
-        words = str(error).strip().splitlines() or [type(error).__name__]
-        raise FileError(
-            f"{path} is no sound {path.suffix.lower()} file: {words[0][:SHOWN_LETTERS]}"
-        ) from None
 
 
 EXACT_INTEGERS = 2**53

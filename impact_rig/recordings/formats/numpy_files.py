@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from impact_rig.core.errors import FileError
+from impact_rig.recordings.formats.bounds import SizeLimit
 from impact_rig.recordings.formats.measurement import (
     Measurement,
     NamedArray,
     make_measurement,
 )
-from impact_rig.recordings.formats.sizes import SizeLimit
 
 
 def read_npy(path: Path) -> Measurement:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from impact_rig.recordings.formats.bounds import SizeLimit
 from impact_rig.recordings.formats.measurement import (
     Measurement,
     NamedArray,
@@ -10,7 +11,6 @@ from impact_rig.recordings.formats.measurement import (
     make_unique,
     read_described,
 )
-from impact_rig.recordings.formats.sizes import SizeLimit
 
 CHANNELS = b"channels"
 """Ours, in the metadata of the table: names, units, rates, starts and dates, as JSON."""

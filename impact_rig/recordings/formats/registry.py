@@ -1,13 +1,14 @@
 """All formats by suffix."""
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.recordings.formats.hdf5 import read_hdf5, write_hdf5
 from impact_rig.recordings.formats.lvm import read_lvm
 from impact_rig.recordings.formats.mat import read_mat, write_mat
-from impact_rig.recordings.formats.measurement import Measurement, blame_file
+from impact_rig.recordings.formats.measurement import Measurement
 from impact_rig.recordings.formats.numpy_files import read_npy, read_npz
 from impact_rig.recordings.formats.parquet import read_parquet, write_parquet
 from impact_rig.recordings.formats.tdms import read_tdms, write_tdms
@@ -41,6 +42,8 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
 READABLE = tuple(FORMATS)
 WRITABLE = tuple(suffix for suffix, (_, write) in FORMATS.items() if write)
 """Suffixes of what can be read, and written."""
+SHOWN_LETTERS = 200
+"""Of a library's complaint, our choice."""
 
 
 def read_measurement(path: Path) -> Measurement:
@@ -65,8 +68,23 @@ def read_measurement(path: Path) -> Measurement:
     read, _ = FORMATS.get(path.suffix.lower(), (None, None))
     if read is None:
         raise _make_suffix_error(path, READABLE)
-    with blame_file(path):
-        return read(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return read(path)
+    except ParameterError as error:  # of a channel: it does not know its file
+        raise FileError(f"{path}: {error}") from None
+    except (RigError, ImportError):
+        raise
+    except MemoryError:
+        raise FileError(
+            f"{path} cannot be read: it asks for more memory than a file of its size may"
+        ) from None
+    except Exception as error:  # noqa: BLE001 - damaged files break libraries in every way there is
+        words = str(error).strip().splitlines() or [type(error).__name__]
+        raise FileError(
+            f"{path} is no sound {path.suffix.lower()} file: {words[0][:SHOWN_LETTERS]}"
+        ) from None
 
 
 def write_measurement(path: Path, measurement: Measurement) -> None:

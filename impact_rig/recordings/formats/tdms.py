@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from impact_rig.recordings.formats.bounds import SizeLimit
 from impact_rig.recordings.formats.measurement import (
     NANOSECONDS,
     ORIGIN,
@@ -20,7 +21,6 @@ from impact_rig.recordings.formats.measurement import (
     read_stated_rate,
     round_rate,
 )
-from impact_rig.recordings.formats.sizes import SizeLimit
 
 NUMBER_SIZE = 8
 """Of a number in memory, at most [byte]."""

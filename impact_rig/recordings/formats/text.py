@@ -111,16 +111,6 @@ class Style(NamedTuple):
             return False
         return True
 
-    def parse(self, path: Path, cells: Sequence[str], lines: Sequence[int]) -> FloatArray:
-        """Return the numbers in some cells, each in the line of a number; raises `FileError`."""
-        try:
-            return np.array([float(self.make_point(cell)) for cell in cells], np.float64)
-        except ValueError:
-            line, cell = next(
-                item for item in zip(lines, cells, strict=True) if not self.is_number(item[1])
-            )
-            raise FileError(f"{path}, {_refuse_cell(line, cell)}") from None
-
     def make_point(self, text: str) -> str:
         """Return cells with decimal points."""
         text = text.replace(INFINITY, "inf")
@@ -442,11 +432,11 @@ class RowReader:
             with contextlib.suppress(ValueError):
                 rows = _parse_numbers(plain, self._table)
         if rows is None or rows.shape != (lines, len(self._table.columns)):
-            rows = self._read_lines(split_lines(piece, before))
+            rows = self.read_lines(split_lines(piece, before))
         self._count += len(rows)
         return rows
 
-    def _read_lines(self, lines: Sequence[Line]) -> FloatArray:
+    def read_lines(self, lines: Sequence[Line]) -> FloatArray:
         """Return the same line by line, with all that may be amiss."""
         style, kinds, columns = self._table.style, self._table.kinds, self._table.columns
         width = max(columns) + 1
@@ -476,7 +466,10 @@ class RowReader:
             self._blanks.setdefault(column, line)
             return math.nan
         if column in self.ends:
-            raise FileError(f"{self._path}, {_refuse_cell(self._blanks[column], '')}")
+            raise FileError(
+                f"{self._path}, line {self._blanks[column]}: column {column + 1} is blank, and"
+                f" goes on in line {line}"
+            )
         try:
             return float(self._table.style.make_point(cell))
         except ValueError:

@@ -11,7 +11,7 @@ from impact_rig.core.errors import DeviceError, ParameterError
 from impact_rig.core.pulses import HALF_SINE
 from impact_rig.core.records import HitLabel
 from impact_rig.core.sensors import Sensor
-from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.protocols import SourceChannel
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.drivers import (
@@ -25,10 +25,6 @@ from impact_rig.devices.virtual.rig import (
     ScheduledFault,
     VirtualRig,
     VirtualRigSettings,
-)
-from impact_rig.testing import (
-    AccelerationSourceContract,
-    SourceBench,
 )
 
 LABEL = HitLabel("steel small")
@@ -73,27 +69,6 @@ def test_a_record_is_that_of_the_seed_and_comes_when_the_swing_is_over():
         counts = np.concatenate([getattr(block, channel).output for block in blocks])
         np.testing.assert_array_equal(counts, getattr(expected, channel).output)
         assert getattr(blocks[0], channel).scale == getattr(expected, channel).scale
-
-
-def test_the_same_hit_lies_in_a_stream():
-    source = make_source()
-    source.configure(make_plan(continuous=True, block_size=25_000))
-    source.arm()
-    source.strike(LABEL, 0.02)
-    # And one block more, since the hit may go on in it.
-    blocks = read_until(source, lambda got: any(np.ptp(b.hammer.output) > 200 for b in got[:-1]))
-    counts = np.concatenate([block.hammer.output for block in blocks])
-    expected = VirtualRig(PAPER_SETUP, SETTINGS).strike(LABEL).hammer.output
-    peak, wanted = int(np.argmax(np.abs(counts))), int(np.argmax(np.abs(expected)))
-    np.testing.assert_array_equal(counts[peak - wanted : peak + 500], expected[: wanted + 500])
-
-
-def test_a_missed_trigger_gives_nothing():
-    source = make_source(scheduled_faults="1:missed_trigger")
-    source.configure(make_plan())
-    source.arm()
-    assert source.strike(LABEL, 0.0).faults == (Fault.MISSED_TRIGGER,)
-    assert source.read(0.05) is None
 
 
 def test_what_a_plan_says_of_the_digitizer_goes_before_its_own_settings():
@@ -195,27 +170,3 @@ def test_a_hit_needs_a_set_up():
     source.configure(make_plan())
     with pytest.raises(DeviceError, match="start the campaign node first"):
         source.check_sample("steel small")
-
-
-class VirtualSourceBench(SourceBench):
-    def get_driver(self):
-        return VirtualSource
-
-    def make_source(self):
-        source = VirtualSource(TomlTable({}, "[source]"))
-        source.take_setup(PAPER_SETUP)
-        return source
-
-    def make_plan(self, *, continuous=False):
-        return make_plan(continuous=continuous, block_size=25_000 if continuous else 1000)
-
-    def strike(self, source):
-        source.strike(HitLabel(CONTROL_SAMPLE), swing_time=0.0)
-
-
-class TestVirtualSource(AccelerationSourceContract):
-    test_it_comes_back_as_often_as_it_is_unplugged = None  # it has no plug
-
-    @pytest.fixture
-    def bench(self):
-        return VirtualSourceBench()

@@ -29,7 +29,7 @@ def test_a_device_that_is_lost_is_named_and_comes_back_as_often_as_it_goes(
     release(arm(harness).record, latest_contact=60.0)
     desk.deliver(make_record())
     got = blocks.wait(lambda got: got and got[-1].last)
-    # Nobody had let the hammer go before: nothing of those armings was published.
+    # The hammer was not released before: the first two armings published nothing.
     assert {block.record for block in got} == {3}
 
 

@@ -1,16 +1,20 @@
-"""The accelerometers publish what a device delivers, one arming at a time."""
+"""The accelerometers read the source of a rig file and publish records, one arming at a time."""
+
+import functools
 
 import numpy as np
 import pytest
 from impact_rig_msgs.msg import AcquisitionState
+from impact_rig_msgs.srv import Arm
 from std_srvs.srv import Trigger
 
 from impact_rig.core.records import MEASURED, Origin
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.recordings.messages import block_from_msg
 
-from .desk_rig import arm, make_record, wait_for_release, wait_for_state
+from .desk_rig import SAMPLE, SOURCE, arm, make_record, wait_for_release, wait_for_state
 
 
 def test_a_record_is_streamed_as_the_device_gave_it_in_blocks_of_the_wanted_size(
@@ -38,11 +42,12 @@ def test_a_record_is_streamed_as_the_device_gave_it_in_blocks_of_the_wanted_size
     assert {block.origin for block in got} == {Origin(MEASURED, "desk digitizer 7")}
 
 
-def test_a_hit_that_nobody_let_go_of_is_published_and_told(
+def test_a_hit_without_a_release_is_published_and_reported(
     harness, desk, rig, blocks, states, release
 ):
     rig()
     record = arm(harness).record
+    release(record + 7)  # of another record
     desk.deliver(make_record())
     got = blocks.wait(lambda got: got and got[-1].last)
     assert {block.record for block in got} == {record}
@@ -68,7 +73,7 @@ def test_a_hit_may_come_until_the_latest_contact(harness, desk, rig, blocks, rel
     release(record, latest_contact=60.0)
     wait_for_release(harness, node)
     reads = desk.reads
-    # The swing is over at once: by now nobody would wait any more.
+    # The trigger's time limit is over at once; the latest contact holds.
     harness.wait_until(lambda: desk.reads > reads + 2)
     desk.deliver(make_record())
     got = blocks.wait(lambda got: got and got[-1].last)
@@ -121,3 +126,54 @@ def test_a_record_that_is_called_off_is_ended(
     # Behind the missing points, so that the estimator sees a gap.
     assert got[-1].first_sample == end
     assert len(got[-1].hammer.counts) == 0
+
+
+def test_what_a_rig_file_says_wrongly_is_named_with_file_and_line(rig):
+    node = rig(SOURCE.replace("serial = 7", "serial = 70"))
+    assert not node.is_configured
+    assert "rig.toml: line " in node.fault
+    assert "it must be a whole number between 1 and 9" in node.fault
+
+
+def test_a_driver_whose_library_is_missing_says_which(harness, rig):
+    node = rig(SOURCE.replace('"desk"', '"unpaid"'))
+    assert not node.is_configured
+    assert "'desk_digitizer_license'" in node.fault
+    assert "desk-digitizer" in node.fault
+
+
+@pytest.fixture
+def start(harness):
+    """Return a function that starts the node, and gives it the paper's set-up."""
+
+    def start(**parameters):
+        harness.add(
+            AccelerometerNode, required_subscribers="peer", trigger_timeout=0.01, **parameters
+        )
+        harness.tell_setup()
+
+    return start
+
+
+def test_refuses_an_unknown_sample_by_name_and_to_arm_twice_until_disarmed(harness, start, blocks):
+    start()
+    answer = arm(harness, sample="tin")
+    assert not answer.success
+    assert "unknown sample 'tin'" in answer.message
+    assert "'steel small'" in answer.message
+    # The same request again is the same arming.
+    assert arm(harness).record == arm(harness).record == 1
+    assert "already armed" in arm(harness, impact=2).message
+    assert harness.call(Trigger, interfaces.DISARM_ACCELEROMETER).success
+    assert arm(harness).success
+
+
+def test_says_not_yet_until_those_who_must_not_miss_a_block_are_connected(harness, blocks):
+    harness.add(AccelerometerNode)
+    harness.tell_setup()
+    request = Arm.Request(sample=SAMPLE, impact=1, attempt=1)
+    ask = functools.partial(harness.call, Arm, interfaces.ARM_ACCELEROMETER, request)
+    answer = harness.ask_until("'estimator' does not listen", ask)[-1]
+    assert answer.message.startswith(interfaces.NOT_YET)
+    assert not answer.success
+    assert "required_subscribers" in answer.message

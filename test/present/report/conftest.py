@@ -10,8 +10,8 @@ from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.rig import FaultPlan, ScheduledFault, VirtualRigSettings
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
-from impact_rig.results.hit_traces import Acquisition, ChannelCalibration
-from impact_rig.results.run import Note, Provenance, RecordedFile, Run
+from impact_rig.results.hit_traces import Calibration
+from impact_rig.results.run import Provenance, Run
 
 from ..conftest import START, Trace
 from .reader import Reader
@@ -40,30 +40,29 @@ def strike_run(trace: Trace) -> Run:
     settings = VirtualRigSettings(plant=Plant.DYNAMICS, faults=FaultPlan(scheduled=(weak,)))
     labels = [(sample.name, impact) for sample in renamed for impact in (1, 2)]
     campaign = trace([*labels, (HOSTILE, 3)], setup, settings, with_models=True)
+    calibrations = (
+        Calibration("hammer", 2.5e6, True, 0.9765625, 0.0, 2000.0),
+        Calibration("sample", 2.5e6, False, 1.953125, 0.25, 0.0),
+    )
+    hits = tuple(
+        replace(hit, recorded=replace(hit.recorded, calibrations=calibrations))
+        for hit in campaign.hits
+    )
     return Run(
         name="before",
         source="before/session.mcap",
-        campaign=campaign,
-        has_traces=True,
-        acquisitions=(
-            Acquisition(
-                2.5e6,
-                (
-                    ChannelCalibration("hammer", 0.9765625, 0.0, 2000.0, is_counted=True),
-                    ChannelCalibration("sample", 1.953125, 0.25, 0.0, is_counted=False),
-                ),
-            ),
-        ),
+        campaign=replace(campaign, hits=hits),
         provenance=Provenance(
             start_time=START,
             end_time=START + 12_300_000_000,
-            files=(RecordedFile("session.mcap", 1_234_567, "ab" * 32),),
+            size=1_234_567,
+            sha256="ab" * 32,
             problems=("the end is missing",),
             losses="1 gap of 1000 points in the blocks",
             ended="closed",
             versions=(("impact_rig", "9.8.7"), ("numpy", "2.4")),
             parameters=(("/hammer", "swing_time: 0.25\nrig_file: ''\n"),),
-            notes=(Note(0, "dusty"), Note(START, HOSTILE_NOTE)),
+            notes=((0, "dusty"), (START, HOSTILE_NOTE)),
         ),
         warnings=("the recording was never closed",),
     )

@@ -4,14 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.quantity import Quantity
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
-from impact_rig.results.run import Run
+from impact_rig.results.run import Run, TracedCampaign
 from impact_rig.results.tables import tabulate_results
-from impact_rig.results.traced_campaign import TracedCampaign
 
 from .conftest import HOSTILE
 from .reader import Reader
@@ -105,21 +102,6 @@ def test_without_an_accepted_hit_the_rejections_are_what_is_told(told):
     assert "overload (4), weak (1)" in read.text
     assert len(read.find_table("Rejected hits: 5")) == 6
     assert not any(caption.startswith("Table") for caption in read.captions)
-
-
-def test_what_no_hit_determines_has_no_table_but_a_remark(told):
-    results = told.campaign.results
-    samples = tuple(
-        SampleEstimate(sample.name, 2, 0, contact_time=Quantity(1e-4))
-        for sample in results.samples
-    )
-    bare = replace(results, samples=samples, hammer=HammerEstimate(notes=("k1: no control",)))
-    run = replace(told, campaign=TracedCampaign(bare, (), ()))
-    read = Reader(render_page(make_report([run])))
-    assert "hammer: k1: no control" in read.text
-    assert [caption for caption in read.captions if caption.startswith("Table")] == [
-        "Table 2. Contact time τp"
-    ]
 
 
 @pytest.mark.parametrize("start", [0, 1_000_000_000])

@@ -1,6 +1,8 @@
 """Rerun's own reader reads back what was logged; destinations and viewers end after each test."""
 
+import operator
 import subprocess
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,14 +13,17 @@ import pytest
 
 from impact_rig.core.records import FloatArray
 from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.entities import APPLICATION
-from impact_rig.present.rerun.live_view import LiveView, ViewPlan
 from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.present.rerun.viewers import find_viewer
-from impact_rig.results.traced_campaign import TracedCampaign
+from impact_rig.results.run import TracedCampaign
 
 from ..conftest import Trace
 from .onlookers import fail, list_listeners, wait_until
+
+Rows = defaultdict[str, list[dict[str, Any]]]
+"""Rows by entity."""
 
 
 def list_rows(chunk: Any) -> list[dict[str, Any]]:
@@ -39,71 +44,47 @@ class Recording:
 
         self.size = path.stat().st_size
         self._reader = rerun.chunk.RrdReader(str(path))
-        self.chunks = self._reader.stream().to_chunks()
+        self._static: Rows = defaultdict(list)
+        self._timed: Rows = defaultdict(list)
+        for chunk in self._reader.stream().to_chunks():
+            rows = self._static if chunk.is_static else self._timed
+            rows[chunk.entity_path] += list_rows(chunk)
 
     @property
     def entities(self) -> set[str]:
-        return {chunk.entity_path for chunk in self.chunks}
+        return {*self._static, *self._timed}
 
     def find_static(self, entity: str, component: str) -> Any:
         """Return what a static component says last: its list of values."""
-        found = [
-            (row["rerun.controls.RowId"], row[component])
-            for chunk in self.chunks
-            if chunk.entity_path == entity and chunk.is_static
-            for row in list_rows(chunk)
-            if row.get(component) is not None
-        ]
-        assert found, f"{entity} has no {component}"
-        return max(found)[1]
+        rows = [row for row in self._static.get(entity, []) if row.get(component) is not None]
+        assert rows, f"{entity} has no {component}"
+        return max(rows, key=operator.itemgetter("rerun.controls.RowId"))[component]
 
     def find_traces(self, entity: str) -> tuple[FloatArray, FloatArray]:
         """Return time [s], shape (n,), and scalars, shape (n, columns), of an entity."""
-        batches = [
-            chunk.to_record_batch()
-            for chunk in self.chunks
-            if chunk.entity_path == entity and not chunk.is_static
-        ]
-        times = np.concatenate(
-            [np.asarray(b.column("hit_time").cast("int64").to_numpy()) for b in batches]
-        )
-        rows = [row for b in batches for row in b.column("Scalars:scalars").to_pylist()]
-        return times / 1e9, np.array(rows, dtype=float)
+        rows = self._timed.get(entity, [])
+        values = np.array([row["Scalars:scalars"] for row in rows], dtype=float)
+        return np.array([row["hit_time"] for row in rows]) / 1e9, values
 
     def read_rows(self, entity: str) -> list[dict[str, Any]]:
         """Return what an entity has over time, row by row."""
-        return [
-            row
-            for chunk in self.chunks
-            if chunk.entity_path == entity and not chunk.is_static
-            for row in list_rows(chunk)
-        ]
+        return self._timed.get(entity, [])
 
-    def is_plot(self, entity: str) -> bool:
-        """Whether an entity is drawn over time."""
-        return any(
-            chunk.entity_path == entity
-            and any(name.startswith("Series") for name in chunk.to_record_batch().schema.names)
-            for chunk in self.chunks
-        )
+    def find_plots(self, component: str = "") -> set[str]:
+        """Return the entities that are drawn over time, or those of them with a component."""
+        return {
+            entity
+            for entity, rows in self._static.items()
+            if any(name.startswith("Series") and component in name for row in rows for name in row)
+        }
 
     def find_hidden(self) -> set[str]:
         """Return the entities of which every line or point is hidden."""
-        hidden = {
-            chunk.entity_path
-            for chunk in self.chunks
-            if any("visible_series" in name for name in chunk.to_record_batch().schema.names)
-        }
+        hidden, points = self.find_plots("visible_series"), self.find_plots("markers")
         for entity in hidden:
-            kind = "Points" if self._has(entity, "SeriesPoints:markers") else "Lines"
+            kind = "Points" if entity in points else "Lines"
             assert not any(self.find_static(entity, f"Series{kind}:visible_series")), entity
         return hidden
-
-    def _has(self, entity: str, component: str) -> bool:
-        return any(
-            chunk.entity_path == entity and component in chunk.to_record_batch().schema.names
-            for chunk in self.chunks
-        )
 
     def quote(self, *parts: str) -> str:
         """Return an entity path as the reader writes it."""
@@ -177,7 +158,7 @@ def open_view():
     opened = []
 
     def run(*, announce=fail, notify=fail, **plan):
-        opened.append(LiveView(ViewPlan(**plan), announce=announce, notify=notify))
+        opened.append(LiveView(**plan, announce=announce, notify=notify))
         return opened[-1]
 
     yield run

@@ -1,5 +1,6 @@
 """The live view goes to a file, to viewers of this host at any time, and to one elsewhere."""
 
+import re
 import signal
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import psutil
 import pytest
 
 from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
-from impact_rig.present.rerun import rerun_sdk, viewers
+from impact_rig.present.rerun import viewers
 from impact_rig.present.rerun.viewers import (
     check_viewer_address,
     find_free_port,
@@ -65,9 +66,9 @@ WRITER = """
 import sys
 import numpy as np
 from impact_rig.core.records import HitLabel
-from impact_rig.present.rerun.live_view import LiveView, ViewPlan
+from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.results.hit_traces import HitTraces
-view = LiveView(ViewPlan(output=sys.argv[1], web=True), announce=print, notify=print)
+view = LiveView(output=sys.argv[1], web=True, announce=print, notify=print)
 view.log.log_hit(HitTraces(HitLabel("a"), np.arange(3) / 1e6, np.full((3, 2), 7.0, np.float32)))
 view.flush()
 print("shown", flush=True)
@@ -95,27 +96,28 @@ def test_after_kill_9_the_file_is_sound_and_the_page_ends(tmp_path, read_recordi
     np.testing.assert_array_equal(values, np.full((3, 2), 7.0))
 
 
-def test_a_viewer_elsewhere_that_is_not_there_is_named_and_the_rest_is_shown(tmp_path, open_view):
-    address, notices = make_viewer_address(find_free_port()), []
-    with pytest.raises(DeviceError, match="no viewer answers at"):
-        open_view(connect=address)
-    open_view(connect=address, output=str(tmp_path / "view.rrd"), notify=notices.append)
-
-    assert [address in text for text in notices] == [True]
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="screens are known by other means")
-def test_a_window_needs_a_screen_and_without_one_the_rest_is_shown(
-    monkeypatch, tmp_path, open_view
+@pytest.mark.parametrize(
+    ("plan", "told"),
+    [
+        ({"connect": make_viewer_address(9)}, r"no viewer answers at rerun\+http://127.0.0.1:9/"),
+        pytest.param(
+            {"spawn": True},
+            r"no screen .* to a file",
+            marks=pytest.mark.skipif(sys.platform != "linux", reason="screens have other names"),
+        ),
+    ],
+)
+def test_a_viewer_that_cannot_be_shown_is_named_and_the_rest_is_shown(
+    monkeypatch, tmp_path, open_view, plan, told
 ):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(DeviceError, match=r"no screen .* to a file"):
-        open_view(spawn=True)
+    for name in viewers.SCREENS:
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(DeviceError, match=told):
+        open_view(**plan)
     notices = []
-    open_view(spawn=True, output=str(tmp_path / "view.rrd"), notify=notices.append)
-
-    assert ["no screen" in text for text in notices] == [True]
+    open_view(**plan, output=str(tmp_path / "view.rrd"), notify=notices.append)
+    (notice,) = notices
+    assert re.match(told, notice)
 
 
 def test_a_file_that_cannot_be_written_is_named(tmp_path, open_view):
@@ -154,10 +156,10 @@ def test_a_viewer_that_is_not_installed_is_named(monkeypatch):
 def test_a_missing_rerun_is_named_with_the_command_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(RigError, match=r"pip install 'rerun-sdk>=0\.41'"):
-        rerun_sdk.import_rerun()
+        viewers.import_rerun()
 
 
 def test_an_old_rerun_is_named(monkeypatch):
     monkeypatch.setattr(rerun, "__version__", "0.29.1")
     with pytest.raises(RigError, match=r"0\.29\.1 is too old"):
-        rerun_sdk.import_rerun()
+        viewers.import_rerun()

@@ -3,7 +3,6 @@
 import io
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -19,7 +18,8 @@ from impact_rig.present.rerun.blueprint import (
     TABS,
 )
 from impact_rig.present.rerun.entities import HIT, HIT_TIME, WALL_CLOCK
-from impact_rig.present.rerun.health import Health, Level, NodeHealth
+from impact_rig.present.rerun.health import Level, NodeHealth
+from impact_rig.present.rerun.viewers import find_free_port
 from impact_rig.results import palette
 
 experimental = pytest.importorskip("rerun.experimental", reason="rerun-sdk is not installed")
@@ -102,9 +102,7 @@ class Viewer:
 
 
 def start_viewer(path):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = find_free_port()
     command = ["--headless", "--window-size", f"{WIDTH}x{HEIGHT}", "--bind", "127.0.0.1"]
     said = path.with_suffix(".txt")
     with said.open("w") as output:
@@ -142,10 +140,10 @@ def viewer(campaign, contacts, write_view, tmp_path_factory):
     write_view(
         path,
         lambda log: log.log_campaign(campaign),
-        lambda log: log.log_law(
+        lambda log: log.log_sample(
             contacts.samples[1], contacts.results.samples[1].contact_law, contacts.results.setup
         ),
-        *(lambda log, i=i: log.log_health(Health(nodes, start + i)) for i in (0, 10**9)),
+        *(lambda log, i=i: log.log_health(nodes, start + i) for i in (0, 10**9)),
     )
     viewer = start_viewer(path)
     yield viewer

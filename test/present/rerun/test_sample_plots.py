@@ -1,11 +1,14 @@
-"""All hits of a sample over each other, their mean, the models and what was read from the mean."""
+"""A sample's hits over each other, their mean, models, marks, and its contact law."""
 
 import math
 
 import numpy as np
 import pytest
 
+from impact_rig.core.contact_law import NO_LAW
 from impact_rig.core.records import HitLabel
+from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.results.law_curves import compute_law_curves
 from impact_rig.results.sample_traces import (
     DRIVEN,
     IDENTIFIED,
@@ -41,12 +44,16 @@ def make_traces(name="steel small", models=(DRIVEN, PRINTED), **changes):
             "first_peak_time": 0.0,
             "second_peak_time": 40e-6,
             "models": tuple(
-                ModelTraces(model, (0.9 - 0.1 * i) * mean, 0.0001, 1.234)
+                ModelTraces(model, (0.9 - 0.1 * i) * mean, (0.0001, 1.234))
                 for i, model in enumerate(models)
             ),
             **changes,
         }
     )
+
+
+def show_sample(traces):
+    return lambda log: log.log_sample(traces, NO_LAW, PAPER_SETUP)
 
 
 def make_aligned(record, start=START, rows=2):
@@ -58,8 +65,8 @@ def make_aligned(record, start=START, rows=2):
 
 def test_hits_are_laid_over_each_other_as_they_come(record):
     view = record(
-        lambda log: log.log_aligned_hit(make_aligned(1)),
-        lambda log: log.log_aligned_hit(make_aligned(2, START - 2 / RATE)),
+        lambda log: log.log_aligned_hits([make_aligned(1)]),
+        lambda log: log.log_aligned_hits([make_aligned(2, START - 2 / RATE)]),
     )
 
     first, values = view.find_traces(f"{PARENT}/hammer/hits/1")
@@ -73,13 +80,13 @@ def test_hits_are_laid_over_each_other_as_they_come(record):
 def test_a_mean_is_drawn_with_its_models_and_the_residual_of_the_first(record):
     traces = make_traces(models=(DRIVEN, PRINTED, IDENTIFIED))
 
-    view = record(lambda log: log.log_sample(traces))
+    view = record(show_sample(traces))
 
     entity = f"{PARENT}/sample/models/1"
     assert view.find_static(entity, "SeriesLines:names") == [
         "sample, mean",
-        "sample, identified model (MSE 1.23 %)",
-        "sample, model (MSE 1.23 %)",
+        "sample, identified model (MSE 1.2 %)",
+        "sample, model (MSE 1.2 %)",
         "sample, residual of the model",
     ]
     _, values = view.find_traces(entity)
@@ -92,7 +99,7 @@ def test_thinned_traces_keep_their_peaks(record, peak):
     mean = np.zeros((2, COUNT))
     mean[:, peak] = 7.0
 
-    view = record(lambda log: log.log_sample(make_traces(models=(), mean=mean)))
+    view = record(show_sample(make_traces(models=(), mean=mean)))
 
     for body in ("hammer", "sample"):
         moments, values = view.find_traces(f"{PARENT}/{body}/models/1")
@@ -101,7 +108,7 @@ def test_thinned_traces_keep_their_peaks(record, peak):
 
 
 def test_the_contact_window_and_what_was_read_from_the_mean_are_marked(record):
-    view = record(lambda log: log.log_sample(make_traces()))
+    view = record(show_sample(make_traces()))
 
     moments, values = view.find_traces(f"{PARENT}/hammer/contact/1")
     np.testing.assert_allclose(moments, [-TAU / 2, -TAU / 2, TAU / 2, TAU / 2], atol=2e-9)
@@ -123,10 +130,10 @@ def test_the_contact_window_and_what_was_read_from_the_mean_are_marked(record):
 
 def test_a_new_mean_takes_the_place_of_the_last_one_of_the_same_sample_only(record):
     view = record(
-        lambda log: log.log_aligned_hit(make_aligned(1)),
-        lambda log: log.log_sample(make_traces("a/b *c*")),
-        lambda log: log.log_sample(make_traces("steel small")),
-        lambda log: log.log_sample(make_traces("steel small")),
+        lambda log: log.log_aligned_hits([make_aligned(1)]),
+        show_sample(make_traces("a/b *c*")),
+        show_sample(make_traces("steel small")),
+        show_sample(make_traces("steel small")),
     )
 
     assert view.find_hidden() == {
@@ -142,8 +149,8 @@ def test_a_sample_whose_response_was_not_measured_has_its_hammer(record):
     traces = make_traces(models=(), mean=make_pulse(800.0)[np.newaxis])
 
     view = record(
-        lambda log: log.log_aligned_hit(make_aligned(1, rows=1)),
-        lambda log: log.log_sample(traces),
+        lambda log: log.log_aligned_hits([make_aligned(1, rows=1)]),
+        show_sample(traces),
     )
 
     assert view.find_traces(f"{PARENT}/hammer/models/1")[1].max() == 800.0
@@ -163,7 +170,51 @@ def test_what_was_not_determined_is_not_marked(record):
         second_peak_time=math.nan,
     )
 
-    view = record(lambda log: log.log_sample(traces))
+    view = record(show_sample(traces))
 
     assert np.isnan(view.find_traces(f"{PARENT}/hammer/models/1")[1]).all()
     assert not [entity for entity in view.entities if "contact" in entity or "points" in entity]
+
+
+@pytest.fixture(scope="module")
+def found(contacts):
+    """Return a sample's traces, its law, the set-up."""
+    return contacts.samples[1], contacts.results.samples[1].contact_law, contacts.results.setup
+
+
+LAW_PARTS = ("law", "law residual")
+
+
+def test_pulse_and_residual_are_those_of_the_report(record, found):
+    curves = compute_law_curves(*(found[i] for i in (1, 0, 2)))
+
+    view = record(lambda log: log.log_sample(*found))
+
+    time, forces = view.find_traces(view.quote("samples", "steel medium", "law", "1"))
+    measured = np.interp(time, curves.time, curves.measured)
+    np.testing.assert_allclose(forces[:, 0], measured, atol=1e-3)
+    assert forces[:, 0].max() == pytest.approx(curves.measured.max())
+    _, left = view.find_traces(view.quote("samples", "steel medium", "law residual", "1"))
+    assert np.abs(left).max(axis=0) == pytest.approx(
+        [
+            np.abs(curves.measured - curves.law).max(),
+            np.abs(curves.measured - curves.versed_sine).max(),
+        ],
+        rel=1e-3,
+    )
+    _, law, _ = view.find_static(
+        view.quote("samples", "steel medium", "law", "1"), "SeriesLines:names"
+    )
+    exponent = float(law.removeprefix("law, n = ").split()[0])
+    assert exponent == pytest.approx(found[1].exponent.value, abs=1e-3)
+
+
+def test_a_sample_whose_law_is_known_no_more_shows_none(record, found):
+    traces, _, setup = found
+
+    view = record(
+        lambda log: log.log_sample(*found), lambda log: log.log_sample(traces, NO_LAW, setup)
+    )
+
+    hidden = view.find_hidden()
+    assert {view.quote("samples", "steel medium", part, "1") for part in LAW_PARTS} <= hidden

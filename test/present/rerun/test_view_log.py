@@ -64,7 +64,9 @@ def test_verdicts_are_shown_logged_and_followed_over_hit_number_and_time_of_day(
         for i in (1, 2)
     ]
 
-    view = record(*(lambda log, hit=hit: log.log_verdict(hit, STAMP + hit.record) for hit in hits))
+    view = record(
+        *(lambda log, hit=hit: log.log_verdicts([hit], [STAMP + hit.record]) for hit in hits)
+    )
 
     (text,) = view.find_static("/verdict", "TextDocument:text")
     assert "Rejected" in text
@@ -89,12 +91,11 @@ def test_another_campaign_hides_everything_of_the_one_before(record, campaign):
         lambda log: log.log_campaign(campaign),
         lambda log: log.log_setup("paper", names),
         lambda log: log.log_hit(make_hit()),
-        lambda log: log.log_verdict(HitResults("steel small", 1, 1, 1), STAMP),
+        lambda log: log.log_verdicts([HitResults("steel small", 1, 1, 1)], [STAMP]),
     )
 
-    drawn = {entity for entity in view.entities if view.is_plot(entity)}
     fresh = {"/hits/3", "/trends/contact_time/2", "/trends/hammer_peak/2", "/trends/sample_peak/2"}
-    assert drawn - view.find_hidden() == fresh
+    assert view.find_plots() - view.find_hidden() == fresh
     (summary,) = view.find_static(r"/samples/steel\ small/summary", "TextDocument:text")
     assert summary == "No hit yet."
 

@@ -8,7 +8,6 @@ from rich.console import Console
 from rich.text import Text
 
 from impact_rig.present.terminal.console import (
-    ALARM,
     make_console,
     print_facts,
     print_item,
@@ -16,22 +15,21 @@ from impact_rig.present.terminal.console import (
     print_text,
     print_warning,
 )
-from impact_rig.results.tables import Column, make_optional
+from impact_rig.results.tables import Column, Table, make_optional, make_text_column
 
 NAMES = ("aluminium", "試料番号十二の鋼の円柱", "a_name_without_any_place_to_break_it_at")
 WHY = "overload: 250 points in a row of the hammer at the rail of 1999 m/s^2"
 COLUMNS = (
     Column("Sample", NAMES, is_text=True),
     Column("Measured", ("203.20 ± 0.14", "1170.0 ± 7.9", "-")),
-    Column("Why", (WHY, "", WHY), is_text=True, styles=(ALARM, "", ALARM), note="Why: in words."),
-    Column("w10/\nw50", ("1.591", "1.590", "-"), is_optional=True, note="w10/w50: the widths."),
-    Column("Spread", ("-", "-", "-"), is_optional=True, note="Spread: of nothing."),
+    Column("Why", (WHY, "", WHY), is_text=True, note="Why: in words."),
+    Column("w10/w50", ("1.591", "1.590", "-"), is_optional=True, note="w10/w50: the widths."),
 )
 
 
 def render(width: int, columns: tuple[Column, ...] = COLUMNS, **options: object) -> str:
     console = Console(file=io.StringIO(), width=width, **options)  # type: ignore[arg-type]
-    print_table(console, "A table", columns, ["A note."])
+    print_table(console, Table("A table", columns, ("A note.",), frozenset({0, 2})))
     text: str = console.file.getvalue()  # type: ignore[attr-defined]
     return text
 
@@ -72,15 +70,10 @@ def test_words_wrap_before_a_column_of_numbers_is_left_out_for_them():
     assert "1999\n" in render(60, columns)
 
 
-def test_an_optional_column_without_a_number_is_nowhere():
-    for width in (30, 200):
-        assert "Spread" not in render(width)
-
-
 def test_what_would_move_the_cursor_is_shown_as_a_mark(capsys):
     name = "tin\x1b[2J\x9b1m\u202e"
     console = make_console()
-    print_table(console, name, (Column("Sample", (name,), is_text=True), Column("n", ("1",))))
+    print_table(console, Table(name, (make_text_column("Sample", (name,)), Column("n", ("1",)))))
     print_item(console, name)
     print_facts(console, [(name, Text("tin"))])
     print_warning(name)

@@ -53,21 +53,6 @@ def write_tektronix_mso(pairs: Pairs) -> Iterator[str]:
     yield from (f"{time:.4e},{value:.6g}" for time, value in pairs)
 
 
-def write_tektronix_quoted(pairs: Pairs) -> Iterator[str]:
-    """TDS3000, TDS5000, TDS7000: as the TDS above, words of the settings in quotes.
-
-    Compared with the TDS above and with what programs that read these files expect; no file of
-    these instruments was at hand.
-    """
-    beside = [
-        f'"Record Length",{COUNT},"Points"', f'"Sample Interval",{1 / RATE:g},"s"',
-        '"Trigger Point",100,"Samples"', '"Trigger Time",0.0,"s"', '"",,',
-        '"Horizontal Offset",0.0,"s"',
-    ]  # fmt: skip
-    for number, (time, value) in enumerate(pairs):
-        yield f"{beside[number] if number < len(beside) else ',,'},{time:.9f},{value:.5f}"
-
-
 def write_rigol(pairs: Pairs) -> Iterator[str]:
     """DS1000Z, MSO1000Z: points are counted; start and increment stand in the heading.
 
@@ -141,30 +126,10 @@ def write_digilent(pairs: Pairs) -> Iterator[str]:
     yield from (f"{time:.9g},{value:.9g}" for time, value in pairs)
 
 
-def write_dewesoft(pairs: Pairs) -> Iterator[str]:
-    """Text export with semicolons and decimal commas, units in their own line; from memory."""
-    yield from ("File name: Impact_0001.dxd", f"Sample rate: {RATE:g} Hz", "")
-    yield from ("Time;Hammer", "s;V")
-    yield from (f"{time:.7f};{value:.5f}".replace(".", ",") for time, value in pairs)
-
-
-def write_saleae(pairs: Pairs) -> Iterator[str]:
-    """Logic 2 (support.saleae.com, "Binary and CSV Export Formats")."""
-    yield "Time [s],Channel 0 [V]"
-    yield from (f"{time:.9f},{value}" for time, value in pairs)
-
-
 def write_quoted_rows(pairs: Pairs) -> Iterator[str]:
     """Every row in one pair of quotes, as spreadsheets do with what they took for one cell."""
     yield '"Time (s),Force (V)"'
     yield from (f'"{time:.7f},{value}"' for time, value in pairs)
-
-
-def write_quoted_commas(pairs: Pairs) -> Iterator[str]:
-    """German decimals in quotes between commas."""
-    yield '"Zeit (s)","Kraft (V)"'
-    for time, value in pairs:
-        yield f'"{time:.7f}'.replace(".", ",") + f'","{value}"'.replace(".", ",")
 
 
 def write_labview_without_header(pairs: Pairs) -> Iterator[str]:
@@ -182,7 +147,6 @@ def write_dates(pairs: Pairs) -> Iterator[str]:
 
 DIALECTS = {
     "tektronix_tds.csv": write_tektronix_tds,
-    "tektronix_quoted.csv": write_tektronix_quoted,
     "tektronix_mso.csv": write_tektronix_mso,
     "rigol.csv": write_rigol,
     "rigol_steps.csv": write_rigol_steps,
@@ -193,13 +157,10 @@ DIALECTS = {
     "rohde_schwarz.csv": write_rohde_schwarz,
     "picoscope.csv": write_picoscope,
     "digilent.csv": write_digilent,
-    "dewesoft.txt": write_dewesoft,
-    "saleae.csv": write_saleae,
     "quoted_rows.csv": write_quoted_rows,
-    "quoted_commas.csv": write_quoted_commas,
     "labview.lvm": write_labview_without_header,
 }
-UNSTATED = ("lecroy.csv", "labview.lvm", "tektronix_quoted.csv")
+UNSTATED = ("lecroy.csv", "labview.lvm")
 """Files that do not state the unit."""
 COARSE = {"rigol.csv": 0.005}
 """Files that give fewer digits [V]."""
@@ -223,7 +184,7 @@ def test_every_point_is_found_with_its_time_and_unit(tmp_path, name):
     assert found.hammer.scale == pytest.approx(100.0)
 
 
-def test_columns_of_words_are_in_nobodys_way(tmp_path):
+def test_columns_of_words_are_skipped(tmp_path):
     file = read_measurement(save(tmp_path, "logger.csv", write_dates(PAIRS)))
     assert [channel.name for channel in file.channels] == ["Date", "Clock", "Time", "Force"]
     skipped = ChannelPlan(SENSOR, columns=("skip", "skip", "time", "hammer"))

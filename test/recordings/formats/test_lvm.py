@@ -130,16 +130,6 @@ def test_every_channel_may_have_its_own_column_of_times(tmp_path):
     assert describe(write(tmp_path, MULTI)) == [HAMMER, slow]
 
 
-def test_segments_are_channels_of_their_own_that_start_later(tmp_path):
-    later = change(SEGMENT, ("13:39:50", "13:39:52"))
-    assert describe(write(tmp_path, f"{HEADER}{SEGMENT}\t\n{later}")) == [
-        HAMMER,
-        FORCE,
-        ("hammer (segment 2)", *HAMMER[1:3], 2.0, HAMMER[4]),
-        ("force (segment 2)", *FORCE[1:3], 2.35, FORCE[4]),
-    ]
-
-
 @pytest.mark.parametrize(
     "text",
     [
@@ -151,13 +141,6 @@ def test_segments_are_channels_of_their_own_that_start_later(tmp_path):
 def test_headers_may_be_written_again(tmp_path, text):
     again = [("hammer (segment 2)", *HAMMER[1:]), ("force (segment 2)", *FORCE[1:])]
     assert describe(write(tmp_path, text)) == [HAMMER, FORCE, *again]
-
-
-def test_a_slower_channel_has_points_in_some_rows_only(tmp_path):
-    rows = "0\t1\t7\n1\t2\t\n2\t3\t\n3\t4\t8\n4\t5\t\n5\t6\t\n"
-    text = change(SEGMENT, ("Samples\t3\t3", "Samples\t3\t1")).partition("0.000000\t1.5")[0] + rows
-    values = [channel[-1] for channel in describe(write(tmp_path, HEADER + text))]
-    assert values == [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [7.0, 8.0]]
 
 
 def test_a_step_in_microseconds_is_made_better_by_the_last_time(tmp_path):
@@ -213,7 +196,7 @@ def test_a_date_that_cannot_be_is_none(tmp_path, old, new):
         ([("Samples\t3\t3", "Samples\t9\t3")], "cut off: 'hammer' should have 9 points"),
         ([("Samples\t3\t3", "Samples\t3\t2")], "line 24: 'force' has more points than its header"),
         ([("Samples\t3\t3", "Samples\t3\tx")], "states 'x' samples"),
-        ([("0.5\t3E-3\tf", "0.5\t\tf")], "line 23: 'force' has fewer points than its header"),
+        ([("0.5\t3E-3\tf", "0.5\t\tf")], "line 23: column 3 is blank, and goes on in line 24"),
         ([("3E-3", "three")], "line 23: 'three' is no number"),
         ([("Time\tTime", "Time\tFrequency")], "'force' runs over Frequency"),
         ([("Delta_X\t1.953125E-5", "Delta_X\tnone")], "states 'none': it should be a number"),

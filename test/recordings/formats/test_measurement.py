@@ -9,10 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.sensors import SAMPLES
 from impact_rig.recordings.formats.measurement import (
     MeasuredChannel,
     Measurement,
     compute_rounding,
+    find_time_unit,
     round_rate,
 )
 
@@ -22,6 +24,18 @@ from impact_rig.recordings.formats.measurement import (
 def test_usual_rates_come_back_from_few_digits_of_their_step(rate, digits):
     step = float(f"{1.0 / rate:.{digits - 1}e}")
     assert round_rate(step, compute_rounding(step, digits)) == rate
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "found"),
+    [
+        ("Time", "sec", "s"), ("Second", "", "s"), ("TIME", "", ""), ("Time", "msec", "ms"),
+        ("X", "ms", "ms"), ("t/ms", "", "ms"), ("time_us", "", "us"), ("Zeit / µs", "", "us"),
+        ("Time", "Microseconds", "us"), ("t", "min", "min"), ("Sequence", "", SAMPLES),
+    ],
+)  # fmt: skip
+def test_the_unit_of_times_is_in_their_heading(name, unit, found):
+    assert find_time_unit(name, unit) == found
 
 
 @given(st.floats(1e-9, 1e9))
@@ -35,7 +49,7 @@ def test_what_is_no_step_gives_no_rate(step):
     assert math.isnan(round_rate(step))
 
 
-def test_nobody_can_change_the_numbers_of_a_channel():
+def test_the_numbers_of_a_channel_are_read_only():
     values = np.array([1.0, 2.0])
     channel = MeasuredChannel("a", values)
     values[0] = 5.0

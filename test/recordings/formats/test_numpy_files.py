@@ -1,8 +1,5 @@
 """Arrays that numpy saved are read; nothing is unpickled, and no claim takes memory."""
 
-import io
-import zipfile
-
 import numpy as np
 import pytest
 
@@ -109,10 +106,15 @@ def test_nothing_is_unpickled(tmp_path):
             read_measurement(tmp_path / name)
 
 
+GIANT = b"\x93NUMPY\1\0v\0{'descr':'<f8','fortran_order':False,'shape':(9999999999999,)}"
+"""It promises 80 TB."""
+
+
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
         ("empty.npy", b"", "is empty"),
+        ("giant.npy", GIANT.ljust(128) + bytes(200), r"no sound \.npy"),
         ("text.npy", b"0,1\n1,2\n", r"no sound \.npy"),
         ("cut.npy", b"\x93NUMPY\x01\x00v\x00{'descr': '<f8'", r"no sound \.npy"),
         ("many.npy", b"PK\x03\x04", r"no sound \.npy"),
@@ -138,24 +140,6 @@ def test_an_archive_without_vectors_says_what_it_holds(tmp_path):
     np.savez(tmp_path / "hit.npz", frf=np.zeros(20, complex))
     with pytest.raises(FileError, match=r"no vector of real numbers: it holds frf \(complex128"):
         read_measurement(tmp_path / "hit.npz")
-
-
-def make_giant_array():
-    """Return an array file that promises 80 TB."""
-    file = io.BytesIO()
-    np.save(file, np.zeros(1000))
-    return file.getvalue().replace(b"(1000,)", b"(9999999999999,)")[:300]
-
-
-def test_a_header_that_promises_too_much_takes_no_memory(tmp_path):
-    (tmp_path / "cut.npy").write_bytes(make_giant_array())
-    with zipfile.ZipFile(tmp_path / "cut.npz", "w") as archive:
-        archive.writestr("a.npy", make_giant_array())
-    for name in ("cut.npy", "cut.npz"):
-        with pytest.raises(
-            FileError, match=rf"{name} (is no sound|cannot be read: it asks for more memory)"
-        ):
-            read_measurement(tmp_path / name)
 
 
 def test_a_file_that_is_not_there_and_a_folder_are_named(tmp_path):

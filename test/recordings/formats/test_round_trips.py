@@ -17,9 +17,10 @@ NAMES = TEXT.filter(lambda name: name and name != "NONE" and name == " ".join(na
 UNITS = st.sampled_from(["", "m/s^2", "g", "N", "V", "mV", "µm", "Pa·s"])
 RATES = st.floats(1e-3, 1e9)
 STARTS = st.floats(-1e6, 1e6)
+DATES = st.one_of(st.just(0), st.integers(10**18, 2 * 10**18))
 VALUES = st.one_of(
     hnp.arrays(np.float64, st.integers(1, 30), elements=st.floats()),
-    hnp.arrays(np.int32, st.integers(1, 30)),
+    hnp.arrays(np.int32, st.integers(2, 30)),  # MATLAB knows no vector of one
 )
 
 
@@ -27,8 +28,11 @@ VALUES = st.one_of(
 def measurements(draw):
     """Draw channels that share their time, since columns of text do."""
     rate, start = draw(RATES), draw(STARTS)
-    channels = draw(st.lists(st.tuples(NAMES, VALUES, UNITS), min_size=1, max_size=4))
-    return [MeasuredChannel(name, values, rate, unit, start) for name, values, unit in channels]
+    channels = draw(st.lists(st.tuples(NAMES, VALUES, UNITS, DATES), min_size=1, max_size=4))
+    return [
+        MeasuredChannel(name, values, rate, unit, start, date)
+        for name, values, unit, date in channels
+    ]
 
 
 def write_and_read(path, channels):
@@ -66,30 +70,9 @@ def test_all_comes_back_as_it_was(tmp_path, suffix, channels):
     assert [describe(channel) for channel in read] == [describe(channel) for channel in channels]
     for channel, original in zip(read, channels, strict=True):
         assert list_bits(channel.values) == list_bits(original.values)
-
-
-@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5", ".parquet"])
-def test_counts_stay_counts(tmp_path, suffix):
-    counts = np.array([-(2**31), 0, 2**31 - 1], dtype=np.int32)
-    (channel,) = write_and_read(tmp_path / f"a{suffix}", [MeasuredChannel("a", counts, 1.0)])
-    assert channel.values.dtype == np.int32
-    assert channel.values.tolist() == counts.tolist()
-
-
-@pytest.mark.parametrize("suffix", [".tdms", ".mat", ".h5", ".parquet"])
-@given(recorded_at=st.integers(10**18, 2 * 10**18))
-@settings(
-    max_examples=8,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
-def test_a_date_comes_back_to_the_nanosecond(tmp_path, suffix, recorded_at):
-    channels = [
-        MeasuredChannel(name, np.ones(2), 1.0, "g", 0.5, date)
-        for name, date in (("a", recorded_at), ("b", 0))
-    ]
-    read = write_and_read(tmp_path / f"a{suffix}", channels)
-    assert [channel.recorded_at for channel in read] == [recorded_at, 0]
+        if suffix not in {".csv", ".uff"}:  # they know neither counts nor dates
+            assert channel.values.dtype == original.values.dtype
+            assert channel.recorded_at == original.recorded_at
 
 
 @pytest.mark.parametrize("suffix", WRITABLE)

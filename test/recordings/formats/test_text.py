@@ -88,7 +88,7 @@ def test_a_column_may_end_before_the_others_do(tmp_path):
         ("names.csv", b"time,hammer\n", "holds no numbers"),
         ("short.csv", b"0,1\n1,2\n2\n", "line 3: 1 columns, above there are 2"),
         ("long.csv", b"0,1\n1,2,3\n", "line 2: 3 columns, above there are 2"),
-        ("hole.csv", b"0,1,2\n1,,2\n2,3,4", "line 2: '' is no number"),
+        ("hole.csv", b"0,1,2\n1,,2\n2,3,4", "line 2: column 2 is blank, and goes on in line 3"),
         ("word.csv", b"# x\n0 1\n1 over\n", "line 3: 'over' is no number"),
         ("picture.csv", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "is no text"),
         ("wide.csv", b"\xff\xfe0", "is no text|holds no numbers|is no number"),

@@ -85,20 +85,6 @@ def test_the_unit_of_times_is_stated_given_or_asked_for(tmp_path, name, unit, sc
     assert read_rate(path, sampling_rate=1e6) == 1e6
 
 
-@pytest.mark.parametrize("name", [name for name in WRITERS if name != "hit.uff"])
-def test_counted_samples_and_rounded_times_need_a_rate(tmp_path, name):
-    path = tmp_path / name
-    for heading, times, told in (
-        ("samples", np.arange(2000.0), "'samples' counts samples: give their rate"),
-        ("time_s", np.round(SECONDS, 5), "too few digits"),
-    ):
-        WRITERS[name](path, heading, times)
-        with pytest.raises(SignalError, match=told):
-            read_rate(path)
-        assert read_rate(path, sampling_rate=1e6) == 1e6
-        path.unlink()
-
-
 def test_a_step_without_a_unit_is_asked_for_it_too(tmp_path):
     path = tmp_path / "hit.mat"
     savemat(path, {"dt": 1e-3, "force": PULSE})

@@ -1,0 +1,341 @@
+"""Runs campaigns on a rig that is up, for a program that is not one of its nodes."""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, TypeAlias
+
+from action_msgs.msg import GoalStatus
+from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.msg import (
+    AcquisitionState,
+    HammerRelease,
+    RecorderState,
+    RigSetup,
+    VirtualImpact,
+)
+from impact_rig_msgs.srv import ConfirmSample
+from rclpy.action import ActionClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+from rclpy.task import Future
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from impact_rig.core.errors import DeviceError, FileError, RigError
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.client import START_ONE, RigClient
+from impact_rig.nodes.result_messages import results_from_msg
+from impact_rig.recordings.messages import SETUP_TYPE
+from impact_rig.recordings.scan import Scan
+from impact_rig.recordings.source import find_recordings
+from impact_rig.results.campaign import Results
+
+TRUTH_TIMEOUT = 2.0
+"""How long the virtual rig may take to publish its faults of rejected hits after the last [s]."""
+CANCEL_TIMEOUT = 5.0
+"""How long a cancelled campaign may take to end [s]."""
+RESEND_PERIOD = 3.0
+"""How soon an unanswered goal is sent again [s], our choice."""
+GONE_TIMEOUT = 60.0
+"""How long the campaign node may give no sign of life before its client gives up [s]."""
+LOOK_TIMEOUT = 5.0
+"""How long the recorder may take to publish where it records [s]."""
+SERVICE_TIMEOUT = 20.0
+"""How long the rig may take to answer what a person has done [s], our choice."""
+NEW_ONES = QoSProfile(
+    depth=interfaces.RELEASE.qos.depth,
+    reliability=interfaces.RELEASE.qos.reliability,
+    durability=DurabilityPolicy.VOLATILE,
+)
+"""Earlier releases are not received."""
+
+
+CampaignGoal: TypeAlias = RunCampaign.Goal
+"""As the definition of the action has it."""
+
+
+@dataclass(frozen=True)
+class CampaignOutcome:
+    """The end of a campaign."""
+
+    success: bool  # every sample has its hits
+    message: str  # why not
+    results: Results  # up to the end
+    recording: str  # path on the recorder's host; empty: nothing was recorded
+
+
+class Operator(Protocol):
+    """Who sees what a campaign does, and has a hand in it."""
+
+    def follow(self, feedback: Any) -> None:
+        """See one feedback of the campaign action."""
+        ...
+
+    def mount(self, sample: str) -> None:
+        """Mount a sample; return when it is."""
+        ...
+
+    def put_back(self, refusal: str) -> None:
+        """Put the hammer back into its holder; return when it is there.
+
+        Parameters
+        ----------
+        refusal : str
+            Why it did not count as held after the last time; empty: this is the first.
+        """
+        ...
+
+    def let_go(self, sample: str, patience: float) -> None:
+        """Release the hammer by hand, within so many seconds."""
+        ...
+
+
+class CampaignClient(RigClient):
+    """Runs campaigns on a rig that is up; use it in a ``with`` statement.
+
+    Parameters
+    ----------
+    namespace : str
+        Of the rig.
+    check : callable
+        Called while waiting; may raise, when waiting has become pointless.
+    """
+
+    def __init__(self, namespace: str = "", check: Callable[[], None] = lambda: None) -> None:
+        super().__init__("campaign_client", namespace)
+        self._check = check
+        self._acquisition: AcquisitionState | None = None
+        self._goal: Any = None
+        self._result = Future()
+        self._gone_since = math.inf
+        self._recording = ""
+        self._operator: Operator | None = None
+        self._feedback = RunCampaign.Feedback()
+        self._duties: list[Callable[[Operator], None]] = []
+        self._faults: dict[int, tuple[str, ...]] = {}
+        self.listen(interfaces.VIRTUAL_IMPACT, self._on_virtual_impact)
+        self.listen(interfaces.SETUP, lambda _: None, on_liveliness=self._on_liveliness)
+        self.listen(interfaces.RECORDER_STATE, self._on_recorder_state)
+        self.listen(interfaces.ACQUISITION_STATE, self._on_acquisition_state)
+        self.listen(interfaces.RELEASE, self._on_release, NEW_ONES)
+        note = interfaces.NOTE
+        self._note = self._node.create_publisher(note.type, note.name, note.qos)
+        self._action = ActionClient(self._node, RunCampaign, interfaces.RUN_CAMPAIGN)
+
+    def __exit__(self, *_: object) -> None:
+        """Leave ROS."""
+        self._action.destroy()
+        super().__exit__()
+
+    def wait_for_rig(self, timeout: float) -> None:
+        """Wait so many seconds until campaign node and accelerometers answer.
+
+        Raises
+        ------
+        DeviceError
+            If the rig does not appear in time.
+        """
+
+        def is_ready() -> bool:
+            self._check()
+            return self._action.server_is_ready() and self._acquisition is not None
+
+        if not self.spin_until(is_ready, timeout):
+            raise DeviceError(
+                f"no rig answers in namespace {self._node.get_namespace()!r} within"
+                f" {timeout:g} s: {START_ONE}"
+            )
+
+    def wait_for_listeners(self, count: int, timeout: float) -> bool:
+        """Wait until `count` nodes listen to the accelerometers; return whether they do."""
+        return self.spin_until(
+            lambda: self._node.count_subscribers(interfaces.ACCELERATION.name) >= count, timeout
+        )
+
+    def publish_note(self, text: str, timeout: float) -> None:
+        """Publish a remark for the recording.
+
+        Raises
+        ------
+        DeviceError
+            If no recorder listens within `timeout` seconds.
+        """
+        if not self.spin_until(lambda: self._note.get_subscription_count() > 0, timeout):
+            raise DeviceError(
+                "no recorder listens to the notes: start it, or the campaign without notes"
+            )
+        self._note.publish(String(data=text))
+
+    @property
+    def is_hammerless(self) -> bool:
+        """Whether no hammer strikes anything: hits are computed."""
+        return self._acquisition is not None and self._acquisition.hammerless
+
+    def run(self, goal: CampaignGoal, operator: Operator) -> CampaignOutcome:
+        """Run a campaign to its end; the operator sees it, and does what is asked of a person.
+
+        Raises
+        ------
+        DeviceError
+            If the rig goes away.
+        RigError
+            If the campaign cannot be run as the goal asks for.
+        """
+        self._operator, self._gone_since = operator, math.inf
+        self._duties.clear()
+        self._goal = self._send_goal(goal)
+        self._result = self._goal.get_result_async()
+        while not self._result.done():
+            if time.monotonic() - self._gone_since > GONE_TIMEOUT:
+                raise DeviceError("the campaign node has gone")
+            if self._duties:
+                self._duties.pop(0)(operator)
+            elif not self.spin_until(lambda: self._result.done() or bool(self._duties), 1.0):
+                self._check_rig()
+        answer = self._result.result()
+        self._goal = self._operator = None
+        if answer.status == GoalStatus.STATUS_UNKNOWN:
+            raise DeviceError(
+                "the campaign node was started again, and does not know the campaign"
+            )
+        result = answer.result
+        if not result.setup.samples:
+            raise RigError(f"the campaign is rejected: {result.message}")
+        if self.is_hammerless:
+            hits = [*result.accepted, *result.rejected]
+            self.spin_until(lambda: all(hit.record in self._faults for hit in hits), TRUTH_TIMEOUT)
+        return CampaignOutcome(
+            success=result.success and answer.status == GoalStatus.STATUS_SUCCEEDED,
+            message=result.message,
+            results=results_from_msg(result, self._faults),
+            recording=result.recording,
+        )
+
+    def _send_goal(self, goal: CampaignGoal) -> Any:
+        """Send the goal until it is answered.
+
+        A server that has not met this client's reader yet drops both answer and goal.
+        """
+        pending: list[Future] = []
+        while not any(future.done() for future in pending):
+            self._check_rig()
+            pending.append(self._action.send_goal_async(goal, self._on_feedback))
+            self.spin_until(lambda: any(future.done() for future in pending), RESEND_PERIOD)
+        return next(future.result() for future in pending if future.done())
+
+    def _check_rig(self) -> None:
+        self._check()
+        rest = self._node.count_publishers(interfaces.ACQUISITION_STATE.name)
+        if not self._action.server_is_ready() and not rest:
+            raise DeviceError("the campaign node has gone: see the rig's log")
+
+    def cancel(self) -> None:
+        """Ask a running campaign to stop, and wait until it has, for a bounded time."""
+        if self._goal is None:
+            return
+        self._goal.cancel_goal_async()
+        # A campaign node that has ended meanwhile does not answer.
+        self.spin_until(
+            lambda: self._result.done() or not self._action.server_is_ready(), CANCEL_TIMEOUT
+        )
+        self._goal = None
+
+    def _on_liveliness(self, status: Any) -> None:
+        """Show that the campaign node gives no sign of life."""
+        if self._operator is None or self._goal is None:
+            return
+        if status.alive_count:
+            self._gone_since = math.inf
+            # A node that was started again answers that it does not know the goal.
+            self._result = self._goal.get_result_async()
+            return
+        self._gone_since = time.monotonic()
+        self._feedback.state = RunCampaign.Feedback.PAUSED
+        self._feedback.message = "the campaign node has gone"
+        self._operator.follow(self._feedback)
+
+    def _on_feedback(self, message: Any) -> None:
+        """Show a feedback; what it asks of a person is done outside of callbacks."""
+        feedback, before = message.feedback, self._feedback
+        self._feedback = feedback
+        if self._operator is None:
+            return
+        self._operator.follow(feedback)
+        if (feedback.state, feedback.sample) == (before.state, before.sample):
+            return
+        if feedback.state == RunCampaign.Feedback.WAITING_FOR_SAMPLE:
+            self._duties.append(self._mount)
+        elif feedback.state == RunCampaign.Feedback.WAITING_FOR_HAMMER:
+            self._duties.append(self._put_back)
+
+    def _mount(self, operator: Operator) -> None:
+        sample = self._feedback.sample
+        operator.mount(sample)
+        request = ConfirmSample.Request(sample=sample)
+        self.call(ConfirmSample, interfaces.CONFIRM_SAMPLE, request, SERVICE_TIMEOUT)
+
+    def _put_back(self, operator: Operator) -> None:
+        refusal, is_held = "", False
+        while not is_held:
+            operator.put_back(refusal)
+            request = Trigger.Request()
+            answer = self.call(Trigger, interfaces.CONFIRM_HELD, request, SERVICE_TIMEOUT)
+            refusal, is_held = answer.message, answer.success
+
+    def _on_release(self, release: HammerRelease) -> None:
+        """Show a person who releases the hammer by hand that it is time."""
+        if self._operator is not None and release.latest_contact > release.swing_time:
+            self._operator.let_go(release.sample, release.latest_contact)
+
+    def _on_virtual_impact(self, message: VirtualImpact) -> None:
+        """Keep what the virtual rig did on purpose."""
+        self._faults[message.record] = tuple(message.faults)
+
+    def _on_acquisition_state(self, message: AcquisitionState) -> None:
+        self._acquisition = message
+
+    def _on_recorder_state(self, message: RecorderState) -> None:
+        self._recording = message.uri
+
+    @property
+    def run_folder(self) -> Path | None:
+        """Where the rig records, on the recorder's host; None: nowhere, or it is not known."""
+        return Path(self._recording).parent if self._recording else None
+
+    def check_run(self, folder: Path) -> None:
+        """Require that the rig records into a run's folder, as far as that can be seen from here.
+
+        Raises
+        ------
+        DeviceError
+            If it records elsewhere.
+        """
+        self.spin_until(lambda: bool(self._recording), LOOK_TIMEOUT)
+        recording = Path(self._recording)
+        if recording.exists() and recording.parent != folder.resolve():
+            raise DeviceError(
+                f"the rig records into {recording.parent}: start it with"
+                f" `impact-rig up --resume {folder}`"
+            )
+
+
+def read_newest_campaign(folder: Path) -> RigSetup:
+    """Return the set-up of the newest campaign in the recordings of a run, as a message.
+
+    Raises
+    ------
+    FileError
+        If there is none.
+    """
+    newest: RigSetup | None = None
+    for path in find_recordings(folder):
+        for raw in Scan(path).read_messages(lambda channel: channel.type_name == SETUP_TYPE):
+            message = deserialize_message(raw.data, RigSetup)
+            if message.plan.impacts:
+                newest = message
+    if newest is None:
+        raise FileError(f"{folder} holds no campaign that could go on")
+    return newest

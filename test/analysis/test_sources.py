@@ -1,0 +1,125 @@
+"""What a person names: files and their description, runs, the same file twice."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from impact_rig.analysis.measured_files import make_series
+from impact_rig.analysis.repeated_files import find_repeated_files
+from impact_rig.analysis.report_sources import find_run
+from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.sensors import FLAT, SensorResponse
+
+
+@pytest.fixture
+def channels(tmp_path):
+    """Return a function that writes a file of channels and returns the option that names it."""
+
+    def write(text):
+        path = tmp_path / "channels.toml"
+        path.write_text(text)
+        return {"channels": path}
+
+    return write
+
+
+def test_the_file_describes_the_sensors(channels):
+    text = '[hammer]\nresonance = "60 kHz"\nlow_corner = "2 Hz"\n'
+    setup = make_series(channels(text)).setup
+    assert setup.responses == (SensorResponse(60e3, 0.02, 2.0), FLAT)
+
+
+def test_options_go_before_the_file(channels):
+    text = '[hammer]\nunit = "g"\nmass = "1 kg"\n[analysis]\ncutoff_frequency = "9 kHz"'
+    series = make_series(channels(text) | {"hammer_mass": 0.1, "cutoff": 0.0, "rate": 5e4})
+    assert series.plan.hammer.unit == "g"
+    assert series.plan.sampling_rate == 5e4
+    assert (series.setup.hammer_mass, series.setup.analysis.cutoff_frequency) == (0.1, 0.0)
+
+
+def test_a_record_begins_a_tenth_of_it_before_its_hit_unless_the_file_says_otherwise(channels):
+    given = {"record_duration": 20e-3}
+    assert make_series(given).setup.analysis.pre_trigger == pytest.approx(2e-3)
+    said = channels('[analysis]\npre_trigger = "5 ms"')
+    assert make_series(given | said).setup.analysis.pre_trigger == pytest.approx(5e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('[specimen]\nresonance = "70"', "line 2: resonance"),
+        ("[specimen]\ncontrol = true", "needs both masses"),
+        ('[hammer]\nstiffness = "1 MN/m"\n[specimen]\ncontrol = true', "both give k1"),
+        ("[analysis]\npulse_factor = 9.0", "between 1 and 4"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(channels, text, told):
+    with pytest.raises((FileError, ParameterError), match=told):
+        make_series(channels(text))
+
+
+def make_files(folder: Path, *names: str) -> None:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+
+
+def test_a_run_is_its_recording_and_else_its_results(tmp_path):
+    make_files(tmp_path, "a/session.mcap", "a/results.json", "b/results.json", "c/notes.txt")
+    found = find_run(tmp_path / "a")
+    assert (found.path, found.is_recording) == (tmp_path / "a" / "session.mcap", True)
+    assert found.folder == tmp_path / "a"
+    assert not find_run(tmp_path / "a" / "results.json").is_recording
+    found = find_run(tmp_path / "b")
+    assert (found.path, found.is_recording) == (tmp_path / "b" / "results.json", False)
+    with pytest.raises(FileError, match="a folder without a recording"):
+        find_run(tmp_path / "c")
+
+
+def test_a_run_is_called_by_its_folder_and_a_recording_by_itself(tmp_path):
+    make_files(tmp_path, "monday/session.mcap", "tuesday/results.json", "steel.mcap")
+    named = ("monday", "tuesday/results.json", "steel.mcap")
+    titles = [find_run(tmp_path / name).title for name in named]
+    assert titles == ["monday", "tuesday", "steel"]
+
+
+def test_where_a_run_lies_on_this_machine_is_not_told(tmp_path, monkeypatch):
+    make_files(tmp_path, "monday/session.mcap")
+    monkeypatch.chdir(tmp_path / "monday")
+    for path in (tmp_path / "monday", Path("session.mcap"), Path()):
+        assert find_run(path).place == "monday/session.mcap"
+
+
+@pytest.fixture
+def first(tmp_path: Path) -> Path:
+    """Return a file."""
+    path = tmp_path / "first.mcap"
+    path.write_bytes(b"a recording")
+    return path
+
+
+def test_different_files_of_one_size_are_different(first):
+    second = first.with_name("second.mcap")
+    second.write_bytes(b"another one")
+    assert find_repeated_files([first, second]) == {}
+
+
+def test_a_path_given_twice_is_found(first):
+    assert find_repeated_files([first, first]) == {1: f"{first} is named twice: it is used once"}
+
+
+@pytest.mark.parametrize("make", [Path.symlink_to, shutil.copy2])
+def test_a_link_and_a_copy_are_found_by_their_bytes(first, make):
+    between, other = first.with_name("between.mcap"), first.with_name("other.mcap")
+    between.write_bytes(b"something else in between")
+    make(other, first) if make is Path.symlink_to else make(first, other)
+    (found,) = find_repeated_files([first, between, other]).items()
+    assert found == (2, f"{other} is left out: it is a copy of {first}, byte by byte")
+
+
+def test_what_cannot_be_read_or_is_empty_is_left_to_its_reader(tmp_path):
+    missing, empty, also_empty = (tmp_path / name for name in ("a.mcap", "b.mcap", "c.mcap"))
+    empty.touch()
+    also_empty.touch()
+    assert find_repeated_files([missing, missing, empty, also_empty]) == {}

@@ -1,0 +1,298 @@
+"""Figures of the paper, of a sample and of the impact speed show what the results hold."""
+
+import base64
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.speed_exponents import estimate_speed_exponents
+from impact_rig.present.figures.paper_figures import (
+    HAMMER,
+    SAMPLES,
+    draw_errors,
+    draw_peaks,
+    draw_responses,
+    draw_widths,
+    make_contact_pictures,
+    make_figure_rows,
+    make_model_pictures,
+)
+from impact_rig.present.figures.sample_figures import (
+    draw_channel,
+    draw_law_loop,
+    draw_law_pulse,
+    make_law_picture,
+    make_sample_picture,
+)
+from impact_rig.present.figures.speed_figure import SHOWN, draw_speed
+from impact_rig.results.campaign import Results
+from impact_rig.results.law_curves import compute_law_curves
+from impact_rig.results.results_table import format_results_table
+from impact_rig.results.sample_traces import DRIVEN, IDENTIFIED, PRINTED, ModelTraces
+from impact_rig.results.tables import tabulate_contact_times, tabulate_speed_exponents
+
+NAN = math.nan
+
+
+@pytest.fixture(scope="module")
+def rows(results):
+    """Return all samples of the paper, two hits each."""
+    return make_figure_rows(results)
+
+
+def read_lines(axes):
+    """Return the points of what has a name in the legend or in the drawing, shape (n, 2)."""
+    named = {line.get_label(): line.get_xydata() for line in axes.lines}
+    for bars in axes.containers:
+        named[bars.get_label()] = bars.lines[0].get_xydata()
+    return named
+
+
+def test_a_campaign_has_the_paper_s_figures_3_to_6(struck):
+    pictures = make_contact_pictures(struck.results)
+    pictures += make_model_pictures(struck.results, struck.samples)
+    assert [picture.title[:7] for picture in pictures] == [
+        "Fig. 3.", "Fig. 4.", "Fig. 5.", "Fig. 6.",
+    ]  # fmt: skip
+    assert [len(picture.panels) for picture in pictures] == [1, 2, 2, 2]
+    drawn = base64.b64decode(pictures[2].panels[0].partition(",")[2]).decode()
+    # The paper's order, whatever that of the samples is.
+    places = [drawn.index(name) for name in ("brass small", "steel medium", "aluminium")]
+    assert places == sorted(places)
+
+
+def test_results_alone_have_all_but_figure_5(struck):
+    (picture,) = make_model_pictures(struck.results, ())
+    assert picture.title.startswith("Fig. 6.")
+
+
+@pytest.mark.parametrize(("field", "titles"), [("contact_time", []), ("mass", ["Fig. 4."])])
+def test_what_is_not_known_is_not_drawn(results, field, titles):
+    if field == "mass":
+        changed = replace(results, setup=replace(results.setup, hammer_mass=NAN))
+    else:
+        unknown = replace(results.samples[0].contact_time, value=NAN)
+        changed = replace(
+            results, samples=tuple(replace(item, contact_time=unknown) for item in results.samples)
+        )
+    assert [picture.title[:7] for picture in make_contact_pictures(changed)] == titles
+
+
+def test_figure_3_has_every_hit_the_means_and_the_paper_s_points_the_misprint_corrected(
+    results, rows
+):
+    lines = read_lines(draw_widths(rows).axes[0])
+    hits = [points for name, points in lines.items() if name.startswith("_hits")]
+    assert sum(map(len, hits)) == len(results.hits)
+    # m1 m2 / (m1 + m2) with the accelerometer's 3 g on every sample, in grams.
+    masses = [1e3 * sample.mass + 3.0 for sample in results.setup.samples.samples]
+    expected = [100.0 * mass / (100.0 + mass) for mass in masses]
+    means = np.concatenate([lines[name] for name in ("aluminium", "steel", "bronze", "brass")])
+    assert means[:, 0] == pytest.approx(expected)
+    assert means[:, 1] == pytest.approx(
+        [1e6 * item.contact_time.value for item in results.samples]
+    )
+    table_2 = [144.8, 196.8, 212, 170, 203.2, 219.2, 188, 226.4, 239.2, 189, 228, 244]
+    assert lines["expected"][:, 1] == pytest.approx(table_2)
+
+
+@pytest.mark.parametrize(("body", "field"), [(HAMMER, "hammer_peak"), (SAMPLES, "specimen_peak")])
+def test_figure_4_shows_amplitudes_over_pulse_widths(rows, body, field):
+    lines = read_lines(draw_peaks(rows, body).axes[0])
+    points = np.concatenate([lines[name] for name in ("aluminium", "steel", "bronze", "brass")])
+    assert points[:, 0] == pytest.approx([1e6 * row.estimate.contact_time.value for row in rows])
+    assert points[:, 1] == pytest.approx([getattr(row.estimate, field) for row in rows])
+
+
+@pytest.mark.parametrize("channel", [0, 1])
+def test_figure_5_lays_the_solid_model_over_the_dashed_measurement(struck, channel):
+    for axes in draw_responses(struck.samples, channel).axes:
+        model, measured = axes.lines
+        assert (model.get_linestyle(), measured.get_linestyle()) == ("-", "--")
+        assert model.get_ydata().max() == pytest.approx(1.0, abs=0.01)
+        assert measured.get_ydata().max() == pytest.approx(1.0, abs=0.01)
+
+
+def test_figure_6_has_bars_as_long_as_their_values_and_the_paper_s_bound(rows):
+    errors = (1.0, 2.0, 4.0)
+    loud = [
+        replace(row, estimate=replace(row.estimate, mse_sample_percent=value))
+        for row, value in zip(rows[:3], errors, strict=True)
+    ]
+    (axes,) = draw_errors(loud, SAMPLES).axes
+    assert [bar.get_width() for bar in axes.patches] == list(errors)
+    assert axes.lines[0].get_xdata() == [2.8, 2.8]
+    assert [text.get_text() for text in axes.get_yticklabels()] == [
+        row.estimate.name for row in loud
+    ]
+
+
+def test_samples_without_a_material_are_each_their_own(results):
+    known = results.setup.samples
+    samples = replace(known, samples=tuple(replace(item, material="") for item in known.samples))
+    rows = make_figure_rows(replace(results, setup=replace(results.setup, samples=samples)))
+    assert [row.material for row in rows] == [row.estimate.name for row in rows]
+
+
+@pytest.fixture(scope="module")
+def traces(struck):
+    """Return the traces of the first sample, with three models."""
+    traces = struck.samples[0]
+    fitted = ModelTraces(IDENTIFIED, 0.9 * traces.mean, (0.012, 0.034))
+    kept = tuple(model for model in traces.models if model.model in {DRIVEN, PRINTED})
+    return replace(traces, models=(*kept, fitted))
+
+
+@pytest.fixture(scope="module")
+def hits(struck, traces):
+    return [hit.aligned for hit in struck.hits if hit.result.sample == traces.name]
+
+
+@pytest.fixture(scope="module")
+def curves(contacts):
+    law = contacts.results.samples[0].contact_law
+    return compute_law_curves(law, contacts.samples[0], contacts.results.setup)
+
+
+def find(axes, start):
+    """Return the points of the line whose name begins like this."""
+    return next(
+        line.get_xydata() for line in axes.lines if str(line.get_label()).startswith(start)
+    )
+
+
+def test_the_title_has_the_sample_s_numbers(struck, traces, hits):
+    sample = struck.results.samples[0]
+    picture = make_sample_picture(sample, traces, hits)
+    shown = float(picture.title.removeprefix(f"{sample.name}: τp ").split()[0])
+    assert shown == pytest.approx(sample.contact_time.value * 1e6, abs=0.01)
+    assert picture.title.count("±") == 3
+    assert len(picture.panels) == 2
+
+
+@pytest.mark.parametrize("channel", [0, 1])
+def test_a_channel_shows_hits_mean_models_and_what_they_leave(traces, hits, channel):
+    upper, lower = draw_channel(traces, hits, channel).axes
+    mean = find(upper, "mean")
+    assert np.ptp(mean[:, 1]) == pytest.approx(np.ptp(traces.mean[channel]), rel=1e-3)
+    assert find(upper, "3 hits").shape == mean.shape
+    assert find(upper, "identified model, MSE 0.0")[:, 1] == pytest.approx(0.9 * mean[:, 1])
+    # The identified model, drawn last, is 0.9 of the mean.
+    assert lower.lines[-1].get_ydata() == pytest.approx(0.1 * mean[:, 1])
+    assert len(lower.lines) == len(traces.models)
+    half = 0.5e6 * traces.contact_time
+    for axes in (upper, lower):
+        (band,) = axes.patches
+        assert (band.get_x(), band.get_width()) == pytest.approx((-half, 2.0 * half))
+
+
+def test_marks_stand_where_they_were_read(traces):
+    marks = [
+        {text.get_text(): text.xy for text in draw_channel(traces, (), channel).axes[0].texts}
+        for channel in (0, 1)
+    ]
+    width = next(point for name, point in marks[0].items() if name.startswith("w50"))
+    assert width == pytest.approx(
+        (0.5e6 * traces.half_amplitude_width, 0.5 * traces.mean[0].max()), rel=1e-3
+    )
+    for name, time in (("U1", traces.first_peak_time), ("U2", traces.second_peak_time)):
+        height = np.interp(time, traces.time, traces.mean[1])
+        assert marks[1][name] == pytest.approx((1e6 * time, height))
+
+
+def test_what_was_not_measured_or_modelled_is_not_drawn(traces):
+    unknown = {"first_peak_time": math.nan, "second_peak_time": math.nan}
+    bare = replace(traces, models=(), half_amplitude_width=math.nan, **unknown)
+    for channel in (0, 1):
+        (axes,) = draw_channel(bare, (), channel).axes
+        assert len(axes.lines) == 1
+        assert not axes.texts
+
+
+def test_the_law_s_picture_has_pulse_residuals_and_loop(contacts, curves):
+    sample = contacts.results.samples[0]
+    picture = make_law_picture(sample, curves)
+    exponent = float(picture.title.split("n = ")[1].split()[0])
+    assert exponent == pytest.approx(sample.contact_law.exponent.value, abs=1e-3)
+    forces, residuals = draw_law_pulse(curves).axes
+    left = find(forces, "mean")[:, 1] - find(forces, "law")[:, 1]
+    assert residuals.lines[0].get_ydata() == pytest.approx(left)
+    (loop,) = draw_law_loop(curves).axes
+    assert find(loop, "from both")[:, 0].max() == pytest.approx(
+        find(loop, "law")[:, 0].max(), rel=0.3
+    )
+
+
+ANGLES = tuple(map(math.radians, (4.0, 8.0, 16.0)))
+BODIES = ("steel small", "brass large")
+
+
+def make_law(speed, place):
+    """Return a Hertz contact without loss."""
+    return ContactLaw(
+        impact_speed=Quantity(speed, 1e-3, 2e-3),
+        duration=Quantity((150e-6 + 50e-6 * place) * speed**-0.2, 1e-7, 2e-7),
+        peak_force=Quantity(100.0 * (1.0 + place) * speed**1.2, 0.1, 0.2),
+        restitution=Quantity(0.9, 1e-3, 2e-3),
+    )
+
+
+@pytest.fixture(scope="module")
+def series():
+    setup = PAPER_SETUP.at_angles(ANGLES)
+    samples = tuple(
+        SampleEstimate(
+            name, 1, 0, contact_law=make_law(setup.for_series(name).impact_speed, place)
+        )
+        for place, body in enumerate(BODIES)
+        for name in setup.samples.find_series([body])
+    )
+    exponents = estimate_speed_exponents(setup, samples)
+    return Results(setup, HammerEstimate(), samples, (), exponents)
+
+
+@pytest.mark.parametrize(("shown", "exponent"), list(zip(SHOWN, (-0.2, 1.2, 0.0), strict=True)))
+def test_each_sample_has_a_point_for_each_speed_and_a_straight_line(series, shown, exponent):
+    panel = draw_speed(series, *shown)
+    for bars in panel.axes[0].containers:
+        points = np.log(bars.lines[0].get_xydata())
+        assert len(points) == len(ANGLES)
+        slopes = np.diff(points[:, 1]) / np.diff(points[:, 0])
+        assert slopes == pytest.approx(exponent, abs=1e-6)
+    texts = [text.get_text() for text in panel.legends[0].get_texts()]
+    assert texts[0].startswith(f"steel small: p = {exponent:.3f}")
+
+
+def test_the_table_has_a_row_for_each_sample_and_one_for_all(series):
+    (table,) = tabulate_speed_exponents(series.speed_exponents)
+    assert [row[:2] for row in table.rows] == [
+        ("steel small", "3"),
+        ("brass large", "3"),
+        ("all", "6"),
+    ]
+    assert [float(cell.split()[0]) for cell in table.rows[2][2:]] == pytest.approx(
+        [-0.2, 1.2, 0.0], abs=1e-3
+    )
+    assert tabulate_speed_exponents(()) == []
+
+
+def test_spreadsheets_have_angle_and_exponents_in_each_row(series):
+    header, first, *_ = format_results_table([series]).splitlines()
+    row = dict(zip(header.split(","), first.split(","), strict=True))
+    assert float(row["release_angle_rad"]) == pytest.approx(ANGLES[0])
+    assert float(row["speed_exponents_duration"]) == pytest.approx(-0.2)
+    plain = format_results_table([replace(series, speed_exponents=())])
+    assert plain.splitlines()[0] == header
+
+
+def test_what_the_rig_s_one_speed_lets_expect_is_not_held_against_other_angles(series):
+    table = tabulate_contact_times(series)
+    assert "Reference [µs]" not in [column.header for column in table.columns]
+    assert "Δ/U" not in [column.header for column in table.columns]
