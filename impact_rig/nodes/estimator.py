@@ -25,7 +25,7 @@ from impact_rig.nodes.result_messages import (
     record_to_msg,
 )
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.recordings.messages import setup_from_msg, stamp_from_msg
+from impact_rig.recordings.messages import NO_ID, setup_from_msg, stamp_from_msg
 
 WAITING_BLOCKS = 1000
 """Blocks kept while no set-up has arrived [-], our choice: a few seconds of streaming."""
@@ -144,10 +144,14 @@ class EstimatorNode(RigNode):
     def _on_setup(self, message: RigSetup) -> None:
         """Follow the set-ups of a replay."""
         is_begun = stamp_from_msg(message.header.stamp) > 0
-        # A campaign node publishes one without a stamp before any campaign.
-        if self.membership.is_joined or (self._setup is not None and not is_begun):
+        campaign = id_from_msg(message.campaign_id)
+        is_same = self._ledger is not None and campaign == self.membership.identity.campaign_id
+        # A campaign node publishes one without a stamp before any campaign; a loop repeats one.
+        if self.membership.is_joined or (
+            self._setup is not None and (not is_begun or (is_same and campaign != NO_ID))
+        ):
             return
-        self.membership.identity = Identity(id_from_msg(message.campaign_id))
+        self.membership.identity = Identity(campaign)
         self._begin(message, "")
         early = tuple(self._early)
         self._early.clear()

@@ -61,12 +61,17 @@ class Ledger:
         return bool(self._stored)
 
     def add_block(self, message: AccelerationBlock) -> tuple[JudgedHit, ...]:
-        """Take a block; return the hits that are judged now."""
+        """Take a block; return the hits that are judged now.
+
+        Without a recording, a record that comes a second time is the first of another pass.
+        """
         key, block = find_key(message), block_from_msg(message)
+        if not self.recording:
+            if key in self._known:
+                self._clear()  # A replay begins again.
+            return self._feed(key, [block])
         if key in self._known:
             return ()
-        if not self.recording:
-            return self._feed(key, [block])
         self._waiting.setdefault(key, []).append(block)
         return self._judge_stored(key)
 
@@ -100,10 +105,8 @@ class Ledger:
         str
             Why not all could be read; empty: it was, or the recordings are on another computer.
         """
-        self.session = Session(self.session.setup)
-        for memory in (self.counts, self._known, self._waiting, self._stored):
-            memory.clear()
-        self.newest_record, self._cut, problem = 0, None, ""
+        self._clear()
+        problem = ""
         record: list[Block] = []
         key: Key | None = None
         for path in filter(Path.exists, list_parts(Path(self.recording))):
@@ -123,6 +126,12 @@ class Ledger:
             self._waiting[key], self._cut = record, key
         return problem
 
+    def _clear(self) -> None:
+        self.session = Session(self.session.setup)
+        for memory in (self.counts, self._known, self._waiting, self._stored):
+            memory.clear()
+        self.newest_record, self._cut = 0, None
+
     def _judge_stored(self, key: Key) -> tuple[JudgedHit, ...]:
         if self._stored.get(key) != len(self._waiting.get(key, ())):
             return ()
@@ -137,7 +146,7 @@ class Ledger:
         return self._feed(key, blocks) if blocks else ()
 
     def _feed(self, key: Key, blocks: list[Block]) -> tuple[JudgedHit, ...]:
-        if self.recording:
+        if self.recording or blocks[-1].last:
             self._known.add(key)
         self.newest_record = max(self.newest_record, key[1])
         hits = tuple(hit for block in blocks for hit in self.session.feed(block))

@@ -159,7 +159,7 @@ class ReplayerNode(RigNode):
             self._outputs[self._next.topic.name].publish(self._next.data)
             self._count += 1
             self._next = next(self._messages, None)
-        # The set-up of the next pass must not overtake the last hit of this one.
+        # Neither the next pass nor the end comes before all of this one has arrived.
         if self._next is None and all(
             publisher.wait_for_all_acked(Duration()) for publisher in self._outputs.values()
         ):

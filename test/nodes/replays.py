@@ -9,6 +9,7 @@ from impact_rig.core.records import HitLabel
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg, virtual_hit_to_msg
 from impact_rig.nodes.topics import describe_qos, name_type
 from impact_rig.recordings.schemas import find_message_definition
@@ -61,8 +62,10 @@ def make_events(count, blocks=1, pause=0.0):
 
 def make_hits(counts):
     """Return a set-up, and releases, truths and blocks of hits of the virtual rig."""
-    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
-    events = [(0.0, interfaces.SETUP, setup_to_msg(PAPER_SETUP, stamp_to_msg(START)))]
+    rig, identity = VirtualRig(PAPER_SETUP, VirtualRigSettings()), Identity(make_id(), make_id())
+    setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(START))
+    identity.fill(setup)
+    events = [(0.0, interfaces.SETUP, setup)]
     record = 0
     for sample, count in counts.items():
         for impact in range(1, count + 1):
@@ -74,7 +77,7 @@ def make_hits(counts):
                 (interfaces.RELEASE, HammerRelease(**label)),
                 (interfaces.VIRTUAL_IMPACT, truth),
                 *(
-                    (interfaces.ACCELERATION, block_to_msg(part))
+                    (interfaces.ACCELERATION, block_to_msg(part, identity))
                     for part in hit.split(1000, START)
                 ),
             ]
