@@ -94,14 +94,16 @@ def swing_file(tools: Tools) -> Path:
 
 @pytest.fixture(scope="session")
 def rig(tools: Tools, swing_file: Path) -> Iterator[LaunchedRig]:
-    """Return a rig in namespace `bench`, all of whose nodes are found."""
+    """Return a rig in namespace `bench`, all of whose nodes are found with their services."""
     folder = tools.folder / "bench"
     with tools.start(
         "ros2", "launch", "impact_rig", "rig.launch.py", "namespace:=bench", "visualizer:=false",
         "seed:=7", f"output:={folder}", f"params_file:={swing_file}",
     ) as terminal:  # fmt: skip
         terminal.wait_for("recording to ")
-        tools.run_until(lambda text: set(text.split()) >= NODES, "ros2", "node", "list")
+        # A node is listed a moment before its services, by which its life cycle is known.
+        tools.run_until(lambda text: set(text.split()) >= NODES, "ros2", "lifecycle", "nodes")
+        tools.run_until(lambda text: "/bench/campaign/run" in text, "ros2", "action", "list")
         yield LaunchedRig(terminal, folder)
         assert terminal.interrupt() == 0, terminal.text
         assert "Traceback" not in terminal.text

@@ -2,6 +2,8 @@
 
 import re
 
+from .conftest import NODES
+
 STATE = "impact_rig_msgs/msg/RecorderState"
 RUN = "impact_rig_msgs/action/RunCampaign"
 
@@ -12,10 +14,7 @@ OTHERS = ("/other/", "/third/", "/replayed/")
 
 def test_every_node_has_a_life_cycle_and_is_active(rig, tools):
     found = tools.run("ros2", "lifecycle", "nodes").split()
-    assert {name for name in found if not name.startswith(OTHERS)} == {
-        f"/bench/{name}"
-        for name in ("accelerometer", "campaign", "estimator", "hammer", "recorder")
-    }
+    assert {name for name in found if not name.startswith(OTHERS)} == NODES
     assert tools.run("ros2", "lifecycle", "get", "/bench/estimator").startswith("active")
 
 
