@@ -5,6 +5,7 @@ import signal
 import sys
 from functools import partial
 from importlib import import_module
+from typing import NoReturn
 
 from impact_rig.configuration.processes import open_closed_streams
 
@@ -22,8 +23,17 @@ Run the node {name} of the impact rig until a signal stops it. Its parameters, o
 ros2 param describe /{name} PARAMETER"""
 
 
-def run(name: str) -> int:
-    """Run a node by its name; a signal ends it quietly, even during the imports."""
+def run(name: str) -> NoReturn:
+    """Run a node by its name as this process; a signal ends it quietly, even in the imports."""
+    code = _run(name)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # All is closed. Python's own end, and that of the middleware's threads, would take seconds on a
+    # busy computer.
+    os._exit(code)
+
+
+def _run(name: str) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         # An exception would come out of whichever module is being imported, as a traceback.
         signal.signal(number, lambda *_: os._exit(0))
@@ -50,4 +60,4 @@ replayer = partial(run, "replayer")
 visualizer = partial(run, "visualizer")
 
 if __name__ == "__main__":
-    raise SystemExit(run(sys.argv[1]))
+    run(sys.argv[1])

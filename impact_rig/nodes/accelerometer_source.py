@@ -107,8 +107,8 @@ class Arming:
 
 LONGEST_READ = 0.05
 """How long one read may wait for a block [s], our choice: it is the longest delay of an order."""
-STOP_TIMEOUT = 10.0
-"""How long a driver may take to return [s], our choice: longer than any time-out of a driver."""
+STOP_TIMEOUT = 3.0
+"""How long a driver may take to return [s]: launch kills a node 10 s after Ctrl-C."""
 CHECK_PERIOD = 1.0
 """How often an idle source is checked [s], our choice: as often as diagnostics are published."""
 COMPLETE = "record complete"

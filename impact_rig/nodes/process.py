@@ -1,5 +1,6 @@
 """One node, one process: started, stopped by a signal, and closed cleanly whatever happens."""
 
+import faulthandler
 import gc
 import os
 import select
@@ -27,6 +28,9 @@ DRAIN_QUIET = 0.1
 """How long nothing may have come before the queues count as empty at the end [s]."""
 DRAIN_TIMEOUT = 2.0
 """How long emptying the queues at the end may take [s], below what process managers grant."""
+LEAVING_TIMEOUT = 3.0
+"""How long the middleware may take to leave, once all else is closed [s]. Then the process ends and
+shows where it stood: launch kills it 10 s after Ctrl-C."""
 
 
 def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None) -> int:
@@ -53,6 +57,7 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
         gc.unfreeze()
         gc.collect()
         rclpy.try_shutdown()
+        faulthandler.cancel_dump_traceback_later()
         # Python's own end would give them their default back, which kills.
         for number in STOP_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
@@ -89,6 +94,8 @@ def _run(make_node: Callable[[], RigNode], argv: Sequence[str] | None) -> int:
             executor.shutdown()
         if node is not None:
             node.close()
+        faulthandler.dump_traceback_later(LEAVING_TIMEOUT, exit=True, file=sys.__stderr__)
+        if node is not None:
             node.destroy_node()
         if claim is not None:
             claim.close()
@@ -101,11 +108,12 @@ def _stop_on_signals(node: RigNode) -> None:
     # each signal to the pipe, also of those that come while the node ends.
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
+    # Before the handlers, which lose a signal that comes between.
+    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     for number in STOP_SIGNALS:
         # nohup: closing the terminal is not to stop what it starts.
         if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, lambda *_: None)
-    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
 
     request_stop = weakref.WeakMethod(node.request_stop)
 
