@@ -19,8 +19,13 @@ from launch.actions import (
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
-from impact_rig.configuration.processes import WINDOW, make_viewer_parameters, split_names
-from impact_rig.configuration.run import choose_view, parse_number
+from impact_rig.configuration.processes import (
+    WINDOW,
+    choose_view,
+    make_viewer_parameters,
+    parse_number,
+    split_names,
+)
 from impact_rig.recordings.source import find_recording
 
 SWITCH = ["true", "false"]

@@ -27,17 +27,14 @@ from impact_rig.configuration.processes import (
     LAUNCHER,
     NodeProcess,
     choose_run_folder,
+    choose_view,
     list_rig_processes,
     make_network_variables,
+    make_run_folder,
+    parse_number,
     split_names,
 )
 from impact_rig.configuration.rig_file import load_rig_file
-from impact_rig.configuration.run import (
-    choose_view,
-    make_run_folder,
-    make_virtual_source,
-    parse_number,
-)
 from impact_rig.core.errors import ParameterError
 from impact_rig.devices.virtual.choices import Fault, Plant
 
@@ -138,24 +135,22 @@ def make_rig(context: LaunchContext) -> list[Action]:
     def read(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
-    rig_file = Path(read("rig_file")).resolve() if read("rig_file") else None
-    rig = load_rig_file(rig_file)
+    rig = load_rig_file(read("rig_file"))
     faults = parse_number("faults", read("faults"), float)
     if faults is not None and not 0.0 <= faults <= 1.0:
         raise ParameterError(f"faults:={faults:g}: it must be a probability, from 0 to 1")
-    source = make_virtual_source(
-        plant=read("plant") or None,
-        seed=parse_number("seed", read("seed"), int),
-        faults=faults,
-    )
+    source = {
+        "plant": read("plant") or None,
+        "seed": parse_number("seed", read("seed"), int),
+        "fault_probability": faults,
+    }
     executables = Path(get_package_prefix("impact_rig"), "lib", "impact_rig")
     given = read("resume") or read("output")
     folder = choose_run_folder(Path(given) if given else None)
     processes = list_rig_processes(
         folder.resolve(),
-        rig_file=str(rig_file or ""),
+        rig=rig,
         source=source,
-        swing=rig.hammer,
         continuous=read("continuous") == "true",
         visualize=choose_view(read("visualizer"), executables / "visualizer"),
         viewers=split_names(read("viewer")),

@@ -17,8 +17,13 @@ from impact_rig.analysis.measured_files import (
 )
 from impact_rig.analysis.repeated_files import find_repeated_files
 from impact_rig.cli import options
-from impact_rig.cli.each_file import raise_errors, show_results
-from impact_rig.cli.progress import show_progress
+from impact_rig.cli.output import (
+    print_json,
+    print_places,
+    raise_errors,
+    show_progress,
+    show_results,
+)
 from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.present.terminal.console import make_console, print_warning
 from impact_rig.present.terminal.results import print_batch
@@ -26,7 +31,7 @@ from impact_rig.recordings.formats.registry import READABLE
 from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.source import find_recordings, is_recording
 from impact_rig.results.batch import BatchCampaign
-from impact_rig.results.results_file import format_json, read_results, results_to_json
+from impact_rig.results.results_file import read_results, results_to_json
 
 
 def report_batch(
@@ -70,15 +75,16 @@ def report_batch(
             for number, campaign in enumerate(outcome.campaigns, start=1)
         ]
     if as_json:
-        entries = [
-            {
-                "recording": str(campaign.recording),
-                "campaign": campaign.number,
-                "results": results_to_json(campaign.results),
-            }
-            for campaign in campaigns
-        ]
-        click.echo(format_json(entries), nl=False)
+        print_json(
+            [
+                {
+                    "recording": str(campaign.recording),
+                    "campaign": campaign.number,
+                    "results": results_to_json(campaign.results),
+                }
+                for campaign in campaigns
+            ]
+        )
     elif campaigns:
         print_batch(make_console(), campaigns)
     if errors and scheduler:
@@ -128,7 +134,7 @@ def run(
             analysis = analyze(read_recording(path), settings, accept, reject, report=follow)
         show(path, [campaign.results for campaign in analysis.campaigns], analysis.warnings)
         if not as_json:
-            options.print_places(recording=path)
+            print_places(recording=path)
     elif others:
         if workers is not None or scheduler is not None:
             raise ParameterError("--workers and --scheduler are for recordings")

@@ -7,10 +7,8 @@ from collections.abc import Generator, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 import click
-from rich.console import Console
 from rich.text import Text
 
 from impact_rig.configuration.rig_file import RigFile, read_rig_file, read_today
@@ -25,7 +23,7 @@ from impact_rig.core.calibration import (
 from impact_rig.core.errors import DeviceError, FileError, ParameterError
 from impact_rig.core.hits import JudgedHit, describe_label
 from impact_rig.core.records import Block, HitLabel
-from impact_rig.core.sensors import CHANNELS, Sensor, compute_scale
+from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup
 from impact_rig.devices.source_table import make_source
@@ -38,7 +36,6 @@ from impact_rig.present.terminal.console import (
 )
 from impact_rig.recordings.reader import read_recording
 from impact_rig.results.numbers import format_number, is_dated
-from impact_rig.results.results_file import format_json
 from impact_rig.results.tables import (
     Column,
     Table,
@@ -46,7 +43,18 @@ from impact_rig.results.tables import (
     make_text_column,
     tabulate_budget,
 )
-from impact_rig.results.wire import to_json
+
+PERCENT = 100.0
+MILLIVOLT = 1e3
+EXPLANATION = (
+    "Ratio: trace under test over reference. Misfit: RMS of the residual over that of the trace."
+    " Linearity: largest deviation over the peak."
+)
+REVERSED = (
+    "the traces have opposite signs: one of the sensors looks the other way; the sign of the"
+    " sensitivity is kept"
+)
+READ_TIMEOUT = 0.5  # [s] of one read: so soon Ctrl-C works
 
 HitSeries = tuple[RigSetup, list[JudgedHit]]
 """Masses and sensors with which hits were measured, and the hits in their order."""
@@ -82,37 +90,17 @@ def read_hits(path: Path, sample: str = "") -> HitSeries:
 
 
 def find_tested_sensor(setup: RigSetup, sheet: Sensor) -> Sensor:
-    """Return the sensor of the rig file with the sensitivity that made the traces.
-
-    Raises
-    ------
-    ParameterError
-        If the hits were measured with a sensor of another quantity.
-    """
-    known = {sensor.channel: sensor for sensor in setup.sensors}
-    used = known.get(sheet.channel)
+    """Return the sensor that the hits were measured with, by default that of the rig file."""
+    used = {sensor.channel: sensor for sensor in setup.sensors}.get(sheet.channel)
     if used is None or math.isnan(used.sensitivity):
         print_warning("the recording states no sensitivity: that of the rig file is taken")
         return sheet
-    if used.quantity != sheet.quantity:
-        raise ParameterError(
-            f"the hits were measured with a sensor of {used.quantity}, and the rig file has one of"
-            f" {sheet.quantity}: give the rig file that they were measured with"
-        )
-    # For a force, the mass that it acts on cancels.
-    scale = compute_scale(sheet.unit, 1.0) / compute_scale(used.unit, 1.0)
-    sensor = replace(sheet, sensitivity=used.sensitivity * scale)
-    if math.isclose(sensor.sensitivity, sheet.sensitivity, rel_tol=1e-9):
-        return sheet
-    print_warning(
-        f"the hits were measured with {sensor.sensitivity * 1e3:.6g} mV per {sheet.unit}, and the"
-        f" rig file says {sheet.sensitivity * 1e3:.6g}"
+    recorded, given = (
+        f"{sensor.sensitivity * MILLIVOLT:.6g} mV per {sensor.unit}" for sensor in (used, sheet)
     )
-    return sensor
-
-
-READ_TIMEOUT = 0.5
-"""Time limit of one read while the operator prepares a hit [s]: so soon Ctrl-C works."""
+    if recorded != given:
+        print_warning(f"the hits were measured with {recorded}, and the rig file says {given}")
+    return used
 
 
 def strike_hits(rig: RigFile) -> Generator[JudgedHit]:
@@ -137,18 +125,6 @@ def strike_hits(rig: RigFile) -> Generator[JudgedHit]:
                 if block is not None:  # else there was no hit yet
                     yield from session.feed(replace(block, label=label))
                     is_whole = block.last
-
-
-PERCENT = 100.0
-MILLIVOLT = 1e3
-EXPLANATION = (
-    "Ratio: trace under test over reference. Misfit: RMS of the residual over that of the trace."
-    " Linearity: largest deviation over the peak."
-)
-REVERSED = (
-    "the traces have opposite signs: one of the sensors looks the other way; the sign of the"
-    " sensitivity is kept"
-)
 
 
 def describe_fit(item: HitFit) -> str:
@@ -182,10 +158,9 @@ def format_sheet(calibration: Calibration, day: str) -> str:
     )
 
 
-def print_calibration(
-    console: Console, calibration: Calibration, fits: Sequence[HitFit], sheet: str
-) -> None:
+def print_calibration(calibration: Calibration, fits: Sequence[HitFit], sheet: str) -> None:
     """Print the result first, then the hits, then the budget and the lines for the rig file."""
+    console = make_console()
     console.print(Text(describe_sensitivity(calibration), style=GOOD))
     console.print()
     print_table(console, tabulate_fits(fits))
@@ -205,36 +180,6 @@ def tabulate_fits(fits: Sequence[HitFit]) -> Table:
         make_text_column("Not used", [item.flaw for item in fits]),
     ]
     return make_table(f"Hits: {len(fits)}", columns, [EXPLANATION])
-
-
-def calibration_to_json(
-    calibration: Calibration, fits: Sequence[HitFit], day: str
-) -> dict[str, Any]:
-    """Return the same as plain values."""
-    return {
-        "channel": calibration.sensor.channel,
-        "unit": calibration.sensor.unit,
-        "calibration_date": day,
-        "sensitivity_v_per_unit": calibration.sensitivity,
-        "sensitivity_before_v_per_unit": calibration.sensor.sensitivity,
-        "ratio": calibration.ratio.value,
-        "uncertainty_of_ratio": {
-            name: value for name, value in to_json(calibration.ratio).items() if name != "value"
-        },
-        "hits_used": calibration.hits,
-        "hits": [
-            {
-                "hit": describe_label(item.label),
-                **{
-                    name: value
-                    for name in ("ratio", "misfit", "linearity")
-                    if math.isfinite(value := getattr(item, name))
-                },
-                "flaw": item.flaw,
-            }
-            for item in fits
-        ],
-    }
 
 
 def _find_sheet(rig: RigFile, path: Path, channel: str) -> Sensor:
@@ -283,7 +228,6 @@ def _compute_day(fits: Sequence[HitFit]) -> str:
 
 def run(
     rig_file: Path,
-    back_to_back: bool,
     known_mass: float | None,
     channel: str | None,
     reference_uncertainty: float,
@@ -291,18 +235,15 @@ def run(
     recording: Path | None,
     sample: str,
     hits: int,
-    as_json: bool,
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
-    if back_to_back == (known_mass is not None):
-        raise ParameterError("choose one of --back-to-back and --known-mass MASS")
     if mass_uncertainty and known_mass is None:
         raise ParameterError("--mass-uncertainty is for --known-mass")
     if sample and recording is None:
         raise ParameterError("--sample is for --recording")
     if channel is None:
-        if back_to_back:
-            raise ParameterError("--back-to-back needs --sensor: the one under test")
+        if known_mass is None:
+            raise ParameterError("back to back, name the sensor under test with --sensor")
         channel = CHANNELS[0]
     mass = math.nan if known_mass is None else known_mass
     method = CalibrationMethod(channel, mass, mass_uncertainty, reference_uncertainty)
@@ -322,8 +263,4 @@ def run(
     result = estimate_sensitivity(fits, method, setup, find_tested_sensor(setup, sheet))
     for remark in (*([REVERSED] if result.is_reversed else ()), *result.remarks):
         print_warning(remark)
-    day = _compute_day(fits)
-    if as_json:
-        click.echo(format_json(calibration_to_json(result, fits, day)), nl=False)
-    else:
-        print_calibration(make_console(), result, fits, format_sheet(result, day))
+    print_calibration(result, fits, format_sheet(result, _compute_day(fits)))

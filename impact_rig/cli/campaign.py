@@ -9,8 +9,7 @@ import click
 from rich.text import Text
 
 from impact_rig.cli import options
-from impact_rig.cli.each_file import show_results
-from impact_rig.cli.progress import make_progress
+from impact_rig.cli.output import make_progress, print_places, show_results
 from impact_rig.configuration.processes import RESULTS_NAME, choose_run_folder
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes.campaign_client import (
@@ -114,7 +113,7 @@ def report_outcome(
         write_results(path, outcome.results)
         show_results(path, [outcome.results], is_full=is_full, as_json=as_json)
         recording = Path(outcome.recording) if outcome.recording else None
-        options.print_places(results=path, recording=recording)
+        print_places(results=path, recording=recording)
     if not outcome.success:
         raise RigError(
             f"the campaign did not end as planned: {outcome.message}; {advise_resuming(folder)}"
@@ -149,16 +148,13 @@ def run_campaign(
         raise
 
 
-RIG_TIMEOUT = 30.0
-"""Time limit for finding the rig [s]: three times the start of six processes on a busy machine."""
+RIG_TIMEOUT = 30.0  # [s] to find the rig: three times the start of its nodes on a busy computer
 
 
 def run(
     samples: tuple[str, ...],
     impacts: int,
     angles: tuple[float, ...],
-    keep: int,
-    attempts: int | None,
     ask: bool | None,
     notes: str,
     resume: Path | None,
@@ -169,7 +165,6 @@ def run(
     as_json: bool,
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
-    options.check_keep(keep, impacts)
     options.set_discovery(network=network)
     resumed = read_newest_campaign(resume) if resume else None
     with CampaignClient(namespace) as client, CampaignView() as view:
@@ -178,8 +173,7 @@ def run(
             client.publish_note(notes, RIG_TIMEOUT)
         confirm = not client.is_hammerless if ask is None else ask
         goal = CampaignGoal(
-            samples=samples, impacts=impacts, attempts_per_impact=attempts or 0,
-            confirm_samples=confirm, keep_hits=keep, release_angles=angles,
+            samples=samples, impacts=impacts, confirm_samples=confirm, release_angles=angles,
         )  # fmt: skip
         if resume and resumed is not None:
             client.check_run(resume)

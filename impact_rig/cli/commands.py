@@ -53,8 +53,7 @@ def _command(epilog: str) -> Callable[..., click.Command]:
     return declare
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
       impact-rig demo                          the paper's campaign, 120 hits
@@ -62,45 +61,34 @@ def _command(epilog: str) -> Callable[..., click.Command]:
       impact-rig demo --faults 0.1             what goes wrong on a real rig
       impact-rig demo --plant contact --angles 5,10,20    a contact law, beside the truth
       impact-rig demo --continuous             impacts found in a running stream
-    """,
-)
-@options.rig_file_option
-@options.virtual_rig_options
-@options.recording_options
-@options.viewer_option
+    """)
+@options.nodes_options
 @options.campaign_options
-@options.full_option
-@options.json_option
+@options.results_options
 def demo() -> None:
     """Run a whole campaign on the virtual rig.
 
     Each node is a process. The hammer is released, two accelerometers stream, every hit is
-    judged and recorded. Prints contact time, stiffness and damping of every sample. With
-    --full and --plant contact it also prints the contact law beside the truth.
+    judged and recorded. Prints contact time, stiffness and damping of every sample.
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
       impact-rig up                            the paper's rig, virtual
       impact-rig up --template > my-rig.toml   a rig file to fill in
       impact-rig up --rig-file my-rig.toml     your own samples
-      impact-rig up --set hammer.swing_time=0.3
       impact-rig up --resume runs/2026-11-23T15-00-00
     On one of two computers, with the same rig file and ROS_DOMAIN_ID:
       impact-rig up --network --only hammer --only accelerometer
-    """,
-)
-@options.rig_file_option
-@options.virtual_rig_options
-@options.recording_options
+    """)
+@options.nodes_options
 @options.resume_option
-@options.network_option
-@options.namespace_option
-@click.option("--visualizer/--no-visualizer", default=True, help="Write a Rerun view. [yes]")
-@options.viewer_option
+@options.rig_options
+@click.option(
+    "--visualizer/--no-visualizer", "visualize", default=True, help="Write a Rerun view. [yes]"
+)
 @click.option(
     "--only",
     multiple=True,
@@ -126,25 +114,16 @@ def up() -> None:
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
       impact-rig campaign                      the whole set, 10 hits each
       impact-rig campaign --sample "steel small" --impacts 5
       impact-rig campaign --angles 5,10,20     from each of these release angles
-      impact-rig campaign --impacts 12 --keep 10    the ten most consistent of twelve
-      impact-rig campaign --notes "new tip, 21 °C"
       impact-rig campaign --resume runs/2026-11-23T15-00-00    go on with a campaign
       impact-rig campaign --namespace rig1 --network    a rig on another host
-    """,
-)
+    """)
 @options.campaign_options
-@click.option(
-    "--attempts",
-    type=click.IntRange(1),
-    help="Rejected hits in a row before giving up. [the rig's own limit]",
-)
 @click.option(
     "--ask/--no-ask",
     default=None,
@@ -152,16 +131,11 @@ def up() -> None:
 )
 @options.notes_option
 @options.resume_option
-@options.namespace_option
-@options.network_option
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
-    help="Folder for results.json. [that of the recording, if it is on this host]",
+@options.rig_options
+@options.make_output_option(
+    "Folder for results.json. [that of the recording, if it is on this computer]", "FOLDER"
 )
-@options.full_option
-@options.json_option
+@options.results_options
 def campaign() -> None:
     """Run a campaign on a rig that is up, here or elsewhere.
 
@@ -173,20 +147,17 @@ def campaign() -> None:
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
       impact-rig devices                       all drivers, and what they find
       impact-rig devices scpi                  one driver, with a table to copy
       impact-rig devices --check my-rig.toml   try the devices of a rig file
-      impact-rig devices --json
 
     Any package may bring drivers: it names their classes by the entry points
     impact_rig.acceleration_sources and impact_rig.hammer_holders.
     Exit code: 1 if a device of the rig file is missing or cannot do what the file says.
-    """,
-)
+    """)
 @click.argument("name", required=False, metavar="[DRIVER]")
 @click.option(
     "--check",
@@ -204,28 +175,24 @@ def devices() -> None:
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
-      impact-rig calibrate rig.toml --back-to-back --sensor specimen \\
-          --reference-uncertainty "0.75 %"
+      impact-rig calibrate rig.toml --sensor specimen --reference-uncertainty "0.75 %"
       impact-rig calibrate rig.toml --known-mass 150.2g --mass-uncertainty 10mg
-      impact-rig calibrate rig.toml --known-mass 150.2g --recording session.mcap
+      impact-rig calibrate rig.toml --known-mass 150g --recording session.mcap
 
-    Back to back: the sensor under test is mounted on the reference, on the other channel, and both
-    see the same acceleration. Known mass: the hammer strikes a body that is free to move; force is
-    mass times acceleration. Strike by hand, in the direction of the sensors.
+    Back to back, the default: the sensor under test is mounted on the reference, on the other
+    channel, and both see the same acceleration. Known mass: the hammer strikes a body that is free
+    to move; force is mass times acceleration. Strike by hand, in the direction of the sensors.
     The new sensitivity is printed as lines for the rig file.
-    """,
-)
+    """)
 @click.argument("rig_file", type=FILE)
-@click.option("--back-to-back", is_flag=True, help="Both sensors see the same acceleration.")
 @click.option(
     "--known-mass",
     type=make_quantity("kg", "150 g"),
     metavar="MASS",
-    help="Of all that moves with the struck body, its sensor included.",
+    help="Of all that moves with the struck body, its sensor included. [back to back]",
 )
 @click.option(
     "--sensor",
@@ -261,7 +228,6 @@ def devices() -> None:
     metavar="N",
     help="Number of hits to strike; Ctrl-C ends before. [10]",
 )
-@options.json_option
 def calibrate() -> None:
     """Find the sensitivity of a sensor from hits.
 
@@ -270,8 +236,7 @@ def calibrate() -> None:
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
       impact-rig hammer state        where it is, whether it is armed, and why
@@ -280,11 +245,9 @@ def calibrate() -> None:
       impact-rig hammer arm          allow releases, after a stop or a lost device
       impact-rig hammer disarm       forbid releases
       impact-rig hammer confirm      the hammer is back in its holder
-    """,
-)
+    """)
 @click.argument("action", type=click.Choice(HAMMER_ACTIONS), default=HAMMER_ACTIONS[0])
-@options.namespace_option
-@options.network_option
+@options.rig_options
 def hammer() -> None:
     """Show the state of a rig's hammer, arm, disarm or stop it.
 
@@ -293,20 +256,16 @@ def hammer() -> None:
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
-      impact-rig analyze session.mcap --json > results.json
       impact-rig analyze runs/* --json > all.json
       impact-rig analyze session.mcap --reject 17 --accept "steel small/3.1"
       impact-rig analyze --cutoff off --hammer-unit N hit_1.npy hit_2.npy
       impact-rig analyze --channels bench.toml *.csv
-    """,
-)
+    """)
 @options.files_argument
-@options.full_option
-@options.json_option
+@options.results_options
 @click.option(
     "--accept",
     multiple=True,
@@ -339,17 +298,14 @@ def analyze() -> None:
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
-      impact-rig info session.mcap
       impact-rig info runs/*/session.mcap --json
       impact-rig info session.mcap --extract rig_files
     Exit code: 0 if every recording is sound, 1 if one is damaged or was never closed,
     2 if one cannot be read at all.
-    """,
-)
+    """)
 @options.files_argument
 @click.option(
     "--extract",
@@ -367,18 +323,15 @@ def info() -> None:
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
       impact-rig replay runs/2026-05-04T10-00-00        as it happened
       impact-rig replay session.mcap --rate 5 --loop 0  five times as fast, for ever
       impact-rig replay session.mcap --estimate         the tables, by a fresh estimator
-      impact-rig replay session.mcap --estimate --json > results.json
     The services replayer/pause and replayer/resume pause and resume. `ros2 bag play` plays parts,
     other topics and a clock.
-    """,
-)
+    """)
 @click.argument("file", metavar="RUN", type=FILE)
 @click.option(
     "--rate",
@@ -387,15 +340,8 @@ def info() -> None:
     help="Part of the original speed. [1]",
 )
 @click.option("--loop", type=click.IntRange(0), default=1, help="How often; 0: for ever. [1]")
-@options.namespace_option
-@options.network_option
+@options.rig_options
 @click.option("--estimate", is_flag=True, help="Estimate with a fresh estimator, and print.")
-@click.option(
-    "-o",
-    "--output",
-    type=FOLDER,
-    help="Folder for results.json; with --estimate. [not written]",
-)
 @options.json_option
 def replay() -> None:
     """Publish a recording again.
@@ -407,8 +353,7 @@ def replay() -> None:
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
       impact-rig import hit_*.lvm -o hits.mcap --sample "brass small"
@@ -425,12 +370,9 @@ def replay() -> None:
     before, the hit comes a second after that end, the first one a second into 1970. The same
     files make the same recording. Exit code: 2 if a file could not be used; the others are
     imported.
-    """,
-)
+    """)
 @click.argument("files", nargs=-1, metavar="FILE...", type=FILE)
-@click.option(
-    "-o", "--output", metavar="OUT.mcap", type=FILE, help="The recording; it must not exist."
-)
+@options.make_output_option("The recording; it must not exist.", "OUT.mcap")
 @click.option(
     "--template",
     is_flag=True,
@@ -445,15 +387,12 @@ def import_() -> None:
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
-      impact-rig export session.mcap -o session.mat
       impact-rig export session.mcap -o brass.uff --sample "brass small" --filtered
       impact-rig export session.mcap -o hits --one-file-per-hit csv
       impact-rig export session.mcap -o results.csv --what results
-      impact-rig export session.mcap -o results.json
       impact-rig export damaged.mcap -o sound.mcap
       impact-rig export results.json --for mujoco --sample "steel small" -o steel.xml
 
@@ -465,24 +404,19 @@ def import_() -> None:
 
     --for fits the parameters of a simulator's contact law, so that duration and restitution at the
     measured speed are met.
-    """,
-)
+    """)
 @click.argument("recording", metavar="RUN", type=FILE)
-@click.option(
-    "-o",
-    "--output",
-    required=True,
-    metavar="OUT",
-    type=FILE,
-    help="The file, whose suffix tells its format: .uff, .tdms, .mat, .h5, .csv, .json (results"
-    " alone) or .mcap (a sound copy); .xml or .sdf with --for; with --one-file-per-hit a folder."
+@options.make_output_option(
+    "The file, whose suffix tells its format: .uff, .tdms, .mat, .h5, .csv, .json (results alone)"
+    " or .mcap (a sound copy); .xml or .sdf with --for; with --one-file-per-hit a folder."
     " Nothing is overwritten.",
+    "OUT",
+    required=True,
 )
 @click.option(
     "--what",
     type=click.Choice(EXPORTED),
-    multiple=True,
-    help="Repeatable. [results in .json, hits in .csv, else hits and means]",
+    help="Only these. [results in .json, hits in .csv, else hits and means]",
 )
 @options.samples_option
 @click.option(
@@ -514,25 +448,16 @@ def export() -> None:
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
       impact-rig view runs/2026-05-04T10-00-00       in a window
       impact-rig view session.mcap -o campaign.rrd   as a file for Rerun
-      impact-rig view session.mcap --web             in a browser, until Ctrl-C
       impact-rig view results.json                   tables and figures alone
       impact-rig view runs/* --connect rerun+http://desk:9876/proxy
-    """,
-)
+    """)
 @click.argument("paths", nargs=-1, required=True, metavar="RUN...", type=FILE)
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    metavar="FILE.rrd",
-    help="Write a file for Rerun, which must not exist.",
-)
+@options.make_output_option("Write a file for Rerun, which must not exist.", "FILE.rrd")
 @click.option(
     "--connect",
     default="",
@@ -545,28 +470,20 @@ def view() -> None:
     """See model and measurement in Rerun.
 
     It shows every hit, the samples, the campaign and the tables. RUN is a recording (.mcap),
-    the folder of a run, results (.json), or an older view (.rrd). The viewer shows each campaign
-    as a separate recording. No ROS is needed.
+    the folder of a run, or results (.json). The viewer shows each campaign as a separate
+    recording. No ROS is needed.
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
       impact-rig report runs/2025-01-31T12-00-00
       impact-rig report session.mcap -o steel.html
     Nothing is overwritten. A browser prints the page on A4.
-    """,
-)
+    """)
 @click.argument("path", metavar="RUN", type=FILE)
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    type=FILE,
-    help="The HTML file. [report.html in RUN]",
-)
+@options.make_output_option("The HTML file. [report.html in RUN]")
 def report() -> None:
     """Write a report: one HTML file that needs no other file.
 
@@ -576,15 +493,12 @@ def report() -> None:
     """
 
 
-@_command(
-    epilog="""
+@_command("""
     \b
     Examples:
       impact-rig doctor
-      impact-rig doctor --json
     Exit code: 0 if the rig can work, 1 if something that it needs is broken.
-    """,
-)
+    """)
 @options.json_option
 def doctor() -> None:
     """See what is installed and what is broken.

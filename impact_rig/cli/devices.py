@@ -3,15 +3,14 @@
 import contextlib
 import dataclasses
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import click
-from rich.console import Console
 from rich.text import Text
 
 from impact_rig.cli.libraries import describe_missing
+from impact_rig.cli.output import print_json
 from impact_rig.configuration.rig_file import RigFile, list_rig_warnings, read_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.devices.drivers import (
@@ -22,12 +21,7 @@ from impact_rig.devices.drivers import (
     make_device,
     read_driver_name,
 )
-from impact_rig.devices.protocols import (
-    FoundDevice,
-    HammerHolder,
-    HolderState,
-    SourceChannel,
-)
+from impact_rig.devices.protocols import FoundDevice, HammerHolder, HolderState, SourceChannel
 from impact_rig.devices.source_table import make_source
 from impact_rig.present.terminal.console import (
     ALARM,
@@ -38,10 +32,15 @@ from impact_rig.present.terminal.console import (
     print_text,
 )
 from impact_rig.results.numbers import MISSING
-from impact_rig.results.results_file import format_json
 from impact_rig.results.tables import Column, make_table, make_text_column
 
 KINDS = {SOURCES: "source", HOLDERS: "holder"}
+EXIT_FAULT = 1  # a device of the rig file is missing, or cannot do what the file says
+TROUBLE = "trouble"
+SAME_RATE = 1e-6  # [-], part by which two equal rates may differ: rounding
+
+Facts = dict[str, str]
+"""Facts about a device, by name; an error is the fact `TROUBLE`."""
 
 
 @dataclass(frozen=True)
@@ -63,14 +62,14 @@ def survey_drivers(name: str = "") -> list[SurveyedDriver]:
     Raises
     ------
     DeviceError
-        If two packages bring drivers of the same name.
+        If there is no such driver, or two packages bring drivers of the same name.
     """
-    return [
-        _survey(KINDS[group], driver)
-        for group in KINDS
-        for driver in find_drivers(group).values()
-        if name in ("", driver.name)
-    ]
+    known = [(KINDS[group], driver) for group in KINDS for driver in find_drivers(group).values()]
+    chosen = [(kind, driver) for kind, driver in known if name in ("", driver.name)]
+    if not chosen:
+        names = ", ".join(dict.fromkeys(driver.name for _, driver in known))
+        raise DeviceError(f"there is no driver {name!r}: installed are {names}")
+    return [_survey(kind, driver) for kind, driver in chosen]
 
 
 def _survey(kind: str, driver: Driver) -> SurveyedDriver:
@@ -80,32 +79,28 @@ def _survey(kind: str, driver: Driver) -> SurveyedDriver:
         found = replace(found, description=loaded.description, example=loaded.example)
         with contextlib.redirect_stdout(sys.stderr):  # a vendor's library may print
             return replace(found, devices=tuple(loaded.find_devices()))
-    except ModuleNotFoundError as error:
-        return replace(found, trouble=_describe_missing(error))
-    except RigError as error:
-        return replace(found, trouble=str(error))
+    except (ModuleNotFoundError, RigError) as error:
+        return replace(found, trouble=_describe_trouble(error))
     except Exception as error:  # noqa: BLE001 - a driver of others may raise anything
         trouble = f"its search for devices failed: {type(error).__name__}: {error}"
         return replace(found, trouble=trouble)
 
 
-Facts = dict[str, str]
-"""Facts about a device, by name; an error is the fact `TROUBLE`."""
-TROUBLE = "trouble"
-SAME_RATE = 1e-6
-"""Part by which two equal rates may differ [-]: rounding."""
+def _describe_trouble(error: ModuleNotFoundError | RigError) -> str:
+    if not isinstance(error, ModuleNotFoundError):
+        return str(error)
+    unknown = f"the Python package {error.name!r} is not installed"
+    return describe_missing(error.name or "") or unknown
 
 
-def _check(rig: RigFile, path: Path, attempt: Callable[[RigFile], Facts]) -> Facts:
+def _try_device(rig: RigFile, attempt: Callable[[RigFile], Facts]) -> Facts:
     """Open a device of a rig file, and close it again; the hammer stays held."""
     try:
         return attempt(rig)
     except ParameterError as error:
-        return {TROUBLE: f"rig file {path}: {error}"}
-    except RigError as error:
-        return {TROUBLE: str(error)}
-    except ModuleNotFoundError as error:
-        return {TROUBLE: _describe_missing(error)}
+        return {TROUBLE: f"rig file {rig.path}: {error}"}
+    except (ModuleNotFoundError, RigError) as error:
+        return {TROUBLE: _describe_trouble(error)}
 
 
 def _try_source(rig: RigFile) -> Facts:
@@ -147,21 +142,40 @@ def _describe_channel(channel: SourceChannel) -> str:
     return f"channel {channel.name}: {sensor}" if channel.name else sensor
 
 
-def _describe_missing(error: ModuleNotFoundError) -> str:
-    unknown = f"the Python package {error.name!r} is not installed"
-    return describe_missing(error.name or "") or unknown
+def run(name: str | None, rig_file: Path | None, as_json: bool) -> None:
+    """Run the command; its options are declared in `commands.py`."""
+    if rig_file is not None:
+        if name is not None:
+            raise ParameterError(f"--check takes a rig file alone: leave {name!r} out")
+        _check(read_rig_file(rig_file), as_json=as_json)
+        return
+    drivers = survey_drivers(name or "")
+    if as_json:
+        print_json(list(map(dataclasses.asdict, drivers)))
+        return
+    _print_drivers(drivers)
+    if name is not None:
+        for driver in drivers:
+            # To be copied: no line is broken.
+            make_console().print(Text(driver.example.strip()), soft_wrap=True)
 
 
-TITLES = {"source": "Acceleration sources", "holder": "Hammer holders"}
-
-
-def print_drivers(console: Console, drivers: Sequence[SurveyedDriver]) -> None:
-    """Print all drivers, then the devices that they have found."""
-    for kind, title in TITLES.items():
-        _print_kind(console, title, [driver for driver in drivers if driver.kind == kind])
+def _print_drivers(drivers: Sequence[SurveyedDriver]) -> None:
+    """Print the drivers, then the devices that they have found."""
+    console = make_console()
+    columns = [
+        make_text_column("Driver", [driver.name for driver in drivers]),
+        make_text_column("Kind", [driver.kind for driver in drivers]),
+        make_text_column("For", [driver.description or MISSING for driver in drivers]),
+        make_text_column("State", ["not ready" if item.trouble else "ready" for item in drivers]),
+        Column("Package", [driver.package for driver in drivers], is_text=True, is_optional=True),
+    ]
+    notes = [f"{driver.name}: {driver.trouble}." for driver in drivers if driver.trouble]
+    marked = [place for place, driver in enumerate(drivers) if driver.trouble]
+    print_table(console, make_table("Drivers", columns, notes, marked))
     found = [(driver, device) for driver in drivers for device in driver.devices]
     if not found:
-        console.print("No device was found.")
+        console.print("No device was found.\n")
         return
     columns = [
         make_text_column("Driver", [driver.name for driver, _ in found]),
@@ -172,86 +186,19 @@ def print_drivers(console: Console, drivers: Sequence[SurveyedDriver]) -> None:
     print_table(console, make_table(f"Devices found: {len(found)}", columns))
 
 
-def _print_kind(console: Console, title: str, drivers: Sequence[SurveyedDriver]) -> None:
-    columns = [
-        make_text_column("Driver", [driver.name for driver in drivers]),
-        make_text_column("For", [driver.description or MISSING for driver in drivers]),
-        make_text_column(
-            "State", ["not ready" if driver.trouble else "ready" for driver in drivers]
-        ),
-        Column("Package", [driver.package for driver in drivers], is_text=True, is_optional=True),
-    ]
-    notes = [f"{driver.name}: {driver.trouble}." for driver in drivers if driver.trouble]
-    marked = [place for place, driver in enumerate(drivers) if driver.trouble]
-    print_table(console, make_table(title, columns, notes, marked))
-
-
-def print_driver(console: Console, driver: SurveyedDriver) -> None:
-    """Print one driver, what it finds, and the table of a rig file to copy."""
-    console.print(Text(f"{driver.name}, a {driver.kind} of {driver.package}", style="bold"))
-    if driver.description:
-        console.print(Text(driver.description))
-    if driver.trouble:
-        console.print(Text(driver.trouble, style=ALARM))
-    for device in driver.devices:
-        console.print(Text(f"found: {device.address}  {device.identity}".rstrip()))
-    if driver.example:
-        console.print()
-        # As it is, to be copied: no line is broken.
-        console.print(Text(driver.example.strip()), soft_wrap=True)
-    console.print()
-
-
-def print_checks(console: Console, checks: Mapping[str, Facts], warnings: Sequence[str]) -> None:
-    """Print the result for each device, then warnings about the sensors."""
-    for part, facts in checks.items():
-        state = Text("fault", ALARM) if TROUBLE in facts else Text("ok", GOOD)
-        console.print(Text.assemble(state, f"  {part}"))
-        print_facts(console, [(f"  {name}", text) for name, text in facts.items()])
-    for text in warnings:
-        print_text(console, Text.assemble(("warning: ", ALARM), text))
-
-
-EXIT_FAULT = 1  # a device of the rig file is missing, or cannot do what the file says
-
-
-def run(name: str | None, rig_file: Path | None, as_json: bool) -> None:
-    """Run the command; its options are declared in `commands.py`."""
-    if rig_file is None:
-        _show_drivers(name or "", as_json=as_json)
-        return
-    if name is not None:
-        raise ParameterError(f"--check takes a rig file alone: leave {name!r} out")
-    _check_file(rig_file, as_json=as_json)
-
-
-def _show_drivers(name: str, *, as_json: bool) -> None:
-    known = [*find_drivers(SOURCES), *find_drivers(HOLDERS)]
-    if name and name not in known:
-        raise DeviceError(
-            f"there is no driver {name!r}: installed are {', '.join(dict.fromkeys(known))}"
-        )
-    drivers = survey_drivers(name)
-    console = make_console()
-    if as_json:
-        click.echo(format_json(list(map(dataclasses.asdict, drivers))), nl=False)
-    elif name:
-        for driver in drivers:
-            print_driver(console, driver)
-    else:
-        print_drivers(console, drivers)
-
-
-def _check_file(rig_file: Path, *, as_json: bool) -> None:
-    rig = read_rig_file(rig_file)
-    checks = {
-        "source": _check(rig, rig_file, _try_source),
-        "holder": _check(rig, rig_file, _try_holder),
-    }
+def _check(rig: RigFile, *, as_json: bool) -> None:
+    """Try the devices of a rig file; print the result for each, then warnings about sensors."""
+    checks = {"source": _try_device(rig, _try_source), "holder": _try_device(rig, _try_holder)}
     warnings = list_rig_warnings(rig.setup)
     if as_json:
-        click.echo(format_json({**checks, "warnings": warnings}), nl=False)
+        print_json({**checks, "warnings": warnings})
     else:
-        print_checks(make_console(), checks, warnings)
+        console = make_console()
+        for part, facts in checks.items():
+            state = Text("fault", ALARM) if TROUBLE in facts else Text("ok", GOOD)
+            console.print(Text.assemble(state, f"  {part}"))
+            print_facts(console, [(f"  {name}", text) for name, text in facts.items()])
+        for text in warnings:
+            print_text(console, Text.assemble(("warning: ", ALARM), text))
     if any(TROUBLE in facts for facts in checks.values()):
         raise SystemExit(EXIT_FAULT)

@@ -1,34 +1,25 @@
 """`impact-rig doctor`: what is installed, what is broken, how to repair it."""
 
-import contextlib
 import os
 import shutil
 import subprocess
 import sys
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from importlib import metadata, util
 from pathlib import Path
 
-import click
-from rich.console import Console
 from rich.text import Text
 
 from impact_rig.cli.libraries import LIBRARIES, Library
+from impact_rig.cli.output import print_json
 from impact_rig.core.errors import DeviceError
 from impact_rig.devices.drivers import HOLDERS, SOURCES, find_drivers
 from impact_rig.nodes.discovery import LEAST_SHARED_MEMORY, SHARED_MEMORY, reserve_domain
-from impact_rig.present.terminal.console import (
-    ALARM,
-    GOOD,
-    WARNING,
-    make_console,
-    print_facts,
-)
+from impact_rig.present.terminal.console import ALARM, GOOD, WARNING, make_console, print_facts
 from impact_rig.results.numbers import format_count
-from impact_rig.results.results_file import format_json
 
 
 class Status(Enum):
@@ -62,7 +53,7 @@ def check_library(library: Library) -> Finding:
         status = Status.FAULT if library.is_needed else Status.WARNING
         return Finding(library.name, "missing", status, library.advice)
     try:
-        return Finding(library.name, metadata.version(library.name.partition("[")[0]))
+        return Finding(library.name, metadata.version(library.name))
     except metadata.PackageNotFoundError:
         return Finding(library.name, "installed")
 
@@ -77,19 +68,24 @@ def check_ros() -> list[Finding]:
     return [found, *(Finding(name, os.environ.get(name, "unset")) for name in ROS_VARIABLES)]
 
 
-def check_conversation(timeout: float = PROBE_TIMEOUT) -> Finding:
-    """Exchange a message between two processes of this host, within `timeout` [s]."""
+def check_conversation() -> Finding:
+    """Exchange a message between two processes of this computer, in an unused domain."""
     name = "two processes"
     if util.find_spec("rclpy") is None:
         return Finding(name, "not tried: there is no rclpy", Status.FAULT, "install ROS 2 first")
     token = uuid.uuid4().hex
-    with _pick_environment() as environment:
+    with reserve_domain() as number:
+        environment = {
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            **os.environ,
+            "ROS_DOMAIN_ID": str(number),
+        }
         talker = _start_probe("talk", token, environment)
         listener = _start_probe("listen", token, environment)
         try:
-            output, errors = listener.communicate(timeout=timeout)
+            output, errors = listener.communicate(timeout=PROBE_TIMEOUT)
         except subprocess.TimeoutExpired:
-            text = f"no message arrived within {timeout:g} s"
+            text = f"no message arrived within {PROBE_TIMEOUT:g} s"
             advice = "look for a firewall on the loopback interface, and at the variables of ROS 2"
             return Finding(name, text, Status.FAULT, advice)
         finally:
@@ -111,17 +107,6 @@ def _start_probe(program: str, token: str, environment: dict[str, str]) -> subpr
         stderr=subprocess.PIPE,
         text=True,
     )
-
-
-@contextlib.contextmanager
-def _pick_environment() -> Iterator[dict[str, str]]:
-    """Yield the environment of a node, in an unused domain."""
-    environment = dict(os.environ)
-    environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    with contextlib.ExitStack() as stack:
-        with contextlib.suppress(ModuleNotFoundError):
-            environment["ROS_DOMAIN_ID"] = str(stack.enter_context(reserve_domain()))
-        yield environment
 
 
 def check_drivers() -> list[Finding]:
@@ -156,9 +141,9 @@ def check_shared_memory(folder: Path = SHARED_MEMORY) -> Finding:
     return Finding(name, text)
 
 
-def examine() -> list[Finding]:
-    """Run every check."""
-    return [
+def run(as_json: bool) -> None:
+    """Run the command; its options are declared in `commands.py`."""
+    findings = [
         Finding("Python", f"{sys.version.split()[0]} ({sys.executable})"),
         *map(check_library, LIBRARIES),
         *check_ros(),
@@ -167,22 +152,18 @@ def examine() -> list[Finding]:
         check_disk(Path.cwd()),
         check_shared_memory(),
     ]
-
-
-def run(as_json: bool) -> None:
-    """Run the command; its options are declared in `commands.py`."""
-    findings = examine()
-    is_healthy = all(finding.status is not Status.FAULT for finding in findings)
+    faults = sum(finding.status is Status.FAULT for finding in findings)
     if as_json:
         items = [{**vars(finding), "status": finding.status.value} for finding in findings]
-        click.echo(format_json({"healthy": is_healthy, "findings": items}), nl=False)
+        print_json({"healthy": not faults, "findings": items})
     else:
-        _print_findings(make_console(), findings)
-    if not is_healthy:
+        _print_findings(findings)
+    if faults:
         raise SystemExit(EXIT_FAULT)
 
 
-def _print_findings(console: Console, findings: Sequence[Finding]) -> None:
+def _print_findings(findings: Sequence[Finding]) -> None:
+    console = make_console()
     rows = []
     for item in findings:
         advice = f"\n{item.advice}" if item.advice else ""
@@ -190,7 +171,6 @@ def _print_findings(console: Console, findings: Sequence[Finding]) -> None:
         rows.append((status, item.name, Text.assemble(item.text, (advice, "bold"))))
     print_facts(console, rows)
     faults = sum(finding.status is Status.FAULT for finding in findings)
-    if faults:
-        console.print(f"{format_count(faults, 'fault')}: see above.")
-    else:
-        console.print("The rig can work.")
+    console.print(
+        f"{format_count(faults, 'fault')}: see above." if faults else "The rig can work."
+    )

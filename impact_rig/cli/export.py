@@ -12,7 +12,7 @@ from impact_rig.analysis.analyze import analyze
 from impact_rig.analysis.report_sources import find_run
 from impact_rig.cli.info import describe_hits
 from impact_rig.cli.options import refuse_given
-from impact_rig.cli.progress import show_progress
+from impact_rig.cli.output import show_progress
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits import find_label
 from impact_rig.present.terminal.console import print_warning
@@ -30,15 +30,13 @@ from impact_rig.results.results_table import format_results_table
 from impact_rig.simulators.contact import make_contact
 from impact_rig.simulators.engines import ENGINES, format_contact
 
-RESULTS_ONLY = ".json"
-RESULTS_SUFFIXES = (RESULTS_ONLY, ".csv")
-"""Formats of results."""
+RESULTS_SUFFIXES = (".json", ".csv")  # formats of results
+# Columns of text share their time, but hits and means do not.
 DEFAULT_PARTS = {".json": {"results"}, ".csv": {"hits"}}
-"""What is exported by default. Columns of text share their time, but hits and means do not."""
-OTHER_PARTS = {"hits", "means"}
+TRACES = {"hits", "means"}
 TRACE_OPTIONS = {"what", "hits", "accepted_only", "filtered", "suffix"}
-_AWKWARD = re.compile(r"[^\w.+-]+")
-"""Characters that are replaced in file names."""
+AWKWARD = re.compile(r"[^\w.+-]+")  # what is replaced in file names
+EXIT_DAMAGED = 1  # a sound copy was written of a recording that is not sound
 
 Group = tuple[str, tuple[MeasuredChannel, ...]]
 """Name and channels of one hit or mean."""
@@ -49,7 +47,7 @@ class ExportTask:
     """What to export: the command's options."""
 
     output: Path  # file, or folder of one file for each hit or mean
-    what: tuple[str, ...] = ()  # of hits, means and results; empty: as suits the format
+    what: str | None = None  # one of hits, means and results; None: as suits the format
     samples: tuple[str, ...] = ()  # empty: all
     hits: tuple[str, ...] = ()  # empty: all
     accepted_only: bool = False
@@ -57,15 +55,14 @@ class ExportTask:
     suffix: str | None = None  # of one file for each hit or mean
 
     def __post_init__(self) -> None:
-        """Refuse options that exclude each other."""
-        has_results = "results" in self.parts
-        formats = RESULTS_SUFFIXES if has_results else WRITABLE
-        if has_results and (len(self.parts) > 1 or self.suffix):
-            raise ParameterError("results and traces go into different files")
-        if self.kind not in formats:
+        """Refuse a format that does not suit what is exported."""
+        is_results = "results" in self.parts
+        kind = self.output.suffix.lower() if is_results else self.kind
+        formats = RESULTS_SUFFIXES if is_results else WRITABLE
+        if kind not in formats:
             raise ParameterError(
-                f"{'results' if has_results else 'traces'} are not written to"
-                f" {self.kind or 'files without a suffix'}: choose one of {', '.join(formats)}"
+                f"{'results' if is_results else 'traces'} are not written to"
+                f" {kind or 'files without a suffix'}: choose one of {', '.join(formats)}"
             )
 
     @property
@@ -74,10 +71,11 @@ class ExportTask:
         return f".{self.suffix.lstrip('.')}" if self.suffix else self.output.suffix.lower()
 
     @property
-    def parts(self) -> frozenset[str]:
+    def parts(self) -> set[str]:
         """What is exported."""
-        default = {"hits"} if self.hits else DEFAULT_PARTS.get(self.kind, OTHER_PARTS)
-        return frozenset(self.what or default)
+        if self.what:
+            return {self.what}
+        return {"hits"} if self.hits else DEFAULT_PARTS.get(self.kind, TRACES)
 
 
 def export_recording(path: Path, task: ExportTask) -> str:
@@ -175,7 +173,7 @@ def _select(results: Results, samples: Sequence[str]) -> Results:
 
 
 def _write_results(output: Path, results: Sequence[Results]) -> str:
-    if output.suffix.lower() == RESULTS_ONLY:
+    if output.suffix.lower() == ".json":
         contents = [results_to_json(item) for item in results]
         text = format_json(contents[0] if len(contents) == 1 else contents)
     else:
@@ -223,15 +221,11 @@ def _is_wanted(hit: ExportedHit, task: ExportTask) -> bool:
 
 def _make_names(names: Sequence[str], suffix: str) -> list[str]:
     """Return a file name for each name, all different."""
-    plain = [_AWKWARD.sub("_", name) for name in names]
+    plain = [AWKWARD.sub("_", name) for name in names]
     return [
         f"{name}{suffix}" if plain.count(name) == 1 else f"{name}_{number}{suffix}"
         for number, name in enumerate(plain, start=1)
     ]
-
-
-EXIT_DAMAGED = 1
-"""A sound copy was written of a recording that is not sound."""
 
 
 def save_sound_copy(path: Path, output: Path) -> None:

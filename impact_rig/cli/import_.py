@@ -11,8 +11,8 @@ from impact_rig.analysis.measured_files import (
     make_series,
 )
 from impact_rig.analysis.repeated_files import find_repeated_files
-from impact_rig.cli.each_file import raise_errors
 from impact_rig.cli.options import drop_missing
+from impact_rig.cli.output import raise_errors
 from impact_rig.configuration.import_file import read_import_template
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.core.session import Session

@@ -12,17 +12,23 @@ import click
 from rich.console import Console
 from rich.text import Text
 
-from impact_rig.cli.each_file import print_json, process_each, raise_errors
-from impact_rig.cli.progress import show_progress
+from impact_rig.cli.output import print_json, process_each, raise_errors, show_progress
 from impact_rig.core.errors import RigError
 from impact_rig.core.hits import describe_label
 from impact_rig.core.records import join_origins
 from impact_rig.core.sensors import Sensor
-from impact_rig.present.terminal.console import ALARM, GOOD, make_console, print_facts, print_table
+from impact_rig.present.terminal.console import (
+    ALARM,
+    GOOD,
+    make_console,
+    print_facts,
+    print_item,
+    print_table,
+)
 from impact_rig.recordings.contents import RECOVERY_RECORD, Contents, inspect_recording
 from impact_rig.recordings.hits import HitState
 from impact_rig.recordings.messages import setup_from_msg
-from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD
+from impact_rig.recordings.provenance import PROVENANCE_RECORD
 from impact_rig.recordings.recover import extract_attachments
 from impact_rig.recordings.source import find_recording, find_recordings
 from impact_rig.recordings.writer import HEALTH_RECORD
@@ -158,7 +164,6 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
             topic: {name: getattr(stream, name) for name in STREAM_FIGURES}
             for topic, stream in contents.streams.items()
         },
-        "rejections": _count_reasons(contents),
         "topics": [
             {**vars(topic), "rate_hz": topic.rate if math.isfinite(topic.rate) else None}
             for topic in contents.topics
@@ -175,16 +180,17 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
         },
         "sensors": [to_json(sensor) for sensor in read_sensors(contents)],
         "versions": read_versions(contents),
-        "health": read_fields(contents, HEALTH_RECORD),
-        "recovery": read_fields(contents, RECOVERY_RECORD),
-        "parameters": read_fields(contents, PARAMETERS_RECORD),
+        "metadata": {record.name: record.fields for record in contents.metadata},
         "notes": [vars(note) for note in contents.notes],
         "attachments": [vars(item) for item in contents.attachments],
     }
 
 
 def _list_facts(contents: Contents) -> list[tuple[str, str]]:
-    facts = [("recording", _describe_file(contents))]
+    scan = contents.scan
+    chunks = f"{format_count(scan.chunks, 'chunk')} ({', '.join(scan.compressions) or 'none'})"
+    by = f", by {scan.library}" if scan.library else ""
+    facts = [("recording", f"{scan.path}, {scan.size / 1e6:.4g} MB, {chunks}{by}")]
     if contents.messages:
         duration = (contents.end_time - contents.start_time) * 1e-9
         facts.append(("when", f"{format_time(contents.start_time)}, {duration:.1f} s"))
@@ -206,9 +212,6 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
         facts.append(("ended", reason))
     if versions := read_versions(contents):
         facts.append(("versions", ", ".join(f"{name} {text}" for name, text in versions.items())))
-    if parameters := read_fields(contents, PARAMETERS_RECORD):
-        number = sum(len(text.splitlines()) for text in parameters.values())
-        facts.append(("parameters", f"{number} of {len(parameters)} nodes (--json)"))
     facts += [
         ("attachment", f"{item.name}, {item.media_type}, {item.size} byte (--extract FOLDER)")
         for item in contents.attachments
@@ -218,56 +221,35 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
     return facts + [("note", f"{format_time(note.time)}: {note.text}") for note in contents.notes]
 
 
-def _describe_file(contents: Contents) -> str:
-    kinds = ", ".join(contents.scan.compressions) or "none"
-    parts = [
-        str(contents.scan.path),
-        f"{contents.scan.size / 1e6:.4g} MB",
-        f"{format_count(contents.scan.chunks, 'chunk')} ({kinds})",
-    ]
-    if contents.scan.library:
-        parts.append(f"by {contents.scan.library}")
-    return ", ".join(parts)
-
-
 def _print_samples(console: Console, contents: Contents) -> None:
     hits = [(hit.label.sample, hit) for hit in contents.hits if hit.label is not None]
     names = list(dict.fromkeys(name for name, _ in hits))
     if not names:
         return
     verdicts = Counter((name, hit.is_accepted) for name, hit in hits)
-    reasons = _count_reasons(contents).most_common()
-    reasons_given = ", ".join(f"{reason} ({number})" for reason, number in reasons)
+    # A hit may have several reasons.
+    reasons = Counter(
+        reason.partition(":")[0] for hit in contents.hits for reason in hit.rejections
+    )
+    given = ", ".join(f"{reason} ({number})" for reason, number in reasons.most_common())
     columns = [
         make_text_column("Sample", names),
         Column("Hits", [str(sum(item == name for item, _ in hits)) for name in names]),
         Column("Accepted", [str(verdicts[name, True]) for name in names]),
         Column("Rejected", [str(verdicts[name, False]) for name in names]),
     ]
-    notes = [f"Rejected for {reasons_given}."] if reasons_given else []
+    notes = [f"Rejected for {given}."] if given else []
     marked = [place for place, name in enumerate(names) if verdicts[name, False]]
     print_table(console, make_table(f"Samples: {len(names)}", columns, notes, marked))
 
 
-def _count_reasons(contents: Contents) -> Counter[str]:
-    """Return how often each reason for rejection was given; a hit may have several."""
-    return Counter(reason.partition(":")[0] for hit in contents.hits for reason in hit.rejections)
-
-
 def _print_incomplete_hits(console: Console, contents: Contents) -> None:
     hits = [hit for hit in contents.hits if hit.state is not HitState.SAVED]
-    if not hits:
-        return
-    shown = hits[:MOST_HITS]
-    names = [describe_label(hit.label) if hit.label else str(hit.record) for hit in shown]
-    columns = [
-        make_text_column("Hit", names),
-        make_text_column("State", [hit.state.value for hit in shown]),
-        make_text_column("Why", [hit.reason for hit in shown]),
-    ]
-    left = len(hits) - len(shown)
-    notes = [f"And {left} more: --json names them all."] if left else []
-    print_table(console, make_table(f"Hits damaged or lost: {len(hits)}", columns, notes))
+    for hit in hits[:MOST_HITS]:
+        name = describe_label(hit.label) if hit.label else f"record {hit.record}"
+        print_item(console, f"{name}: {hit.state.value}, {hit.reason}")
+    if len(hits) > MOST_HITS:
+        print_item(console, f"and {len(hits) - MOST_HITS} more, all named by --json")
 
 
 def _print_topics(console: Console, contents: Contents) -> None:
@@ -301,9 +283,10 @@ def run(files: tuple[Path, ...], extract: Path | None, as_json: bool) -> None:
     named, errors = process_each(files, find_recordings)
     parts = [part for run in named for part in run]
     found, unreadable = process_each(parts, process)
-    if as_json:
+    if as_json and found:
         is_list = len(files) > 1 or len(parts) > 1
-        print_json([contents_to_json(contents) for contents in found], is_list=is_list)
+        listed = [contents_to_json(contents) for contents in found]
+        print_json(listed if is_list else listed[0])
     raise_errors([*errors, *unreadable])
     if not all(contents.is_sound for contents in found):
         raise SystemExit(EXIT_DAMAGED)

@@ -10,11 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from impact_rig.configuration.processes import (
-    RECORDING_NAME,
-    REPORT_NAME,
-    make_network_variables,
-)
+from impact_rig.configuration.processes import make_network_variables
 from impact_rig.configuration.units import parse_quantity
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.sensors import UNITS
@@ -89,13 +85,23 @@ def _combine(*options: Decorator) -> Decorator:
 FILE = click.Path(path_type=Path)
 FOLDER = click.Path(path_type=Path, file_okay=False)
 
-rig_file_option = click.option(
-    "--rig-file", type=FILE, help="Masses, samples and settings, in TOML. [the paper's rig]"
-)
+
+def make_output_option(text: str, metavar: str = "FILE", *, required: bool = False) -> Decorator:
+    """Return the option that says where a command writes."""
+    return click.option("-o", "--output", type=FILE, metavar=metavar, required=required, help=text)
+
 
 PLANTS = [plant.value for plant in Plant]
 FAULTS = ", ".join(fault.value for fault in Fault)
-virtual_rig_options = _combine(
+SOURCE_KEYS = ("plant", "seed", "fault_probability")
+"""Of the virtual rig's options; they are keys of the rig file's table [source]."""
+notes_option = click.option(
+    "--notes", default="", metavar="TEXT", help="Words to keep in the recording."
+)
+nodes_options = _combine(
+    click.option(
+        "--rig-file", type=FILE, help="Masses, samples and settings, in TOML. [the paper's rig]"
+    ),
     click.option(
         "--plant",
         type=click.Choice(PLANTS),
@@ -105,15 +111,10 @@ virtual_rig_options = _combine(
     click.option("--seed", type=click.IntRange(0), help="The same seed gives the same hits. [1]"),
     click.option(
         "--faults",
+        "fault_probability",
         type=click.FloatRange(0.0, 1.0),
         help=f"Probability of each fault, for each hit: {FAULTS}.",
     ),
-)
-
-notes_option = click.option(
-    "--notes", default="", metavar="TEXT", help="Words to keep in the recording."
-)
-recording_options = _combine(
     click.option(
         "--continuous",
         is_flag=True,
@@ -123,13 +124,17 @@ recording_options = _combine(
         "--record-stream", is_flag=True, help="With --continuous: record all of the stream."
     ),
     notes_option,
+    make_output_option("Folder for recording, view and results. [runs/<time>]", "FOLDER"),
     click.option(
-        "-o",
-        "--output",
-        type=FOLDER,
-        help="Folder for recording, view and results. [runs/<time>]",
+        "--viewer",
+        "viewers",
+        multiple=True,
+        metavar="spawn|web|ADDRESS",
+        help="Show it live, too: in a window, on a web page, in the Rerun viewer at"
+        " rerun+http://HOST:9876/proxy; repeatable.",
     ),
 )
+"""Of the commands that start the nodes of a rig."""
 resume_option = click.option(
     "--resume",
     type=click.Path(path_type=Path, file_okay=False, exists=True),
@@ -156,65 +161,23 @@ campaign_options = _combine(
         metavar="DEGREES,...",
         help="Strike every sample from each of these release angles. [as in the rig file]",
     ),
-    click.option(
-        "--keep",
-        type=click.IntRange(0),
-        default=0,
-        metavar="N",
-        help="Average the N most consistent hits of a sample. [as in the rig file; else all]",
-    ),
 )
 
-
-def check_keep(keep: int, impacts: int) -> None:
-    """Raise `ParameterError` if --keep exceeds --impacts."""
-    if keep > impacts:
-        raise ParameterError(f"--keep {keep} is more than --impacts {impacts}: strike more hits")
-
-
-namespace_option = click.option("--namespace", default="", help="ROS namespace of the rig. [none]")
 files_argument = click.argument(
     "files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)
 )
-full_option = click.option(
-    "--full", "is_full", is_flag=True, help="Print every table and remark. [one screen]"
-)
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
-
-
-viewer_option = click.option(
-    "--viewer",
-    multiple=True,
-    metavar="spawn|web|ADDRESS",
-    help="Show it live, too: in a window, on a web page, in the Rerun viewer at"
-    " rerun+http://HOST:9876/proxy; repeatable.",
+results_options = _combine(
+    click.option(
+        "--full", "is_full", is_flag=True, help="Print every table and remark. [one screen]"
+    ),
+    json_option,
 )
-
-
-network_option = click.option(
-    "--network",
-    is_flag=True,
-    help="Find the rig's nodes on other hosts too. [on this one]",
+rig_options = _combine(
+    click.option("--namespace", default="", help="ROS namespace of the rig. [none]"),
+    click.option("--network", is_flag=True, help="Find nodes on other computers, too. [here]"),
 )
-
-
-def print_places(**places: Path | None) -> None:
-    """Print on standard error where the files lie, and how to make a report."""
-    for name, path in places.items():
-        if path is not None:
-            click.echo(f"{name + ':':10} {shorten_path(path)}", err=True)
-    source = places.get("recording") or places.get("results")
-    if source is not None:
-        report = source.parent / REPORT_NAME
-        run = source.parent if source.name == RECORDING_NAME else source
-        command = f"impact-rig report {shorten_path(run)}"
-        click.echo(f"report:    {shorten_path(report) if report.exists() else command}", err=True)
-
-
-def shorten_path(path: Path) -> Path:
-    """Return a path relative to the working folder if it lies in it."""
-    here = Path.cwd()
-    return path.relative_to(here) if path.is_relative_to(here) else path
+"""Of the commands that find a rig."""
 
 
 def load_rig(path: Path | None) -> "RigFile":

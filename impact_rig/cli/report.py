@@ -12,7 +12,7 @@ from impact_rig.cli.info import (
     read_fields,
     read_versions,
 )
-from impact_rig.cli.progress import show_progress
+from impact_rig.cli.output import show_progress
 from impact_rig.configuration.processes import REPORT_NAME
 from impact_rig.core.errors import FileError
 from impact_rig.present.report.page import render_page

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from queue import SimpleQueue
 from typing import IO
 
@@ -44,10 +44,13 @@ class RunningNodes:
     ----------
     output : IO of str
         Gets each line of a node, with time and node in front.
+    on_line : callable, optional
+        Gets each line, too.
     """
 
-    def __init__(self, output: IO[str]) -> None:
+    def __init__(self, output: IO[str], on_line: Callable[[str], None] = lambda _: None) -> None:
         self._output = output
+        self._on_line = on_line
         self._nodes: dict[str, subprocess.Popen[bytes]] = {}  # those that have not ended
         self._colours: dict[str, str] = {}
         # A node's name with a line, or with b"" at its end; without a name: a request to stop.
@@ -79,6 +82,7 @@ class RunningNodes:
                 if line:
                     text = line.decode(errors="replace").rstrip("\n")
                     self._print(name, text)
+                    self._on_line(text)
                     if name in starting and ACTIVE in text:
                         starting.remove(name)
                         if not starting:

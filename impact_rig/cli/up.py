@@ -4,17 +4,20 @@ import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
 from impact_rig.cli import options
 from impact_rig.cli.running_nodes import RunningNodes
-from impact_rig.configuration import run as run_folder
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     RECORDING_NAME,
+    SOURCE,
     choose_run_folder,
     list_rig_processes,
+    make_run_folder,
+    parse_parameters,
 )
 from impact_rig.configuration.rig_file import RigFile, read_template
 from impact_rig.core.errors import RigError
@@ -23,49 +26,31 @@ from impact_rig.devices.drivers import VIRTUAL, read_driver_name
 
 def run(
     rig_file: Path | None,
-    plant: str | None,
-    seed: int | None,
-    faults: float | None,
-    continuous: bool,
     output: Path | None,
     resume: Path | None,
-    record_stream: bool,
-    notes: str,
     network: bool,
     namespace: str,
-    visualizer: bool,
-    viewer: tuple[str, ...],
     only: tuple[str, ...],
     settings: tuple[str, ...],
     template: bool,
+    **chosen: Any,
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
     if template:
         click.echo(read_template(), nl=False)
         return
     rig = options.load_rig(rig_file)
-    overrides = run_folder.parse_settings(settings)
-    source = run_folder.make_virtual_source(plant=plant, seed=seed, faults=faults)
-    source |= overrides.pop(run_folder.SOURCE, {})
+    overrides = parse_parameters(settings)
+    source = {**{key: chosen.pop(key) for key in options.SOURCE_KEYS}, **overrides.pop(SOURCE, {})}
     folder = resume or choose_run_folder(output)
     options.set_discovery(network=network)
     processes = list_rig_processes(
-        folder.resolve(),
-        rig_file=str(rig_file.resolve()) if rig_file else "",
-        source=source,
-        swing=rig.hammer,
-        continuous=continuous,
-        record_stream=record_stream,
-        notes=notes,
-        visualize=visualizer,
-        viewers=viewer,
-        overrides=overrides,
-        only=only,
+        folder.resolve(), rig=rig, source=source, overrides=overrides, only=only, **chosen
     )
     check_free(join_names(namespace, (process.name for process in processes)))
     is_written = any("output" in process.parameters for process in processes)
     if is_written and resume is None:
-        run_folder.make_run_folder(folder)
+        make_run_folder(folder)
     is_recorded = any(process.name == "recorder" for process in processes)
     recorded = folder / RECORDING_NAME if is_recorded else None
     nodes = RunningNodes(sys.stdout)

@@ -2,14 +2,19 @@
 
 import json
 import os
+import shlex
+import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.errors import FileError, ParameterError
+
+if TYPE_CHECKING:
+    from impact_rig.configuration.rig_file import RigFile
 
 NETWORK = "IMPACT_RIG_NETWORK"
 """1: find nodes on other computers. Otherwise everything stays on 127.0.0.1."""
@@ -98,9 +103,8 @@ class NodeProcess:
 def list_rig_processes(
     output: Path | str,
     *,
-    rig_file: str = "",
+    rig: "RigFile | None" = None,
     source: Mapping[str, Any] | None = None,
-    swing: Mapping[str, Any] | None = None,
     continuous: bool = False,
     record_stream: bool = False,
     notes: str = "",
@@ -117,12 +121,10 @@ def list_rig_processes(
     ----------
     output : Path or str
         Folder of the run; recording and view go there.
-    rig_file : str
-        Path of the rig file; empty: the paper's rig.
+    rig : RigFile, optional
+        Without it, the paper's rig.
     source : mapping, optional
-        What goes before the rig file's table [source], by keys of that table: seed ...
-    swing : mapping, optional
-        Parameters of the hammer that the rig file gives: swing_time ...
+        Keys that replace those of the rig file's table [source]: seed ...; None is left out.
     continuous : bool
         Whether the accelerometers stream all the time, and not only each hit.
     record_stream : bool
@@ -151,11 +153,12 @@ def list_rig_processes(
     """
     further = overrides or {}
     folder = Path(output)
-    described = {"rig_file": str(rig_file)} if rig_file else {}
-    hammer: dict[str, Any] = {**described, **(swing or {})}
+    path = str(rig.path) if rig and rig.path else ""
+    described = {"rig_file": path} if path else {}
+    hammer: dict[str, Any] = {**described, **(rig.hammer if rig else {})}
     accelerometer: dict[str, Any] = dict(described)
-    if source:
-        accelerometer["source"] = format_source(source)
+    if text := format_source(source or {}):
+        accelerometer["source"] = text
     if continuous:
         accelerometer["mode"] = CONTINUOUS
     given = {**accelerometer, **further.get("accelerometer", {})}
@@ -169,7 +172,7 @@ def list_rig_processes(
         NodeProcess("estimator"),
         NodeProcess("campaign", described),
     ]
-    content = {"notes": notes, "attachments": str(rig_file), "record_stream": record_stream}
+    content = {"notes": notes, "attachments": path, "record_stream": record_stream}
     given = {name: value for name, value in content.items() if value}
     processes.append(NodeProcess("recorder", {"output": str(folder / RECORDING_NAME), **given}))
     if visualize:
@@ -188,10 +191,12 @@ def list_rig_processes(
 def format_source(source: Mapping[str, Any]) -> str:
     """Return keys of the table [source] as the accelerometers' parameter `source`, which is TOML.
 
-    Texts, numbers, true and false, and lists of them are written in TOML as in JSON.
+    TOML writes texts, numbers, booleans and lists of them as JSON does. None is left out.
     """
     return "\n".join(
-        f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in source.items()
+        f"{key} = {json.dumps(value, ensure_ascii=False)}"
+        for key, value in source.items()
+        if value is not None
     )
 
 
@@ -221,14 +226,12 @@ def make_viewer_parameters(viewers: Sequence[str]) -> dict[str, Any]:
     for viewer in viewers:
         if viewer in (WINDOW, PAGE):
             parameters[viewer] = True
-        elif not viewer.startswith("rerun"):
+        elif viewer.startswith("rerun") and parameters.get("connect", viewer) == viewer:
+            parameters["connect"] = viewer
+        else:
             raise ParameterError(
-                f"viewer is {viewer!r}: it must be {WINDOW}, {PAGE}, or an address such as"
+                f"viewer is {viewer!r}: it must be {WINDOW}, {PAGE}, or one address such as"
                 " rerun+http://HOST:9876/proxy"
-            )
-        elif parameters.setdefault("connect", viewer) != viewer:
-            raise ParameterError(
-                f"two viewers elsewhere, {parameters['connect']} and {viewer}: name one of them"
             )
     return parameters
 
@@ -237,3 +240,93 @@ def choose_run_folder(output: Path | None = None) -> Path:
     """Return the given folder of a run, or ``runs/<time>``."""
     now = datetime.now().astimezone()
     return output or Path("runs") / now.strftime("%Y-%m-%dT%H-%M-%S")
+
+
+SOURCE = "source"
+"""Name of the rig file's table [source] in settings."""
+
+
+def parse_parameters(settings: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Read ``NODE.PARAMETER=VALUE`` texts into parameters by node.
+
+    ``source.KEY=VALUE`` is a key of the rig file's table [source].
+
+    Raises
+    ------
+    ParameterError
+        If a text has another form, or the rig has no such node.
+    """
+    nodes = [process.name for process in list_rig_processes("")]
+    known = [*nodes, SOURCE]
+    parsed: dict[str, dict[str, Any]] = {}
+    for text in settings:
+        place, equals, value = text.partition("=")
+        node, dot, parameter = place.partition(".")
+        if not (equals and dot and parameter):
+            raise ParameterError(
+                f"--set {text!r}: write NODE.PARAMETER=VALUE, for example hammer.swing_time=0.3"
+            )
+        if node not in known:
+            raise ParameterError(f"--set {text!r}: the rig has no node {node!r}, it has {nodes}")
+        try:
+            parsed.setdefault(node, {})[parameter] = json.loads(value)
+        except json.JSONDecodeError:
+            parsed.setdefault(node, {})[parameter] = value
+    return parsed
+
+
+def parse_number(name: str, text: str, kind: Callable[[str], float | int]) -> Any:
+    """Return a launch argument as a number; None if it is empty."""
+    try:
+        return kind(text) if text else None
+    except ValueError:
+        wanted = "a whole number" if kind is int else "a number"
+        raise ParameterError(f"{name}:={text}: it must be {wanted}") from None
+
+
+def choose_view(wanted: str, executable: Path) -> bool:
+    """Return whether to start the visualizer: as wanted, or where it can show anything.
+
+    Parameters
+    ----------
+    wanted : str
+        `true`, `false`, or `auto`: where rerun-sdk is installed.
+    executable : Path
+        The visualizer's; it begins with the Python that runs it, which may be another than this.
+
+    Raises
+    ------
+    FileError
+        If it is wanted, and that Python has no rerun-sdk.
+    """
+    if wanted == "false":
+        return False
+    python = executable.read_text("utf-8").splitlines()[0].removeprefix("#!")
+    search = "import importlib.util, sys; sys.exit(importlib.util.find_spec('rerun') is None)"
+    has_rerun = subprocess.run([*shlex.split(python), "-c", search], check=False).returncode == 0
+    if wanted == "true" and not has_rerun:
+        raise FileError(f"visualizer:=true: rerun-sdk is not installed for {python}")
+    return has_rerun
+
+
+def make_run_folder(output: Path | None) -> Path:
+    """Make the folder of a run, and refuse one that already holds a run.
+
+    Raises
+    ------
+    FileError
+        If the folder holds a run, or cannot be made or written.
+    """
+    folder = choose_run_folder(output)
+    for name in (RECORDING_NAME, VIEW_NAME, RESULTS_NAME):
+        if (folder / name).exists():
+            raise FileError(
+                f"the folder {folder} already holds a run ({name}): choose another output folder"
+            )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"the folder {folder} cannot be made: {error.strerror}") from None
+    if not os.access(folder, os.W_OK):
+        raise FileError(f"the folder {folder} cannot be written: choose another output folder")
+    return folder

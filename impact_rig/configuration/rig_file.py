@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from importlib import resources
 from pathlib import Path
@@ -38,6 +38,7 @@ ANALYSIS_QUANTITIES = {
 }
 """Settings that have a unit; the others are plain numbers."""
 WHOLE_SETTINGS = ("overload_run", "keep_hits")
+LARGEST_WHOLE = 1_000_000  # more hits or points than a campaign has
 
 
 def parse_settings(document: TomlTable) -> dict[str, Any]:
@@ -56,17 +57,13 @@ def parse_settings(document: TomlTable) -> dict[str, Any]:
     table = document.take_table("analysis")
     table.check_keys(*list_stored(AnalysisSettings))
     values: dict[str, Any] = {}
-    for key, value in table.items():
+    for key in table:
         if key in ANALYSIS_QUANTITIES:
             values[key] = table.take_quantity(key, *ANALYSIS_QUANTITIES[key])
-        elif isinstance(value, bool) or not isinstance(value, int | float):
-            raise table.refuse(key, "a plain number")
-        elif key not in WHOLE_SETTINGS:
-            values[key] = float(value)
-        elif not isinstance(value, int):
-            raise table.refuse(key, "whole")
+        elif key in WHOLE_SETTINGS:
+            values[key] = table.take_whole(key, 0, LARGEST_WHOLE)
         else:
-            values[key] = value
+            values[key] = table.take_number(key)
     return values
 
 
@@ -183,6 +180,7 @@ class RigFile:
     """The content of a rig file."""
 
     setup: RigSetup
+    path: Path | None = None  # None: the paper's rig
     release_angles: tuple[float, ...] = ()  # [rad], for every sample; empty: the set-up's own
     hammer: Mapping[str, Any] = field(default_factory=dict)  # parameters of the hammer node
     # For the drivers; empty: the virtual rig.
@@ -204,7 +202,7 @@ def read_rig_file(path: Path) -> RigFile:
         If it does not exist, is not TOML, or has a wrong value; the message names file, line,
         place and value.
     """
-    return read_toml_file(path, "rig file", parse_rig_file)
+    return replace(read_toml_file(path, "rig file", parse_rig_file), path=path.resolve())
 
 
 def load_rig_file(path: Path | str | None) -> RigFile:

@@ -4,6 +4,7 @@ import contextlib
 import datetime as dt
 import difflib
 import math
+import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -38,7 +39,7 @@ KeyPath = tuple[str | int, ...]
 
 
 def find_lines(text: str) -> dict[KeyPath, int]:
-    """Return on which line of a TOML text each table and key begins, counted from 1.
+    """Return the line on which each table and each of its keys begins, counted from 1.
 
     Parameters
     ----------
@@ -54,8 +55,8 @@ def find_lines(text: str) -> dict[KeyPath, int]:
             table = _follow_header(values, newest)
             lines.setdefault(table, line)
         else:
-            for path in _list_paths(values):
-                lines.setdefault((*table, *path), line)
+            for key in values:
+                lines.setdefault((*table, key), line)
     return lines
 
 
@@ -95,18 +96,9 @@ def _follow_header(values: Mapping[str, Any], newest: dict[KeyPath, int]) -> Key
     return path
 
 
-def _list_paths(value: Any) -> Iterator[KeyPath]:
-    """Yield the path of everything below a value."""
-    if not isinstance(value, dict | list):
-        return
-    for key, item in value.items() if isinstance(value, dict) else enumerate(value):
-        yield (key,)
-        for path in _list_paths(item):
-            yield (key, *path)
-
-
 REQUIRED: Any = object()
 """Default of a key that must be there."""
+LARGEST = sys.float_info.max  # a whole number of TOML may be larger
 
 
 class TomlTable(Mapping[str, Any]):
@@ -232,15 +224,15 @@ class TomlTable(Mapping[str, Any]):
     def take_number(
         self,
         key: str,
-        low: float = -math.inf,
-        high: float = math.inf,
+        low: float = -LARGEST,
+        high: float = LARGEST,
         default: float = REQUIRED,
     ) -> float:
         """Return a plain number between two others; raises `ParameterError`."""
         value = self._take(key, default, "1.0")
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         if not is_number or not low <= value <= high:
-            limits = "" if math.isinf(high) else f" between {low:g} and {high:g}"
+            limits = "" if high == LARGEST else f" between {low:g} and {high:g}"
             raise self.refuse(key, f"a plain number{limits}")
         return float(value)
 
@@ -339,21 +331,10 @@ def _describe_range(low: float, high: float, unit: str) -> str:
     return f"{high:g} {unit} or less" if math.isfinite(high) else f"a finite number of {unit}"
 
 
-def _check_whole(value: Any) -> None:
-    """Require whole numbers of 64 bits, as TOML does; raises `ValueError`."""
-    if isinstance(value, int) and not -(2**63) <= value < 2**63:
-        raise ValueError(f"a whole number has {value.bit_length()} bits: it may have 64")
-    for item in (
-        value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    ):
-        _check_whole(item)
-
-
 def parse_toml_table(text: str) -> TomlTable:
     """Read the text of a TOML file; raises `ParameterError` if it is not TOML."""
     try:
         values = tomllib.loads(text)
-        _check_whole(values)
         lines = find_lines(text)
     except ValueError as error:
         raise ParameterError(f"this is not TOML: {error}") from None

@@ -1,12 +1,11 @@
 """Every table of results, once: terminal, report and Rerun set the same tables."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any
 
-from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import ShapeFit
 from impact_rig.core.pulses import HALF_SINE, HERTZ, VERSED_SINE
@@ -497,33 +496,6 @@ def tabulate_speed_exponents(
         f" if that is more. {ALL_SAMPLES}: with a constant for each sample."
     )
     return [make_table(caption, columns, [note])]
-
-
-def tabulate_true_contacts(
-    samples: Sequence[SampleEstimate], truths: Mapping[str, ContactLaw]
-) -> Table:
-    """Return law and paper's method beside the truth, by sample, where that is known."""
-    laws = [sample.contact_law for sample in samples]
-    true = [truths[sample.name] for sample in samples]
-    columns = [
-        make_text_column("Sample", [sample.name for sample in samples]),
-        read_column("τ, true [µs]", true, "duration.value", 2),
-        read_column("τ, law [µs]", laws, "duration", 2),
-        read_column("τp, paper [µs]", samples, "contact_time", 2),
-        read_column("n, true", true, "exponent.value", 3),
-        read_column("n, law", laws, "exponent", 3),
-        read_column("e, true", true, "restitution.value", 4),
-        read_column("e, law", laws, "restitution", 4),
-        read_column("v, true [cm/s]", true, "impact_speed.value", 3),
-        read_column("v, law [cm/s]", laws, "impact_speed", 3),
-        read_column("k, true [MN/m]", true, "equivalent_stiffness.value", 2),
-        read_column("k_eq, paper [MN/m]", samples, "equivalent_stiffness", 2),
-    ]
-    note = (
-        "True: what the virtual rig struck with, at the mean of its hits' scatter; k: of a linear"
-        " spring in contact as long."
-    )
-    return make_table("Contact law against the truth", columns, [note])
 
 
 def tabulate_free_decays(samples: Sequence[SampleEstimate]) -> list[Table]:

@@ -87,9 +87,7 @@ def test_the_numbers_are_those_of_the_virtual_rig_struck_in_one_process(demo, re
     )
 
 
-def test_a_contact_law_stands_beside_the_truth_at_every_angle_whatever_a_viewer_does(
-    tmp_path, run, viewer
-):
+def test_contact_laws_are_found_at_every_angle_whatever_a_viewer_does(tmp_path, run, viewer):
     process = start_demo(
         "--plant", "contact", *CHOSEN, "--angles", "3.7,10", "--impacts", 2,
         "--seed", 7, "--output", "run", "--notes", "bench 3", "--full",
@@ -120,10 +118,7 @@ def test_a_contact_law_stands_beside_the_truth_at_every_angle_whatever_a_viewer_
 
 
 def check_contact_law(output, results):
-    tables, truth = output.split("Contact law against the truth")
-    assert "τp, paper" in truth
-    assert "Contact over impact speed" in tables
-    assert "Contact over impact speed, the truth" in truth
+    assert "Contact over impact speed" in output
     samples = {sample["name"]: sample for sample in results["samples"]}
     bodies, angles = ("aluminium large", "steel small"), ("3.7°", "10°")
     assert list(samples) == [f"{body} {angle}" for body in bodies for angle in angles]
@@ -131,7 +126,6 @@ def check_contact_law(output, results):
     # The paper's angle gives the paper's speed, for which the materials' restitution is stated.
     for name, restitution in (("aluminium large 3.7°", 0.90), ("steel small 3.7°", 0.95)):
         assert abs(samples[name]["contact_law"]["restitution"] - restitution) < 0.005
-        assert f"{restitution:.4f}" in truth
     exponents = {item["sample"]: item for item in results["speed_exponents"]}
     assert list(exponents) == ["aluminium large", "steel small", "all"]
     # Hertz, drawn out by a loss that grows with the speed.

@@ -144,8 +144,9 @@ def write_rig(folder, text=RIG):
 def test_one_driver_is_shown_with_a_table_to_copy(run):
     outcome = run("devices", "good")
     assert outcome.exit_code == 0
-    assert "good, a source of bench-drivers" in outcome.stdout
-    assert "found: here  digitizer 3000" in outcome.stdout
+    text = " ".join(outcome.stdout.split())
+    assert "good source a digitizer of somebody else ready" in text
+    assert "good holder here digitizer 3000" in text
     assert '[source]\ndriver = "good"\nport = 7   # its own key\n' in outcome.stdout
 
 

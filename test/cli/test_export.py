@@ -146,10 +146,8 @@ def test_several_campaigns_are_told_apart(run, record, tmp_path):
         (["-o", "x.xyz"], "traces are not written to .xyz"),
         (["-o", "x.mat", "--what", "results"], "results are not written to .mat: choose one of"),
         (["-o", "x.json", "--what", "hits"], "traces are not written to .json"),
-        (["-o", "x.csv", "--what", "hits", "--what", "results"], "go into different files"),
         (["-o", "x.csv", "--sample", "tin"], "there is no hit on 'tin'"),
         (["-o", "x.csv", "--hit", "999"], "there is no hit '999'"),
-        (["-o", "x.csv", "--what", "hits", "--what", "means"], "or one file for each"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_meant_gets_one_sentence_and_leaves_nothing(

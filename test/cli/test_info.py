@@ -93,7 +93,7 @@ def test_what_a_recorder_noted_is_shown(run, tmp_path):
         assert words in text
     content = json.loads(run("info", path, "--json").stdout)
     assert [note["text"] for note in content["notes"]] == ["hello"] * 5
-    assert content["parameters"] == {"/hammer": "swing_time: 0.25\n"}
+    assert content["metadata"]["impact_rig/parameters"] == {"/hammer": "swing_time: 0.25\n"}
 
 
 def test_attachments_are_extracted_and_lead_nowhere_else(run, tmp_path):

@@ -11,7 +11,7 @@ ERASE_LINE = "\x1b[2K"
 
 PROGRAM = """
 import sys, time
-from impact_rig.cli.progress import show_progress
+from impact_rig.cli.output import show_progress
 from impact_rig.present.terminal.console import make_console
 
 with show_progress() as follow:

@@ -1,6 +1,8 @@
 """One list says which processes make a rig, for `up` and for ROS 2's launch."""
 
+import sys
 from datetime import UTC, datetime
+from pathlib import Path
 
 import pytest
 
@@ -10,11 +12,14 @@ from impact_rig.configuration.processes import (
     PROFILES,
     TRANSPORTS,
     choose_run_folder,
+    choose_view,
     list_rig_processes,
     make_network_variables,
     make_viewer_parameters,
 )
-from impact_rig.core.errors import ParameterError
+from impact_rig.configuration.rig_file import RigFile
+from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.setup import PAPER_SETUP
 
 LARGE_SOCKETS = "DEFAULT?sockets_size=4000000B"
 
@@ -41,6 +46,7 @@ def test_between_computers_sockets_hold_a_block_unless_the_environment_decides(
     assert make_network_variables(environment, network=True) == {NETWORK: "1", **expected}
 
 
+MINE = RigFile(PAPER_SETUP, path=Path("my.toml"), hammer={"swing_time": 0.3})
 ADDRESS = "rerun+http://desk:9876/proxy"
 
 
@@ -49,9 +55,7 @@ def by_name(**options):
 
 
 def test_a_whole_rig_records_and_shows_into_its_folder():
-    nodes = by_name(
-        rig_file="my.toml", source={"seed": 3, "plant": "dynamics"}, swing={"swing_time": 0.3}
-    )
+    nodes = by_name(rig=MINE, source={"seed": 3, "plant": "dynamics", "fault_probability": None})
     assert nodes == {
         "hammer": {"rig_file": "my.toml", "swing_time": 0.3},
         "accelerometer": {"rig_file": "my.toml", "source": 'seed = 3\nplant = "dynamics"'},
@@ -73,9 +77,9 @@ def test_a_running_stream_is_recorded_where_there_is_one():
 
 
 def test_two_computers_share_the_nodes_of_one_rig():
-    whole = by_name(continuous=True, rig_file="my.toml", viewers=("web",))
+    whole = by_name(continuous=True, rig=MINE, viewers=("web",))
     at_the_devices, elsewhere = (
-        by_name(continuous=True, rig_file="my.toml", viewers=("web",), only=only)
+        by_name(continuous=True, rig=MINE, viewers=("web",), only=only)
         for only in (
             ("hammer", "accelerometer"),
             ("visualizer", "campaign", "estimator", "recorder"),
@@ -109,9 +113,13 @@ def test_viewers_stand_beside_the_file():
 @pytest.mark.parametrize(
     ("viewers", "visualize", "expected"),
     [
-        (("browser",), True, r"viewer is 'browser': it must be spawn, web, or an address"),
+        (("browser",), True, r"viewer is 'browser': it must be spawn, web, or one address"),
         (("http://desk/",), True, r"viewer is 'http://desk/'"),
-        ((ADDRESS, "rerun+http://lab/proxy"), True, r"two viewers elsewhere"),
+        (
+            (ADDRESS, "rerun+http://lab/proxy"),
+            True,
+            r"viewer is 'rerun\+http://lab/proxy': .* or one address",
+        ),
         (("web",), False, "needs the visualizer"),
     ],
 )
@@ -138,3 +146,35 @@ def test_a_run_is_recorded_as_it_is_asked_for():
         "output": "out/session.mcap",
         "notes": "bench 3",
     }
+
+
+@pytest.fixture
+def write_node(tmp_path):
+    """Return a function that writes a node's executable for a Python."""
+
+    def write(python):
+        path = tmp_path / "visualizer"
+        path.write_text(f"#!{python}\nimport rclpy\n")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(("rerun", "shown"), [("import sys", True), ("", False)])
+def test_the_view_is_shown_where_the_node_s_python_has_rerun(write_node, tmp_path, rerun, shown):
+    python = tmp_path / "a folder" / "python3"
+    python.parent.mkdir()
+    library = tmp_path / "libraries"
+    library.mkdir()
+    if rerun:
+        (library / "rerun.py").write_text(rerun)
+    python.write_text(f'#!/bin/sh\nPYTHONPATH="{library}" exec {sys.executable} -S "$@"\n')
+    python.chmod(0o755)
+    node = write_node(f'"{python}"')
+    assert choose_view("auto", node) is shown
+    assert not choose_view("false", node)
+    if shown:
+        assert choose_view("true", node)
+    else:
+        with pytest.raises(FileError, match=r"visualizer:=true: rerun-sdk is not installed"):
+            choose_view("true", node)

@@ -20,7 +20,6 @@ array = [
 [source]
 driver = "scpi"  # [not.this]
 limits.low = 1
-limits.high = 2
 
 [source . "odd key"]
 'a b' = { inner = 3 }
@@ -46,12 +45,10 @@ colour = "blue"
         (("name",), 'name = "rig"'),
         (("text",), 'text = """'),
         (("array",), "array = ["),
-        (("array", 1, 0), "array = ["),
         (("source",), "[source]"),
         (("source", "driver"), 'driver = "scpi"  # [not.this]'),
         (("source", "limits"), "limits.low = 1"),
-        (("source", "limits", "high"), "limits.high = 2"),
-        (("source", "odd key", "a b", "inner"), "'a b' = { inner = 3 }"),
+        (("source", "odd key", "a b"), "'a b' = { inner = 3 }"),
         (("sample", 0, "name"), 'name = "first"'),
         (("sample", 0, "extra", "colour"), 'colour = "red"'),
         (("sample", 1, "name"), 'name = "second"'),
@@ -150,11 +147,11 @@ def test_what_cannot_be_meant_is_named_with_its_line(table, take, told):
         take(table)
 
 
-@pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "9" * 400])
 def test_no_number_and_no_quantity_is_infinite(value):
     table = parse_toml_table(f'number = {value}\nmass = "{value} kg"')
     with pytest.raises(ParameterError, match=r"line 1: .* plain number"):
-        table.take_number("number", -1.0, 1.0)
+        table.take_number("number")
     with pytest.raises(ParameterError, match=r"line 2: .* finite number of kg|cannot be read"):
         table.take_quantity("mass", "kg", "1 kg")
 
@@ -190,13 +187,11 @@ def test_a_table_from_no_file_names_no_line():
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        (f"a = {'9' * 400}", "has 1329 bits: it may have 64"),
-        (f"[a]\nb = [{{ c = -{'9' * 30} }}]", "it may have 64"),
         (f"a = {'9' * 5000}", "not TOML"),
         (f"a = {'[' * 5000}", "nested too deep"),
     ],
 )
-def test_numbers_and_nesting_that_toml_does_not_have_are_refused(text, told):
+def test_too_many_digits_and_brackets_are_refused(text, told):
     with pytest.raises(ParameterError, match=told):
         parse_toml_table(text)
 

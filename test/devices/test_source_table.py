@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.configuration.processes import format_source
+from impact_rig.configuration.processes import SOURCE, format_source, parse_parameters
 from impact_rig.configuration.rig_file import parse_rig_file
-from impact_rig.configuration.run import SOURCE, parse_settings
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import ParameterError
 from impact_rig.devices.source_table import make_plan, make_source, override_source
@@ -91,7 +90,7 @@ def test_what_cannot_be_meant_is_named_with_its_line(text, told):
 
 
 def test_settings_go_before_the_table_of_the_file():
-    settings = parse_settings(
+    settings = parse_parameters(
         ("source.noise=0.002", "source.plant=dynamics", 'source.faults="weak_hit"')
     )
     table = parse_rig_file(RIG.replace("scpi", "virtual") + "seed = 9\nnoise = 0.5\n").source

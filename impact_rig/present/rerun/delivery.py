@@ -38,7 +38,7 @@ SERVER_MEMORY = "512MiB"
 """What the server keeps for viewers that come late, our choice: 4000 hits."""
 FLUSH_TIMEOUT = 0.5  # [s] in which file and viewers take what was logged
 CLOSE_TIMEOUT = 5.0  # [s], below what process managers grant
-SEND_TIMEOUT = 60.0  # [s] in which a viewer accepts a file: 25 MB over a slow network
+SEND_TIMEOUT = 60.0  # [s] in which a viewer takes a campaign: 25 MB over a slow network
 
 
 class LiveView:
@@ -184,37 +184,28 @@ def join_views(path: Path, parts: Sequence[Path]) -> None:
         raise FileError(f"{path} cannot be written: {reason}")
 
 
-def send_view(path: Path, address: str) -> None:
-    """Show all recordings of a file in a viewer elsewhere.
+def send_view(campaign: TracedCampaign, address: str) -> None:
+    """Show a campaign in a viewer elsewhere.
 
     Raises
     ------
     ParameterError
         If the address is invalid.
     DeviceError
-        If no viewer answers there, or it does not take the file.
-    FileError
-        If it is not a file of Rerun.
+        If no viewer answers there, or it does not take the campaign.
+    RigError
+        If rerun-sdk is not installed.
     """
     if missing := find_missing_viewer(address):
         raise DeviceError(missing)
-    sdk = import_rerun()
-    sdk.unregister_shutdown()
-    # What carries the file must not be another recording beside those in it.
-    application, recording = find_recording(path)
-    stream = sdk.RecordingStream(application, recording_id=recording, send_properties=False)
-    stream.set_sinks(sdk.GrpcSink(address))
     try:
-        stream.log_file_from_path(path)
-        stream.flush(timeout_sec=SEND_TIMEOUT)
+        _log_campaign(campaign, import_rerun().GrpcSink(address))
     except RuntimeError as error:
         raise DeviceError(f"the viewer at {address} does not take the view: {error}") from None
-    # Waits for what still reads the file.
-    stream.disconnect()
 
 
 def write_view(path: Path, campaign: TracedCampaign) -> None:
-    """Write a campaign into a file, replaced if it exists.
+    """Write a campaign into a new file.
 
     Raises
     ------
@@ -223,33 +214,16 @@ def write_view(path: Path, campaign: TracedCampaign) -> None:
     RigError
         If rerun-sdk is not installed.
     """
-    sdk = import_rerun()
     try:
-        path.open("ab").close()
-        stream = _make_stream(sdk, sdk.FileSink(str(path)))
-        ViewLog(stream).log_campaign(campaign)
-        stream.flush(timeout_sec=SEND_TIMEOUT)
-        stream.disconnect()
+        _log_campaign(campaign, import_rerun().FileSink(str(path)))
     except (OSError, RuntimeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(f"{path} cannot be written: {reason}") from None
+        raise FileError(f"{path} cannot be written: {error}") from None
 
 
-def find_recording(path: Path) -> tuple[str, str]:
-    """Return application and recording id of the first recording in a file.
-
-    Raises
-    ------
-    FileError
-        If Rerun cannot read the file.
-    """
-    import_rerun()
-    from rerun.chunk import RrdReader
-
-    try:
-        found = RrdReader(str(path)).recordings()
-    except (OSError, RuntimeError, ValueError) as error:
-        raise FileError(f"{path} is not a view that Rerun can read: {error}") from None
-    if not found:
-        raise FileError(f"{path} holds no recording of Rerun")
-    return found[0].application_id, found[0].recording_id
+def _log_campaign(campaign: TracedCampaign, sink: Any) -> None:
+    sdk = import_rerun()
+    sdk.unregister_shutdown()
+    stream = _make_stream(sdk, sink)
+    ViewLog(stream).log_campaign(campaign)
+    stream.flush(timeout_sec=SEND_TIMEOUT)
+    stream.disconnect()

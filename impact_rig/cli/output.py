@@ -1,0 +1,138 @@
+"""What commands print: progress, results, errors, where the files lie."""
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+import click
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TaskID,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+from impact_rig.configuration.processes import RECORDING_NAME, REPORT_NAME
+from impact_rig.core.errors import RigError
+from impact_rig.present.terminal.console import GOOD, make_console, make_printable, print_warning
+from impact_rig.present.terminal.results import print_full, print_screen
+from impact_rig.results.campaign import Results
+from impact_rig.results.results_file import format_json, results_to_json
+
+_S = TypeVar("_S")
+_T = TypeVar("_T")
+
+
+class Follow(Protocol):
+    """Takes the name of a stage, the work done in it, and its total."""
+
+    def __call__(self, stage: str, done: float, total: float | None = None, /) -> None:
+        """Show it."""
+
+
+def make_progress() -> Progress:
+    """Return rich's progress bar on standard error, drawn in terminals only."""
+    console = make_console(stderr=True)
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(None, complete_style=GOOD, finished_style=GOOD),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        # What a command prints goes above the bar, but not what it writes into a pipe.
+        redirect_stdout=sys.stdout.isatty(),
+        disable=not console.is_interactive,
+    )
+
+
+@contextlib.contextmanager
+def show_progress() -> Iterator[Follow]:
+    """Yield a function that shows a progress bar for each stage of the work."""
+    stages: dict[str, TaskID] = {}
+    with make_progress() as progress:
+
+        def follow(stage: str, done: float, total: float | None = None) -> None:
+            if stage not in stages:
+                stages[stage] = progress.add_task(stage, total=total)
+            progress.update(stages[stage], completed=done)
+
+        yield follow
+
+
+def process_each(files: Iterable[_S], process: Callable[[_S], _T]) -> tuple[list[_T], list[str]]:
+    """Process files; return the results, and the errors of the others."""
+    results: list[_T] = []
+    errors: list[str] = []
+    for file in files:
+        try:
+            results.append(process(file))
+        except RigError as error:
+            errors.append(str(error))
+    return results, errors
+
+
+def raise_errors(errors: Sequence[str]) -> None:
+    """Print all errors, one per line, and end the command if there are any.
+
+    Raises
+    ------
+    RigError
+        The last one, which ends the command.
+    """
+    for error in errors[:-1]:
+        click.echo(make_printable(f"error: {error}"), err=True)
+    if errors:
+        raise RigError(errors[-1])
+
+
+def print_json(content: Any) -> None:
+    """Print a content as JSON."""
+    click.echo(format_json(content), nl=False)
+
+
+def show_results(
+    path: Path,
+    found: Sequence[Results],
+    warnings: Sequence[str] = (),
+    *,
+    is_full: bool,
+    as_json: bool,
+) -> None:
+    """Print the results of each campaign of a file, as tables or as JSON."""
+    if as_json:
+        for warning in warnings:
+            print_warning(warning)
+        contents = [results_to_json(results) for results in found]
+        if contents:
+            print_json(contents if len(found) > 1 else contents[0])
+        return
+    console = make_console()
+    show = print_full if is_full else print_screen
+    for number, results in enumerate(found, start=1):
+        if len(found) > 1:
+            console.print(f"{path}, campaign {number}\n", style="bold underline")
+        show(console, results, warnings)
+
+
+def print_places(**places: Path | None) -> None:
+    """Print on standard error where the files lie, and how to make a report."""
+    for name, path in places.items():
+        if path is not None:
+            click.echo(f"{name + ':':10} {shorten_path(path)}", err=True)
+    source = places.get("recording") or places.get("results")
+    if source is not None:
+        report = source.parent / REPORT_NAME
+        run = source.parent if source.name == RECORDING_NAME else source
+        command = f"impact-rig report {shorten_path(run)}"
+        click.echo(f"report:    {shorten_path(report) if report.exists() else command}", err=True)
+
+
+def shorten_path(path: Path) -> Path:
+    """Return a path relative to the working folder if it lies in it."""
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(here) else path
