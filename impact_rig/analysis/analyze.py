@@ -34,9 +34,15 @@ from impact_rig.results.campaign import (
     hit_results_from_judged,
     results_from_session,
 )
-from impact_rig.results.hit_traces import HitTraces, TraceAssembler
-from impact_rig.results.run import TracedCampaign, TracedHit
-from impact_rig.results.sample_traces import AlignedHit, align_hit, sample_traces_from_estimate
+from impact_rig.results.traces import (
+    AlignedHit,
+    HitTraces,
+    TraceAssembler,
+    TracedCampaign,
+    TracedHit,
+    align_hit,
+    sample_traces_from_estimate,
+)
 
 Settings = Mapping[str, Any]
 """Fields of `AnalysisSettings` to use in place of the recorded ones, by name."""

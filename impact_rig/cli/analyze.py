@@ -15,7 +15,7 @@ from impact_rig.analysis.measured_files import (
     make_recorded_settings,
     make_series,
 )
-from impact_rig.analysis.repeated_files import find_repeated_files
+from impact_rig.analysis.sources import find_repeated_files
 from impact_rig.cli import options
 from impact_rig.cli.output import (
     print_json,

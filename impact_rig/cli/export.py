@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from impact_rig.analysis.analyze import analyze
-from impact_rig.analysis.report_sources import find_run
+from impact_rig.analysis.sources import find_run
 from impact_rig.cli.info import describe_hits
 from impact_rig.cli.options import refuse_given
 from impact_rig.cli.output import show_progress
@@ -25,8 +25,12 @@ from impact_rig.recordings.recover import recover_recording
 from impact_rig.recordings.source import SUFFIX, find_recording
 from impact_rig.results.campaign import Results, results_from_session
 from impact_rig.results.numbers import format_count
-from impact_rig.results.results_file import format_json, read_results, results_to_json
-from impact_rig.results.results_table import format_results_table
+from impact_rig.results.results_file import (
+    format_json,
+    format_results_table,
+    read_results,
+    results_to_json,
+)
 from impact_rig.simulators.contact import make_contact
 from impact_rig.simulators.engines import ENGINES, format_contact
 

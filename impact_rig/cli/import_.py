@@ -10,7 +10,7 @@ from impact_rig.analysis.measured_files import (
     TraceSeries,
     make_series,
 )
-from impact_rig.analysis.repeated_files import find_repeated_files
+from impact_rig.analysis.sources import find_repeated_files
 from impact_rig.cli.options import drop_missing
 from impact_rig.cli.output import raise_errors
 from impact_rig.configuration.import_file import read_import_template

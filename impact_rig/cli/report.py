@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from impact_rig.analysis.report_sources import find_run, read_runs
+from impact_rig.analysis.sources import find_run, read_runs
 from impact_rig.cli.info import (
     describe_losses,
     inspect_with_progress,
@@ -21,7 +21,7 @@ from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD, compute_sha256
 from impact_rig.recordings.writer import HEALTH_RECORD
-from impact_rig.results.run import Provenance
+from impact_rig.results.traces import Provenance
 
 
 def read_provenance(path: Path) -> Provenance:

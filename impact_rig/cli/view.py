@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from impact_rig.analysis.analyze import analyze
-from impact_rig.analysis.report_sources import find_run
+from impact_rig.analysis.sources import find_run
 from impact_rig.cli.output import process_each, raise_errors, show_progress
 from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
 from impact_rig.present.rerun.delivery import join_views, send_view, write_view
@@ -26,7 +26,7 @@ from impact_rig.present.terminal.console import print_warning
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.reader import read_recording
 from impact_rig.results.results_file import read_results
-from impact_rig.results.run import TracedCampaign
+from impact_rig.results.traces import TracedCampaign
 
 VIEW_SUFFIX = ".rrd"  # of Rerun's files
 

@@ -1,9 +1,10 @@
 """A value with its uncertainty and budget, and how fields describe themselves."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
-from typing import Any, TypeVar
+from functools import cache
+from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 Record = TypeVar("Record")
 _KEY = "impact_rig"
@@ -98,6 +99,24 @@ def list_stored(record: Any) -> dict[str, Any]:
         for item in fields(record)
         if not read_description(item).is_internal
     }
+
+
+class StoredField(NamedTuple):
+    """A field of a dataclass that leaves where it was made."""
+
+    name: str
+    hint: Any  # its type
+    description: Description
+
+
+def _list_fields(kind: Any) -> tuple[StoredField, ...]:
+    """Return the fields of a dataclass that are not internal."""
+    hints = get_type_hints(kind)
+    found = (StoredField(it.name, hints[it.name], read_description(it)) for it in fields(kind))
+    return tuple(item for item in found if not item.description.is_internal)
+
+
+list_fields: Callable[[Any], tuple[StoredField, ...]] = cache(_list_fields)
 
 
 @dataclass(frozen=True)

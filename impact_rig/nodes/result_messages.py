@@ -22,9 +22,13 @@ from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimat
 from impact_rig.core.speed_exponents import SpeedExponents
 from impact_rig.nodes.identity import Identity
 from impact_rig.nodes.messages import stamp_to_msg
-from impact_rig.recordings.messages import origin_from_msg, setup_from_msg
+from impact_rig.recordings.messages import (
+    fill_message,
+    from_message,
+    origin_from_msg,
+    setup_from_msg,
+)
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.wire import fill_message, from_message
 
 MESSAGES: dict[type, type] = {
     BudgetLine: msg.UncertaintyContribution,

@@ -40,7 +40,7 @@ from impact_rig.recordings.messages import (
     stamp_from_msg,
 )
 from impact_rig.recordings.new_file import choose_free
-from impact_rig.results.hit_traces import TraceAssembler
+from impact_rig.results.traces import TraceAssembler
 
 SILENCE = 5.0 * DIAGNOSTIC_PERIOD
 """How long a node that is not silent may take between two diagnostics [s], our choice."""

@@ -22,10 +22,9 @@ from impact_rig.core.hits import filter_record
 from impact_rig.core.records import Block, HitLabel, Record
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes.result_messages import hit_results_from_msg
-from impact_rig.recordings.messages import label_from_msg
+from impact_rig.recordings.messages import from_message, label_from_msg
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.sample_traces import AlignedHit, ModelTraces, SampleTraces, align_hit
-from impact_rig.results.wire import from_message
+from impact_rig.results.traces import AlignedHit, ModelTraces, SampleTraces, align_hit
 
 
 def sample_traces_from_msgs(

@@ -1,19 +1,21 @@
-"""Conversion between the rig's messages and core types.
+"""Conversion between messages and core types: a message has the fields of its record.
 
-They read attributes only, of messages decoded by rclpy or by a file reader: a node and a recording
+Only attributes are read and set, of messages of rclpy or of a file reader: a node and a recording
 give bit-identical numbers.
 """
 
-from collections.abc import Callable
-from dataclasses import asdict
-from functools import cache, lru_cache
-from typing import Any, NamedTuple, TypeVar, get_type_hints
+from array import array
+from collections.abc import Callable, Mapping
+from dataclasses import is_dataclass
+from functools import lru_cache, partial
+from typing import Any, NamedTuple, TypeVar, get_args, get_origin
 
 import numpy as np
+from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from impact_rig import __version__
-from impact_rig.core.quantity import list_stored
+from impact_rig.core.quantity import list_fields
 from impact_rig.core.records import (
     NOT_ARMED,
     UNSTATED,
@@ -24,7 +26,7 @@ from impact_rig.core.records import (
     RawArray,
 )
 from impact_rig.core.sensors import Sensor
-from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
+from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample
 from impact_rig.recordings.schemas import (
     MessageDefinition,
     find_message_definition,
@@ -41,6 +43,12 @@ NANOSECONDS = 1_000_000_000
 NO_ID = bytes(16)
 """Of no campaign, and of what was recorded before there were ids: an id like another."""
 
+SETUP_PARTS = (RigSetup, AnalysisSettings, Sample, Sensor)
+"""A set-up and the records within it; their messages have the same names."""
+
+PLAIN = (float, int, str, bool)
+"""Kinds of values that messages have too."""
+Classes = Mapping[Any, Callable[[], Any]]
 _T = TypeVar("_T")
 
 
@@ -132,25 +140,7 @@ def setup_from_msg(message: Any) -> RigSetup:
     ParameterError
         If a mass, a setting or the sample set cannot be meant.
     """
-    return _read(
-        RigSetup,
-        message,
-        samples=_read(
-            SampleSet, message, samples=tuple(_read(Sample, item) for item in message.samples)
-        ),
-        analysis=_read(AnalysisSettings, message.analysis),
-        sensors=tuple(_read(Sensor, item) for item in message.sensors),
-    )
-
-
-def _read(kind: type[_T], message: Any, **made: Any) -> _T:
-    """Return a dataclass of numbers and texts by the fields of a message; `made` are not there."""
-    hints, stored = _list_hints(kind), list_stored(kind)
-    plain = {name: hints[name] for name in stored if name not in made}
-    return kind(**{name: hint(getattr(message, name)) for name, hint in plain.items()}, **made)
-
-
-_list_hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
+    return from_message(RigSetup, message)
 
 
 class BlockHead(NamedTuple):
@@ -179,6 +169,113 @@ def head_from_msg(message: Any) -> BlockHead:
     )
 
 
+def fill_message(message: Any, record: Any, classes: Classes) -> None:
+    """Put a record into a message, which may have more fields.
+
+    Parameters
+    ----------
+    message : object
+        With the record's fields as attributes.
+    classes : mapping
+        What makes the messages of the records within the record, by class.
+    """
+    for field in list_fields(type(record)):
+        value = getattr(record, field.name)
+        if field.description.is_inline:
+            fill_message(message, value, classes)
+        else:
+            setattr(message, field.name, _value_to_message(field.hint, value, classes))
+
+
+def _value_to_message(hint: Any, value: Any, classes: Classes) -> Any:
+    if get_origin(hint) is tuple:
+        return [_value_to_message(get_args(hint)[0], item, classes) for item in value]
+    if not is_dataclass(hint):
+        return hint(value)
+    message = classes[type(value)]()
+    fill_message(message, value, classes)
+    return message
+
+
+def from_message(kind: type[_T], message: Any) -> _T:
+    """Return the record that a message holds, from any decoder.
+
+    Raises
+    ------
+    RigError
+        If the record refuses its values.
+    """
+    return kind(
+        **{
+            field.name: from_message(field.hint, message)
+            if field.description.is_inline
+            else _value_from_message(field.hint, getattr(message, field.name))
+            for field in list_fields(kind)
+        }
+    )
+
+
+def _value_from_message(hint: Any, value: Any) -> Any:
+    if get_origin(hint) is tuple:
+        return tuple(_value_from_message(get_args(hint)[0], item) for item in value)
+    return hint(value) if hint in PLAIN else from_message(hint, value)
+
+
+def set_stamp(message: Any, nanoseconds: int) -> None:
+    """Stamp a message with nanoseconds since the epoch."""
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanoseconds, NANOSECONDS)
+
+
+def fill_setup(message: Any, setup: RigSetup, classes: Classes) -> None:
+    """Let a `RigSetup` message hold a set-up; `classes` are those of `SETUP_PARTS`."""
+    fill_message(message, setup, classes)
+    message.software_version = __version__
+
+
+def fill_block(message: Any, block: Block) -> None:
+    """Let an `AccelerationBlock` or `StreamBlock` hold another block.
+
+    Its channels keep their memory if that is as long: to get some costs more than to copy a block
+    into it.
+    """
+    set_stamp(message, block.stamp)
+    message.record = block.label.record
+    message.sample = block.label.sample
+    message.impact = block.label.impact
+    message.attempt = block.label.attempt
+    message.first_sample = block.first_sample
+    message.sampling_rate = block.sampling_rate
+    message.last = block.last
+    fill_message(message.origin, block.origin, {})
+    _fill_channel(message.hammer, block.hammer)
+    _fill_channel(message.specimen, block.specimen)
+
+
+def _fill_channel(message: Any, channel: ChannelBlock) -> None:
+    output = channel.output
+    nothing = output[:0]
+    is_counted = output.dtype == np.int32
+    message.counts = _fill(message.counts, output if is_counted else nothing)
+    message.values = _fill(message.values, nothing if is_counted else output)
+    message.scale = channel.scale
+    message.offset = channel.offset
+    message.full_scale = channel.full_scale
+    message.overload = channel.overloaded
+
+
+def _fill(room: Any, output: RawArray) -> Any:
+    """Return an array that holds a channel's output: the one there is, or a new one."""
+    if isinstance(room, np.ndarray):  # rosbags takes numpy's
+        return np.ascontiguousarray(output, room.dtype)
+    if output.size and len(room) == output.size:
+        np.frombuffer(room, dtype=output.dtype)[:] = output
+        return room
+    # rclpy takes an array.array as it is; it would check numpy's item by item.
+    fresh = array(room.typecode)
+    fresh.frombytes(np.ascontiguousarray(output).view(np.uint8).data)
+    return fresh
+
+
 class MessageEncoder:
     """Serialises set-ups and blocks as the rig's nodes publish them.
 
@@ -199,80 +296,31 @@ class MessageEncoder:
         return definition
 
     def encode_setup(self, setup: RigSetup, stamp: int) -> bytes:
-        """Return a set-up as a message.
-
-        Parameters
-        ----------
-        setup : RigSetup
-            Masses, samples, settings.
-        stamp : int
-            Nanoseconds since the epoch.
-        """
-        message = self._make(
-            SETUP_TYPE,
-            header=self._make_header(stamp),
-            campaign_id=self._make_id(),
-            plan=self._make(
-                PACKAGE + "CampaignPlan",
-                samples=[],
-                impacts=0,
-                attempts_per_impact=0,
-                confirm_samples=False,
-            ),
-            software_version=__version__,
-            samples=[self._make(PACKAGE + "Sample", **vars(it)) for it in setup.samples.samples],
-            analysis=self._make(PACKAGE + "AnalysisSettings", **list_stored(setup.analysis)),
-            sensors=[self._make(PACKAGE + "Sensor", **vars(item)) for item in setup.sensors],
-            **_list_plain(setup),
-            **_list_plain(setup.samples),
-        )
+        """Return a set-up as a message with a stamp [ns since the epoch]."""
+        message = self._make(SETUP_TYPE)
+        parts = {kind: partial(self._make, PACKAGE + kind.__name__) for kind in SETUP_PARTS}
+        fill_setup(message, setup, parts)
+        set_stamp(message, stamp)
         return bytes(self._store.serialize_cdr(message, SETUP_TYPE))
 
     def encode_block(self, block: Block) -> bytes:
         """Return a block as a message, stamped with its first point's time."""
-        message = self._make(
-            BLOCK_TYPE,
-            header=self._make_header(block.stamp),
-            campaign_id=self._make_id(),
-            stream_id=self._make_id(),
-            **asdict(block.label),
-            first_sample=block.first_sample,
-            sampling_rate=block.sampling_rate,
-            triggered=block.triggered,
-            last=block.last,
-            origin=self._make(PACKAGE + "Origin", **asdict(block.origin)),
-            hammer=self._make_channel(block.hammer),
-            specimen=self._make_channel(block.specimen),
-        )
+        message = self._make(BLOCK_TYPE)
+        message.triggered = block.triggered
+        fill_block(message, block)
         return bytes(self._store.serialize_cdr(message, BLOCK_TYPE))
 
-    def _make_channel(self, channel: ChannelBlock) -> Any:
-        is_counted = channel.output.dtype == np.int32
-        return self._make(
-            PACKAGE + "Channel",
-            counts=channel.output if is_counted else np.empty(0, np.int32),
-            values=np.empty(0) if is_counted else np.ascontiguousarray(channel.output),
-            scale=channel.scale,
-            offset=channel.offset,
-            full_scale=channel.full_scale,
-            overload=channel.overloaded,
-        )
+    def _make(self, type_name: str) -> Any:
+        """Return a message of zeros and empty texts."""
+        _, fields = self._store.fielddefs[type_name]
+        values = (self._make_value(kind, content) for _, (kind, content) in fields)
+        return self._store.types[type_name](*values)
 
-    def _make_id(self) -> Any:
-        """Return the id of no campaign, and of no stream."""
-        return self._make("unique_identifier_msgs/msg/UUID", uuid=np.zeros(16, np.uint8))
-
-    def _make_header(self, stamp: int) -> Any:
-        seconds, rest = divmod(stamp, NANOSECONDS)
-        time = self._make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
-        return self._make("std_msgs/msg/Header", stamp=time, frame_id="")
-
-    def _make(self, type_name: str, **values: Any) -> Any:
-        return self._store.types[type_name](**values)
-
-
-def _list_plain(record: Any) -> dict[str, Any]:
-    """Return the numbers and texts of a dataclass by their names."""
-    return {
-        name: value for name, value in vars(record).items() if isinstance(value, int | float | str)
-    }
+    def _make_value(self, kind: Nodetype, content: Any) -> Any:
+        if kind == Nodetype.NAME:
+            return self._make(content)
+        if kind == Nodetype.BASE:
+            return "" if content[0] == "string" else np.dtype(content[0]).type()
+        (inner, name), length = content  # a sequence has none
+        is_list = inner == Nodetype.NAME or name[0] == "string"
+        return [] if is_list else np.zeros(length, name[0])

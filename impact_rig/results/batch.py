@@ -11,13 +11,14 @@ from typing import Any
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.results.campaign import Results
-from impact_rig.results.measurands import (
+from impact_rig.results.numbers import (
     HAMMER_MEASURANDS,
     HAMMER_NAME,
+    MISSING,
     SAMPLE_MEASURANDS,
     Measurand,
+    format_number,
 )
-from impact_rig.results.numbers import MISSING, format_number
 from impact_rig.results.tables import (
     Column,
     Table,

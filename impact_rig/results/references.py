@@ -13,7 +13,7 @@ from impact_rig.core.setup import (
     Sample,
 )
 from impact_rig.results.campaign import Results
-from impact_rig.results.measurands import HAMMER_NAME
+from impact_rig.results.numbers import HAMMER_NAME
 
 NAN = math.nan
 MASS_TOLERANCE = 1e-9

@@ -1,22 +1,27 @@
-"""results.json: written whole or not at all, read with errors that say what is wrong.
+"""results.json: written whole or not at all, read with errors that say what is wrong; and as CSV.
 
 JSON numbers are written as Python's `repr` does, so that they come back bit by bit; what is not
-determined (NaN) is null.
+determined (NaN) is null. CSV is for spreadsheets: a row for each sample, a column for each number.
 """
 
 import contextlib
+import csv
+import io
 import json
 import math
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from impact_rig.core.errors import FileError
 from impact_rig.core.records import Origin
+from impact_rig.core.sample import FittedModel, SampleEstimate
+from impact_rig.core.speed_exponents import SpeedExponents
 from impact_rig.results.campaign import Results
 from impact_rig.results.remarks import gather_remarks
-from impact_rig.results.wire import Json, WireError, from_json, to_json
+from impact_rig.results.wire import Json, WireError, from_json, to_json, to_row
 
 FORMAT_NAME = "impact-rig results"
 FORMAT_VERSION = 8
@@ -144,3 +149,67 @@ def _make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         twice = next(name for name in names if names.count(name) > 1)
         raise ValueError(f"the key {twice[:32]!r} is there twice in one object")
     return content
+
+
+FORMULA_MARKS = ("=", "+", "-", "@", "\t", "\r", "'")
+"""How a cell begins that a spreadsheet takes for a formula; numbers are none."""
+
+
+def format_results_table(campaigns: Sequence[Results]) -> str:
+    """Return the results as text in columns parted by commas.
+
+    Parameters
+    ----------
+    campaigns : sequence of Results
+        In their order.
+
+    Returns
+    -------
+    str
+        A line of names as in results.json, with their units, then a line for each sample, with the
+        origin of its hits. What is
+        not determined is empty. Numbers are written with the digits that bring them back bit by
+        bit. Contact law, free decay, preferred identification, hammer and speed exponents follow
+        with their names before each column; budgets and other models are in results.json alone.
+    """
+    rows = [
+        {
+            "campaign": str(number),
+            **origin_to_json(results.find_origin(sample.name)),
+            **_make_row(results, sample),
+        }
+        for number, results in enumerate(campaigns, start=1)
+        for sample in results.samples
+    ]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]) if rows else [], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: _guard(cell) for name, cell in row.items()} for row in rows)
+    return text.getvalue()
+
+
+def _guard(cell: str) -> str:
+    """Return a cell that no spreadsheet computes: an apostrophe goes before what looks like it."""
+    if not cell.startswith(FORMULA_MARKS):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell
+
+
+def _make_row(results: Results, sample: SampleEstimate) -> dict[str, str]:
+    identification = sample.identification or FittedModel("")
+    struck = results.setup.samples.find(sample.name)
+    exponents = (item for item in results.speed_exponents if item.sample == struck.body)
+    return {
+        **to_row(sample),
+        "best_shape": sample.pulse_shape.best_shape,
+        **to_row(sample.contact_law, "contact_law_"),
+        **to_row(sample.free_decay, "free_decay_"),
+        **to_row(identification, "identification_"),
+        **to_row(results.hammer, "hammer_"),
+        "release_angle_rad": to_row(struck)["release_angle_rad"],
+        **to_row(next(exponents, SpeedExponents("", 0)), "speed_exponents_"),
+    }

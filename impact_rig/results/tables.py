@@ -9,7 +9,7 @@ from typing import Any
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import ShapeFit
 from impact_rig.core.pulses import HALF_SINE, HERTZ, VERSED_SINE
-from impact_rig.core.quantity import UNKNOWN, BudgetLine, Quantity
+from impact_rig.core.quantity import UNKNOWN, BudgetLine, Quantity, list_fields
 from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
 from impact_rig.core.setup import PULSE_NAME
 from impact_rig.core.speed_exponents import (
@@ -19,19 +19,17 @@ from impact_rig.core.speed_exponents import (
     SpeedExponents,
 )
 from impact_rig.results.campaign import Results
-from impact_rig.results.measurands import (
+from impact_rig.results.numbers import (
     CONTACT_TIME,
     DAMPING_COEFFICIENT,
     HAMMER_MEASURANDS,
     HAMMER_NAME,
-    SAMPLE_MEASURANDS,
-    STIFFNESS,
-    Measurand,
-)
-from impact_rig.results.numbers import (
     MEGA,
     MISSING,
+    SAMPLE_MEASURANDS,
     SCALES,
+    STIFFNESS,
+    Measurand,
     format_error,
     format_number,
     format_quantity,
@@ -41,7 +39,6 @@ from impact_rig.results.references import (
     explain_misprint,
     find_expected,
 )
-from impact_rig.results.wire import list_fields
 
 LONGEST_UNBROKEN = 24
 """Rows of a table that are kept on one page of paper [-], our choice: a third of it."""

@@ -1,23 +1,21 @@
-"""Records to JSON, to messages and to columns of text, and back, by one rule.
+"""Records to JSON and to columns of text, and back, by one rule.
 
 A record is a frozen dataclass; its fields say what they are (`core.quantity.describe`).
 
 - JSON calls a field by its name and its unit: `half_amplitude_width_s`. A `Quantity` is three
   numbers, `stiffness_n_per_m`, `stiffness_u_n_per_m` and `stiffness_expanded_n_per_m`; the budgets
   of all quantities of a record are its list `budget`. What is not determined (NaN) is null.
-- A message has the fields of its record, with the same names; their comments give the units.
 - A row of text has what JSON has, without records within records.
 """
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
-from functools import cache
-from typing import Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from collections.abc import Mapping
+from dataclasses import is_dataclass
+from typing import Any, TypeVar, get_args, get_origin
 
 from impact_rig.core.errors import RigError
-from impact_rig.core.quantity import BudgetLine, Description, Quantity, read_description
+from impact_rig.core.quantity import BudgetLine, Quantity, StoredField, list_fields
 
 Json = dict[str, Any]
 Record = TypeVar("Record")
@@ -26,8 +24,6 @@ NUMBERS = {"": "value", "u": "standard", "expanded": "expanded"}
 BUDGET = "budget"
 WANTED = {int: "a whole number, 0 or more", str: "text", bool: "true or false"}
 """Kinds of values that are taken as they are, with their names for messages."""
-PLAIN = (float, *WANTED)
-"""Kinds of values that messages have too."""
 JOINED = ("warnings", "notes")
 JOINT = "; "
 """Texts that share a cell of a row, and what stands between them."""
@@ -41,36 +37,17 @@ class WireError(RigError):
     """A field is missing or of the wrong kind."""
 
 
-class WireField(NamedTuple):
-    """A field of a record that leaves where it was made."""
-
-    name: str
-    hint: Any
-    description: Description
-
-    def make_key(self, kind: str = "") -> str:
-        """Return its name in JSON; `kind` is "u" or "expanded" for an uncertainty."""
-        said = self.description
-        unit = (
-            said.unit.replace("/", "_per_")
-            .replace("^n", "_n")
-            .replace("^", "")
-            .replace(" ", "_")
-            .lower()
-        )
-        return "_".join(part for part in (said.written or self.name, kind, unit) if part)
-
-
-def _list_fields(kind: Any) -> tuple[WireField, ...]:
-    """Return the fields of a kind of record that leave where they were made."""
-    hints = get_type_hints(kind)
-    found = (
-        WireField(field.name, hints[field.name], read_description(field)) for field in fields(kind)
+def _make_key(field: StoredField, kind: str = "") -> str:
+    """Return the name of a field in JSON; `kind` is "u" or "expanded" for an uncertainty."""
+    said = field.description
+    unit = (
+        said.unit.replace("/", "_per_")
+        .replace("^n", "_n")
+        .replace("^", "")
+        .replace(" ", "_")
+        .lower()
     )
-    return tuple(field for field in found if not field.description.is_internal)
-
-
-list_fields: Callable[[Any], tuple[WireField, ...]] = cache(_list_fields)
+    return "_".join(part for part in (said.written or field.name, kind, unit) if part)
 
 
 def to_json(record: Any) -> Json:
@@ -81,13 +58,13 @@ def to_json(record: Any) -> Json:
         value = getattr(record, field.name)
         if field.hint is Quantity:
             for kind, name in NUMBERS.items():
-                content[field.make_key(kind)] = _value_to_json(float, getattr(value, name))
+                content[_make_key(field, kind)] = _value_to_json(float, getattr(value, name))
             lines += [{"quantity": field.name, **to_json(line)} for line in value.budget]
             content[BUDGET] = lines
         elif field.description.is_inline:
             content |= to_json(value)
         else:
-            content[field.make_key()] = _value_to_json(field.hint, value)
+            content[_make_key(field)] = _value_to_json(field.hint, value)
     return content
 
 
@@ -123,7 +100,7 @@ def from_json(kind: type[Record], content: Any, place: str = "") -> Record:
         elif field.description.is_inline:
             values[field.name] = from_json(field.hint, content, place)
         else:
-            values[field.name] = _read_value(field.hint, content, field.make_key(), place)
+            values[field.name] = _read_value(field.hint, content, _make_key(field), place)
     try:
         return kind(**values)
     except WireError:
@@ -132,13 +109,13 @@ def from_json(kind: type[Record], content: Any, place: str = "") -> Record:
         raise WireError(f"{place}: {error}") from None
 
 
-def _read_quantity(field: WireField, content: Mapping[str, Any], place: str) -> Quantity:
+def _read_quantity(field: StoredField, content: Mapping[str, Any], place: str) -> Quantity:
     value, standard, expanded = (
-        _read_value(float, content, field.make_key(kind), place) for kind in NUMBERS
+        _read_value(float, content, _make_key(field, kind), place) for kind in NUMBERS
     )
     for kind, number in (("u", standard), ("expanded", expanded)):
         if number < 0.0:
-            place = _join(place, field.make_key(kind))
+            place = _join(place, _make_key(field, kind))
             raise WireError(f"{place} is {number!r}: an uncertainty must not be negative")
     lines = content.get(BUDGET)
     if not isinstance(lines, list):
@@ -183,60 +160,6 @@ def _value_from_json(hint: Any, value: Any, place: str) -> Any:
 
 def _join(place: str, name: str) -> str:
     return f"{place}.{name}" if place else name
-
-
-def fill_message(message: Any, record: Any, classes: Mapping[type, type]) -> None:
-    """Put a record into a message, which may have more fields.
-
-    Parameters
-    ----------
-    message : object
-        With the record's fields as attributes.
-    classes : mapping of type to type
-        The classes of messages, by those of the records within the record.
-    """
-    for field in list_fields(type(record)):
-        value = getattr(record, field.name)
-        if field.description.is_inline:
-            fill_message(message, value, classes)
-        else:
-            setattr(message, field.name, _value_to_message(field.hint, value, classes))
-
-
-def _value_to_message(hint: Any, value: Any, classes: Mapping[type, type]) -> Any:
-    if get_origin(hint) is tuple:
-        return [_value_to_message(get_args(hint)[0], item, classes) for item in value]
-    if not is_dataclass(hint):
-        return hint(value)
-    message = classes[type(value)]()
-    fill_message(message, value, classes)
-    return message
-
-
-def from_message(kind: type[Record], message: Any) -> Record:
-    """Return the record that a message holds, from any decoder.
-
-    Raises
-    ------
-    RigError
-        If the record refuses its values.
-    """
-    return kind(
-        **{
-            field.name: from_message(field.hint, message)
-            if field.description.is_inline
-            else _value_from_message(field.hint, getattr(message, field.name))
-            for field in list_fields(kind)
-        }
-    )
-
-
-def _value_from_message(hint: Any, value: Any) -> Any:
-    if get_origin(hint) is tuple:
-        return tuple(_value_from_message(get_args(hint)[0], item) for item in value)
-    if hint in PLAIN:
-        return hint(value)
-    return from_message(hint, value)
 
 
 def to_row(record: Any, prefix: str = "") -> dict[str, str]:

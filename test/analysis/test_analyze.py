@@ -14,7 +14,7 @@ from impact_rig.recordings.channels import MappedChannels
 from impact_rig.recordings.importing import ImportedHit, write_imported
 from impact_rig.recordings.reader import read_recording
 from impact_rig.results.remarks import tabulate_accepted
-from impact_rig.results.run import TracedCampaign
+from impact_rig.results.traces import TracedCampaign
 
 SAMPLES = ("aluminium large", "steel small")
 LABELS = [

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from impact_rig.analysis.measured_files import make_series
-from impact_rig.analysis.repeated_files import find_repeated_files
-from impact_rig.analysis.report_sources import find_run
+from impact_rig.analysis.sources import find_repeated_files, find_run
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.sensors import FLAT, SensorResponse
 

@@ -14,7 +14,7 @@ from impact_rig.cli.view import list_remarks
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.present.rerun import viewers as program
 from impact_rig.results.results_file import write_results
-from impact_rig.results.run import TracedCampaign
+from impact_rig.results.traces import TracedCampaign
 
 from ..present.rerun.onlookers import list_listeners, wait_until
 from .conftest import PATIENCE, finish, start_command, start_python

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from impact_rig.core.quantity import Quantity
+from impact_rig.core.quantity import Quantity, list_fields
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample
 from impact_rig.nodes import messages, result_messages
-from impact_rig.results.wire import fill_message, from_message, list_fields
+from impact_rig.recordings.messages import fill_message, from_message
 
 from ..results.test_wire import SETUP
 

@@ -23,7 +23,7 @@ from impact_rig.nodes.identity import NO_IDENTITY
 from impact_rig.nodes.visualizer_campaign import ShownCampaign
 from impact_rig.recordings.messages import NO_ID, label_from_msg
 from impact_rig.results.campaign import results_from_session
-from impact_rig.results.sample_traces import sample_traces_from_estimate
+from impact_rig.results.traces import sample_traces_from_estimate
 
 FAULTS = FaultPlan(scheduled=(ScheduledFault(Fault.WEAK_HIT, 2),))
 RIG = VirtualRig(PAPER_SETUP, VirtualRigSettings(faults=FAULTS))

@@ -11,7 +11,7 @@ from impact_rig.core.records import HitLabel
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.results.run import TracedCampaign
+from impact_rig.results.traces import TracedCampaign
 
 START = 1_700_000_000_123_456_789
 """2023-11-14 22:13:20.1 UTC."""

@@ -20,7 +20,8 @@ from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
 from impact_rig.results.campaign import FileResults, HitResults, Results
 from impact_rig.results.numbers import format_uncertain
 from impact_rig.results.references import find_expected
-from impact_rig.results.results_table import format_results_table
+from impact_rig.results.remarks import tabulate_hits
+from impact_rig.results.results_file import format_results_table
 from impact_rig.results.tables import (
     Table,
     tabulate_budgets,
@@ -36,7 +37,6 @@ from impact_rig.results.tables import (
     tabulate_stiffness,
     tabulate_summary,
 )
-from impact_rig.results.trace_series import tabulate_hits
 
 SHAPE = PulseShapeEstimate(
     "half-sine",

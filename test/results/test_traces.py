@@ -16,15 +16,15 @@ from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.contact import make_nominal_contact
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.results import hit_traces
-from impact_rig.results.hit_traces import TraceAssembler
-from impact_rig.results.law_curves import compute_law_curves
-from impact_rig.results.sample_traces import (
+from impact_rig.results import traces as hit_traces
+from impact_rig.results.traces import (
     DRIVEN,
     IDENTIFIED,
     PRINTED,
     SampleTraces,
+    TraceAssembler,
     align_hit,
+    compute_law_curves,
     sample_traces_from_estimate,
 )
 

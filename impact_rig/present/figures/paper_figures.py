@@ -13,7 +13,7 @@ from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import MICRO, format_error
 from impact_rig.results.palette import SERIES, VERMILION, format_hex
 from impact_rig.results.references import Reference, find_expected
-from impact_rig.results.sample_traces import DRIVEN, SampleTraces
+from impact_rig.results.traces import DRIVEN, SampleTraces
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,15 +8,20 @@ import numpy as np
 
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.present.figures.picture import Picture, make_picture, reuse_panel
-from impact_rig.results.law_curves import LawCurves
-from impact_rig.results.measurands import SAMPLE_MEASURANDS
-from impact_rig.results.numbers import MICRO, format_count, format_error, format_quantity
+from impact_rig.results.numbers import (
+    MICRO,
+    SAMPLE_MEASURANDS,
+    format_count,
+    format_error,
+    format_quantity,
+)
 from impact_rig.results.palette import BLUE, GREEN, PURPLE, VERMILION, format_hex
-from impact_rig.results.sample_traces import (
+from impact_rig.results.traces import (
     DRIVEN,
     IDENTIFIED,
     PRINTED,
     AlignedHit,
+    LawCurves,
     SampleTraces,
 )
 

@@ -7,7 +7,7 @@ from impact_rig.present.report.document import Document, Facts, Section
 from impact_rig.present.report.run import make_run_sections
 from impact_rig.present.report.setup import format_date
 from impact_rig.results.remarks import describe_origin
-from impact_rig.results.run import Run
+from impact_rig.results.traces import Run
 
 TITLE = "Impact test report"
 GUIDE = {

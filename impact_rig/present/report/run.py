@@ -21,7 +21,6 @@ from impact_rig.present.report.document import (
 from impact_rig.present.report.setup import make_setup_section
 from impact_rig.results import tables
 from impact_rig.results.campaign import Results
-from impact_rig.results.law_curves import compute_law_curves
 from impact_rig.results.numbers import format_count, format_time, is_dated
 from impact_rig.results.references import find_expected
 from impact_rig.results.remarks import (
@@ -33,7 +32,7 @@ from impact_rig.results.remarks import (
     tabulate_accepted,
     tabulate_rejections,
 )
-from impact_rig.results.run import Run
+from impact_rig.results.traces import Run, compute_law_curves
 
 
 def make_run_sections(run: Run) -> tuple[Section, ...]:

@@ -21,8 +21,8 @@ from impact_rig.results.numbers import (
     format_time,
     is_dated,
 )
-from impact_rig.results.run import Provenance, Run, TracedCampaign
 from impact_rig.results.tables import Column, Table, make_table, make_text_column
+from impact_rig.results.traces import Provenance, Run, TracedCampaign
 
 GRAM = 1e3
 """Kilograms to grams."""

@@ -29,7 +29,7 @@ from impact_rig.present.rerun.viewers import (
     make_viewer_address,
     open_window,
 )
-from impact_rig.results.run import TracedCampaign
+from impact_rig.results.traces import TracedCampaign
 
 if TYPE_CHECKING:
     import rerun as rr

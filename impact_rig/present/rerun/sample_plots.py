@@ -12,8 +12,6 @@ from impact_rig.core.records import FloatArray
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.entities import BODIES, Path, make_body_path
 from impact_rig.present.rerun.plots import Line, Mark, PlotLog
-from impact_rig.results.hit_traces import Float32Array
-from impact_rig.results.law_curves import LawCurves
 from impact_rig.results.numbers import MICRO, format_error, format_quantity
 from impact_rig.results.palette import (
     BLUE,
@@ -26,10 +24,12 @@ from impact_rig.results.palette import (
     SPECIMEN_MODEL,
     VERMILION,
 )
-from impact_rig.results.sample_traces import (
+from impact_rig.results.traces import (
     DRIVEN,
     IDENTIFIED,
     AlignedHit,
+    Float32Array,
+    LawCurves,
     ModelTraces,
     SampleTraces,
     find_peak,

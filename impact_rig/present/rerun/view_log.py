@@ -24,12 +24,15 @@ from impact_rig.present.rerun.plots import Line, Mark, PlotLog, make_scalars
 from impact_rig.present.rerun.sample_plots import draw_aligned_hits, draw_law, draw_sample
 from impact_rig.present.rerun.viewers import import_rerun
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.hit_traces import HitTraces
-from impact_rig.results.law_curves import compute_law_curves
 from impact_rig.results.numbers import MICRO
 from impact_rig.results.palette import CONTACT, GREY, HAMMER, SPECIMEN
-from impact_rig.results.run import TracedCampaign
-from impact_rig.results.sample_traces import AlignedHit, SampleTraces
+from impact_rig.results.traces import (
+    AlignedHit,
+    HitTraces,
+    SampleTraces,
+    TracedCampaign,
+    compute_law_curves,
+)
 
 if TYPE_CHECKING:
     import rerun as rr

@@ -21,10 +21,10 @@ from impact_rig.results.remarks import (
     describe_origin,
     gather_remarks,
     select_attention,
+    tabulate_hits,
     tabulate_rejections,
 )
 from impact_rig.results.tables import tabulate_results, tabulate_summary
-from impact_rig.results.trace_series import tabulate_hits
 
 MOST_REMARKS = 5
 """Remarks on the screen: the most important ones."""

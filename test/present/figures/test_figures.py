@@ -33,10 +33,9 @@ from impact_rig.present.figures.sample_figures import (
 )
 from impact_rig.present.figures.speed_figure import SHOWN, draw_speed
 from impact_rig.results.campaign import Results
-from impact_rig.results.law_curves import compute_law_curves
-from impact_rig.results.results_table import format_results_table
-from impact_rig.results.sample_traces import DRIVEN, IDENTIFIED, PRINTED, ModelTraces
+from impact_rig.results.results_file import format_results_table
 from impact_rig.results.tables import tabulate_contact_times, tabulate_speed_exponents
+from impact_rig.results.traces import DRIVEN, IDENTIFIED, PRINTED, ModelTraces, compute_law_curves
 
 NAN = math.nan
 

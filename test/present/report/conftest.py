@@ -10,8 +10,7 @@ from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.rig import FaultPlan, ScheduledFault, VirtualRigSettings
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
-from impact_rig.results.hit_traces import Calibration
-from impact_rig.results.run import Provenance, Run
+from impact_rig.results.traces import Calibration, Provenance, Run
 
 from ..conftest import START, Trace
 from .reader import Reader

@@ -7,8 +7,8 @@ import pytest
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
-from impact_rig.results.run import Run, TracedCampaign
 from impact_rig.results.tables import tabulate_results
+from impact_rig.results.traces import Run, TracedCampaign
 
 from .conftest import HOSTILE
 from .reader import Reader

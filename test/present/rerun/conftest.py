@@ -17,7 +17,7 @@ from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.entities import APPLICATION
 from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.present.rerun.viewers import find_viewer
-from impact_rig.results.run import TracedCampaign
+from impact_rig.results.traces import TracedCampaign
 
 from ..conftest import Trace
 from .onlookers import fail, list_listeners, wait_until

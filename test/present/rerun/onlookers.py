@@ -9,7 +9,7 @@ import numpy as np
 import psutil
 
 from impact_rig.core.records import HitLabel
-from impact_rig.results.hit_traces import HitTraces
+from impact_rig.results.traces import HitTraces
 
 PATIENCE = 20.0
 NOISE = HitTraces(

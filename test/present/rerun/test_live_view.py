@@ -67,7 +67,7 @@ import sys
 import numpy as np
 from impact_rig.core.records import HitLabel
 from impact_rig.present.rerun.delivery import LiveView
-from impact_rig.results.hit_traces import HitTraces
+from impact_rig.results.traces import HitTraces
 view = LiveView(output=sys.argv[1], web=True, announce=print, notify=print)
 view.log.log_hit(HitTraces(HitLabel("a"), np.arange(3) / 1e6, np.full((3, 2), 7.0, np.float32)))
 view.flush()

@@ -8,14 +8,14 @@ import pytest
 from impact_rig.core.contact_law import NO_LAW
 from impact_rig.core.records import HitLabel
 from impact_rig.core.setup import PAPER_SETUP
-from impact_rig.results.law_curves import compute_law_curves
-from impact_rig.results.sample_traces import (
+from impact_rig.results.traces import (
     DRIVEN,
     IDENTIFIED,
     PRINTED,
     AlignedHit,
     ModelTraces,
     SampleTraces,
+    compute_law_curves,
 )
 
 RATE = 2.5e6

@@ -7,7 +7,7 @@ import numpy as np
 from impact_rig.core.records import HitLabel
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.results.campaign import HitResults
-from impact_rig.results.hit_traces import HitTraces
+from impact_rig.results.traces import HitTraces
 
 RATE = 2.5e6
 COUNT = 5000

@@ -1,14 +1,16 @@
-"""The runs that a report is made of: recordings with their traces, or results alone."""
+"""What a person names: the runs that a report is made of, and files that are named twice."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.recordings.provenance import compute_sha256
 from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.source import RUN_NAME, find_recording
 from impact_rig.results.results_file import read_results
-from impact_rig.results.run import Run, TracedCampaign
+from impact_rig.results.traces import Run, TracedCampaign
 
 RESULTS_SUFFIX = ".json"
 """Of a results file."""
@@ -119,3 +121,36 @@ def _read_recorded(source: RunSource) -> tuple[Run, ...]:
         )
         for number, campaign in enumerate(traced.campaigns, start=1)
     )
+
+
+def find_repeated_files(paths: Sequence[Path]) -> dict[int, str]:
+    """Find the files that hold what an earlier one holds: the same one, a link to it, or a copy.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files. What cannot be read or is empty is passed over: its reader names it.
+
+    Returns
+    -------
+    dict of int to str
+        A sentence for each place in `paths` that is to be left out.
+    """
+    sizes = [path.stat().st_size if path.is_file() else 0 for path in paths]
+    repeated: dict[int, str] = {}
+    known: dict[str, Path] = {}
+    for place, path in enumerate(paths):
+        if not sizes[place] or sizes.count(sizes[place]) == 1:
+            continue
+        try:
+            digest = compute_sha256(path)
+        except FileError:
+            continue
+        earlier = known.setdefault(digest, path)
+        if earlier is not path or path in paths[:place]:
+            repeated[place] = (
+                f"{path} is named twice: it is used once"
+                if path == earlier
+                else f"{path} is left out: it is a copy of {earlier}, byte by byte"
+            )
+    return repeated
