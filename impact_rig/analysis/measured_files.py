@@ -24,8 +24,8 @@ from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sensors import CHANNELS, ChannelPlan, Sensor
 from impact_rig.core.setup import RigSetup, Sample, SampleSet
 from impact_rig.core.verdict import Reason, check_channels, check_stream
+from impact_rig.recordings.channels import MeasuredHit
 from impact_rig.recordings.importing import (
-    ImportedHit,
     check_series,
     choose_window,
     read_hits,
@@ -176,7 +176,7 @@ class MeasuredFiles:
         self, paths: Sequence[Path], series: TraceSeries, *, needs_scale: bool = False
     ) -> None:
         self.path = paths[0]
-        self.hits: list[ImportedHit] = []  # of all files that could be used
+        self.hits: list[MeasuredHit] = []  # of all files that could be used
         errors: dict[Path, str] = {}
         wanted = series.setup.analysis.cutoff_frequency
         moved = 0
@@ -198,7 +198,7 @@ class MeasuredFiles:
                 errors[path] = str(error)
         self.setup = _make_series_setup(series, self.hits)
         self.errors = _join_errors(errors)  # a sentence for each file, or for all with the same
-        remarks = [remark for hit in self.hits for remark in hit.source.remarks]
+        remarks = [remark for hit in self.hits for remark in hit.remarks]
         if self.hits:
             cutoff = self.setup.analysis.cutoff_frequency
             if cutoff != wanted:
@@ -208,8 +208,8 @@ class MeasuredFiles:
                     " there is none (--cutoff)"
                 )
         self.warnings = tuple(dict.fromkeys(remarks))
-        self.has_scale = all(hit.source.has_scale for hit in self.hits)
-        self.hammer_unit = self.hits[0].source.unit if self.hits else ""
+        self.has_scale = all(hit.has_scale for hit in self.hits)
+        self.hammer_unit = self.hits[0].unit if self.hits else ""
         self._has_window = series.has_window
 
     def advise(self, reasons: Iterable[str]) -> tuple[str, ...]:
@@ -237,10 +237,10 @@ def _join_errors(errors: Mapping[Path, str]) -> list[str]:
     ]
 
 
-def _make_series_setup(series: TraceSeries, hits: Sequence[ImportedHit]) -> RigSetup:
+def _make_series_setup(series: TraceSeries, hits: Sequence[MeasuredHit]) -> RigSetup:
     """Return the set-up of a series, each file a record if nothing else is given."""
     setup = series.setup
-    if hits and all(hit.source.unit == "N" for hit in hits):
+    if hits and all(hit.unit == "N" for hit in hits):
         force = replace(setup.find_sensor("hammer"), quantity="force", unit="N")
         others = tuple(sensor for sensor in setup.sensors if sensor.channel != "hammer")
         setup = replace(setup, sensors=(force, *others))
@@ -249,7 +249,7 @@ def _make_series_setup(series: TraceSeries, hits: Sequence[ImportedHit]) -> RigS
     return replace(setup, analysis=choose_window(setup.analysis, hits))
 
 
-def _check_cutoff(hit: ImportedHit, series: TraceSeries) -> TraceSeries:
+def _check_cutoff(hit: MeasuredHit, series: TraceSeries) -> TraceSeries:
     """Return the series, its low-pass left out if that may be and must be."""
     analysis = series.setup.analysis
     try:
@@ -261,7 +261,7 @@ def _check_cutoff(hit: ImportedHit, series: TraceSeries) -> TraceSeries:
     return replace(series, setup=replace(series.setup, analysis=analysis))
 
 
-def _check_pulse(hit: ImportedHit, setup: RigSetup) -> None:
+def _check_pulse(hit: MeasuredHit, setup: RigSetup) -> None:
     """Require more than a bad hit: a pulse, or a dead channel beside a live one."""
     for record in ImpactDetector(setup.analysis).feed(hit.block):
         for rejection in check_stream(record) + check_channels(record, setup.analysis):

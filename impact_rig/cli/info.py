@@ -25,11 +25,15 @@ from impact_rig.present.terminal.console import (
     print_item,
     print_table,
 )
-from impact_rig.recordings.contents import RECOVERY_RECORD, Contents, inspect_recording
+from impact_rig.recordings.contents import (
+    RECOVERY_RECORD,
+    Contents,
+    extract_attachments,
+    inspect_recording,
+)
 from impact_rig.recordings.hits import HitState
 from impact_rig.recordings.messages import setup_from_msg
 from impact_rig.recordings.provenance import PROVENANCE_RECORD
-from impact_rig.recordings.recover import extract_attachments
 from impact_rig.recordings.source import find_recording, find_recordings
 from impact_rig.recordings.writer import HEALTH_RECORD
 from impact_rig.results.numbers import MISSING, format_count, format_number, format_time, is_dated

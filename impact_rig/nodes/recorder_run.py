@@ -30,7 +30,7 @@ from impact_rig.recordings.provenance import (
     PROVENANCE_RECORD,
     describe_provenance,
 )
-from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 

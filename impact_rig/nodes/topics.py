@@ -8,7 +8,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.qos import INFINITE, OfferedQos
+from impact_rig.recordings.records import INFINITE, OfferedQos
 
 
 def import_type(type_name: str) -> Any:

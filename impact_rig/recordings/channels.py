@@ -4,14 +4,23 @@ import contextlib
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from impact_rig.core.errors import ParameterError, SignalError
-from impact_rig.core.records import ChannelBlock, RawArray
+from impact_rig.core.records import (
+    IMPORTED,
+    MIXED,
+    SIMULATED,
+    Block,
+    ChannelBlock,
+    HitLabel,
+    Origin,
+    RawArray,
+)
 from impact_rig.core.sensors import (
     ACCELERATIONS,
     FORCES,
@@ -56,18 +65,20 @@ BODIES = {"hammer": "hammer", "specimen": "sample"}
 
 
 @dataclass(frozen=True)
-class MappedChannels:
-    """Both channels of one hit with their calibration, numbers bit by bit as in the file."""
+class MeasuredHit:
+    """A hit of a measured file with its calibration, numbers bit by bit as in the file."""
 
-    sampling_rate: float  # [Hz]
-    hammer: ChannelBlock
-    specimen: ChannelBlock = NO_SPECIMEN
+    path: Path
+    block: Block  # all of both channels or what was cut out, stamped with the file's time or 0
     has_scale: bool = True  # the hammer's are accelerations, not only as large as some numbers
     unit: str = DEFAULT_UNIT  # of what the hammer's sensor measures; empty: it is not stated
     remarks: tuple[str, ...] = ()  # what was taken for granted
     names: tuple[str, ...] = ()  # of the channels in the file
-    stamp: int = 0  # of the hammer's first point [ns since the epoch]; 0: not known
-    origin: str = ""  # of the hammer's numbers, in the file's words; empty: it does not say
+
+    @property
+    def duration(self) -> float:
+        """Of the hit [s]."""
+        return self.block.hammer.output.size / self.block.sampling_rate
 
 
 @dataclass(frozen=True)
@@ -111,7 +122,7 @@ def map_channels(
     hammer_mass: float = math.nan,
     *,
     needs_scale: bool = False,
-) -> list[MappedChannels]:
+) -> list[MeasuredHit]:
     """Find, check and calibrate the channels of each hit.
 
     Parameters
@@ -125,8 +136,8 @@ def map_channels(
 
     Returns
     -------
-    list of MappedChannels
-        One for each channel of the hammer.
+    list of MeasuredHit
+        One for each channel of the hammer, whole and without a label.
 
     Raises
     ------
@@ -136,17 +147,14 @@ def map_channels(
     ParameterError
         If the units do not fit, or the user contradicts the file.
     """
-    questions = Questions(measurement, needs_scale)
-    mapped = _map_hits(questions, plan, hammer_mass)
-    questions.ask()
-    return mapped
+    return list(_map_hits(Questions(measurement, needs_scale), plan, hammer_mass))
 
 
 def make_template(measurement: Measurement) -> str:
     """Return a file of channels for a measurement; what must be said stands in it as "?"."""
     questions = Questions(measurement, needs_scale=True)
     with contextlib.suppress(SignalError, ParameterError):
-        _map_hits(questions, ChannelPlan(), math.nan)
+        list(_map_hits(questions, ChannelPlan(), math.nan))
     channels = measurement.channels
     has_rate = not math.isnan(channels[0].sampling_rate)
     roles = ["hammer", "specimen"] if has_rate else _guess_roles(measurement)
@@ -164,40 +172,47 @@ def make_template(measurement: Measurement) -> str:
     return "\n".join(text) + "\n"
 
 
-def _map_hits(questions: Questions, plan: ChannelPlan, hammer_mass: float) -> list[MappedChannels]:
-    mapped = []
+def _map_hits(
+    questions: Questions, plan: ChannelPlan, hammer_mass: float
+) -> Iterator[MeasuredHit]:
+    path = questions.measurement.path
     for found in _assign_roles(questions, plan):
-        path = questions.measurement.path
         for role, channel in found.items():
             _check_values(path, role, channel)
-        if "specimen" in found:
-            _check_pair(path, found["hammer"], found["specimen"])
+        channel, specimen = found["hammer"], NO_SPECIMEN
         hammer, unit, has_scale = _calibrate(
-            questions, "hammer", found["hammer"], plan.hammer, hammer_mass
+            questions, "hammer", channel, plan.hammer, hammer_mass
         )
-        specimen = NO_SPECIMEN
         if "specimen" in found:
+            _check_pair(path, channel, found["specimen"])
             specimen, *_ = _calibrate(
                 questions, "specimen", found["specimen"], plan.specimen, hammer_mass
             )
-        mapped.append(
-            MappedChannels(
-                sampling_rate=_choose_rate(questions, plan, found["hammer"], found.get("time")),
-                hammer=hammer,
-                specimen=specimen,
-                has_scale=has_scale,
-                unit=unit,
-                remarks=tuple(dict.fromkeys(questions.remarks)),
-                names=tuple(
-                    found[role].name
-                    for role, block in (("hammer", hammer), ("specimen", specimen))
-                    if block.output.size
-                ),
-                stamp=found["hammer"].stamp,
-                origin=found["hammer"].origin,
-            )
+        rate = _choose_rate(questions, plan, channel, found.get("time"))
+        questions.ask()
+        block = Block(
+            0,
+            rate,
+            hammer,
+            specimen,
+            HitLabel(""),
+            last=True,
+            stamp=channel.stamp,
+            origin=_describe_origin(path, channel.origin),
         )
-    return mapped
+        used = ("hammer", "specimen") if specimen.output.size else ("hammer",)
+        names = tuple(found[role].name for role in used)
+        remarks = tuple(dict.fromkeys(questions.remarks))
+        yield MeasuredHit(path, block, has_scale, unit, remarks, names)
+
+
+def _describe_origin(path: Path, stated: str) -> Origin:
+    """Return what a file says of its numbers; what was simulated stays so through any export."""
+    source = f"{path.suffix.lstrip('.').lower()} file"
+    is_simulated = stated.startswith((SIMULATED, MIXED))
+    if stated:
+        source += f", exported as {stated}"
+    return Origin(SIMULATED if is_simulated else IMPORTED, source, str(path))
 
 
 def _assign_roles(questions: Questions, plan: ChannelPlan) -> list[dict[str, MeasuredChannel]]:

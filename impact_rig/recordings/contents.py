@@ -1,5 +1,6 @@
-"""Reads all of a recording, sound or damaged, and says what it holds and what was lost of it."""
+"""What a recording holds, sound or damaged, and what was lost; its sound part in a new one."""
 
+import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -8,6 +9,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from impact_rig import __version__
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.hits import (
     HIT_TYPES,
@@ -16,10 +18,11 @@ from impact_rig.recordings.hits import (
     RecordedHit,
 )
 from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, head_from_msg
+from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.records import Attachment, Channel, MetadataRecord, RawMessage
 from impact_rig.recordings.scan import PROFILE, Report, Scan
 from impact_rig.recordings.schemas import SchemaDecoder
-from impact_rig.recordings.writer import HEALTH_RECORD
+from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 
 RECOVERY_RECORD = "impact_rig/recovery"
 """Metadata record that tells what a recording was recovered from, and what was lost."""
@@ -249,3 +252,120 @@ def _check_kind(scan: Scan) -> None:
         raise FileError(
             f"{path} is an MCAP file of profile {header.profile!r}: it should be {PROFILE!r}"
         )
+
+
+UNNAMED = "attachment"
+"""Name of a file that has none that could be used."""
+DESCRIPTION_RECORD = "rosbag2"
+"""Metadata record of rosbag2 with the counts of the file, which may no longer be true."""
+LIBRARY = f"impact_rig-recover {__version__}"
+"""What the new file says wrote it: its messages may not be numbered without gaps."""
+
+
+def recover_recording(path: Path, output: Path, *, report: Report = lambda _: None) -> Contents:
+    """Write everything that is sound in a recording to a new one, which any reader opens.
+
+    Topics, offered QoS, hashes, messages, their order, times and numbers, metadata and
+    attachments are taken over as they are; what no checksum vouches for is left out.
+
+    Parameters
+    ----------
+    path : Path
+        Of the recording; it is only read.
+    output : Path
+        Of the new file.
+    report : callable, optional
+        Called now and then with how much of the recording was read [byte]; it is read twice.
+
+    Returns
+    -------
+    Contents
+        What was found in the recording; its problems are what is left out.
+
+    Raises
+    ------
+    FileError
+        If nothing can be recovered, or the output exists already or cannot be written.
+    """
+    contents = inspect_recording(path, report=report)
+    if not contents.messages:
+        raise FileError(f"nothing of {path} can be recovered: {'; '.join(contents.problems)}")
+    scan = contents.scan
+    with write_new_file(output) as part, RecordingWriter(part, library=LIBRARY) as writer:
+        _copy(scan, writer, lambda place: report(scan.size + place))
+        if not contents.is_sound:
+            problems = json.dumps(contents.problems, ensure_ascii=False)
+            fields = {"recovered_from": path.name, "problems": problems}
+            writer.add_metadata(RECOVERY_RECORD, fields)
+    return contents
+
+
+def _copy(scan: Scan, writer: RecordingWriter, report: Report) -> None:
+    numbers: dict[int, int] = {}
+
+    def announce(channel: Channel) -> int:
+        if channel.id not in numbers:
+            numbers[channel.id] = writer.announce(channel)
+        return numbers[channel.id]
+
+    for item in scan.read(report=report):
+        if isinstance(item, RawMessage):
+            times = (item.log_time, item.publish_time)
+            writer.add_message(announce(item.channel), item.data, *times, item.sequence)
+        elif isinstance(item, Attachment):
+            writer.add_attachment(item.name, item.media_type, item.data, item.log_time)
+        elif item.name != DESCRIPTION_RECORD:
+            writer.add_metadata(item.name, item.fields)
+    for channel in scan.channels.values():
+        announce(channel)
+
+
+def extract_attachments(path: Path, folder: Path) -> tuple[Path, ...]:
+    """Write every attachment of a recording to a folder, under the last part of its name.
+
+    Folders in a name are left out. The same file is written once; others of the same name are
+    numbered.
+
+    Parameters
+    ----------
+    path : Path
+        Of the recording.
+    folder : Path
+        Where to; it is made.
+
+    Returns
+    -------
+    tuple of Path
+        What was written.
+
+    Raises
+    ------
+    FileError
+        If a file of that name exists already or cannot be written, or the recording not be read.
+    """
+    contents: dict[tuple[str, bytes], Path] = {}
+    for found in Scan(path, is_strict=False).read(kinds=frozenset({Attachment})):
+        if not isinstance(found, Attachment):
+            continue
+        name = _make_safe(found.name)
+        if (name, found.data) not in contents:
+            taken = {item.name for item in contents.values()}
+            target = folder / _number(name, taken)
+            with write_new_file(target) as part:
+                part.write_bytes(found.data)
+            contents[name, found.data] = target
+    return tuple(contents.values())
+
+
+def _make_safe(name: str) -> str:
+    last = name.replace("\\", "/").rpartition("/")[2]
+    safe = "".join(letter if letter.isprintable() else "_" for letter in last).strip()
+    return safe.lstrip(".") or UNNAMED
+
+
+def _number(name: str, taken: set[str]) -> str:
+    stem, suffix, number = Path(name).stem, Path(name).suffix, 1
+    while name in taken:
+        number += 1
+        name = f"{stem}.{number}{suffix}"
+    return name

@@ -9,7 +9,7 @@ decades, and the same files make the same recording, byte by byte.
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +17,11 @@ import numpy as np
 from impact_rig import __version__
 from impact_rig.core.detection import ImpactDetector, find_pulse_start
 from impact_rig.core.errors import SignalError
-from impact_rig.core.records import IMPORTED, MIXED, SIMULATED, Block, HitLabel, Origin
+from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sensors import ChannelPlan
 from impact_rig.core.setup import AnalysisSettings, RigSetup
 from impact_rig.core.stream import cut_impacts
-from impact_rig.recordings.channels import MappedChannels, map_channels
+from impact_rig.recordings.channels import MeasuredHit, map_channels
 from impact_rig.recordings.formats.registry import read_measurement
 from impact_rig.recordings.messages import NANOSECONDS, MessageEncoder
 from impact_rig.recordings.new_file import write_new_file
@@ -29,7 +29,7 @@ from impact_rig.recordings.provenance import (
     PROVENANCE_RECORD,
     compute_sha256,
 )
-from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.writer import RecordingWriter
 
 FIRST_STAMP = NANOSECONDS
@@ -48,20 +48,6 @@ BLOCK_QOS = OfferedQos(depth=200)
 """What the rig's nodes offer on these topics."""
 
 
-@dataclass(frozen=True)
-class ImportedHit:
-    """A hit in a file."""
-
-    path: Path
-    block: Block  # all of both channels or what was cut out, stamped with the file's time or 0
-    source: MappedChannels  # the channels that it was cut out of
-
-    @property
-    def duration(self) -> float:
-        """Of the hit [s]."""
-        return self.block.hammer.output.size / self.block.sampling_rate
-
-
 def read_hits(
     path: Path,
     label: HitLabel,
@@ -70,7 +56,7 @@ def read_hits(
     *,
     needs_scale: bool = False,
     window: AnalysisSettings | None = None,
-) -> list[ImportedHit]:
+) -> list[MeasuredHit]:
     """Read the hits of one file.
 
     Parameters
@@ -97,25 +83,18 @@ def read_hits(
         If its channels do not fit; see `map_channels`.
     """
     measurement = read_measurement(path)
-    hits: list[ImportedHit] = []
-    for channels in map_channels(measurement, plan, hammer_mass, needs_scale=needs_scale):
-        whole = Block(
-            0,
-            channels.sampling_rate,
-            channels.hammer,
-            channels.specimen,
-            label,
-            last=True,
-            stamp=channels.stamp,
-        )
-        for first, block in _cut_hits(whole, measurement.cues, window):
+    hits: list[MeasuredHit] = []
+    for whole in map_channels(measurement, plan, hammer_mass, needs_scale=needs_scale):
+        for first, block in _cut_hits(whole.block, measurement.cues, window):
             number = label.record + len(hits)
-            counted = replace(
+            last = first + block.hammer.output.size - 1
+            place = f"{' and '.join(map(repr, whole.names))}, points {first} to {last}"
+            labelled = replace(
                 block,
                 label=replace(label, record=number, impact=number),
-                origin=_describe_origin(path, channels, first, block.hammer.output.size),
+                origin=replace(block.origin, place=place),
             )
-            hits.append(ImportedHit(path, counted, channels))
+            hits.append(replace(whole, block=labelled))
     return hits
 
 
@@ -134,17 +113,7 @@ def _cut_hits(
             yield start + first, block
 
 
-def _describe_origin(path: Path, channels: MappedChannels, first: int, count: int) -> Origin:
-    """Return where in its file a hit stands; what was simulated stays so through any export."""
-    place = f"{' and '.join(map(repr, channels.names))}, points {first} to {first + count - 1}"
-    source = f"{path.suffix.lstrip('.').lower()} file"
-    is_simulated = channels.origin.startswith((SIMULATED, MIXED))
-    if channels.origin:
-        source += f", exported as {channels.origin}"
-    return Origin(SIMULATED if is_simulated else IMPORTED, source, str(path), place)
-
-
-def check_series(hits: Sequence[ImportedHit], hit: ImportedHit) -> None:
+def check_series(hits: Sequence[MeasuredHit], hit: MeasuredHit) -> None:
     """Require a hit that can be averaged with the first of its series.
 
     Raises
@@ -168,7 +137,7 @@ def check_series(hits: Sequence[ImportedHit], hit: ImportedHit) -> None:
         )
 
 
-def choose_window(settings: AnalysisSettings, hits: Sequence[ImportedHit]) -> AnalysisSettings:
+def choose_window(settings: AnalysisSettings, hits: Sequence[MeasuredHit]) -> AnalysisSettings:
     """Return settings that make each file, whole, the record of its hit.
 
     The pre-trigger is the longest time before a pulse; where that cuts off points, it reaches to
@@ -183,24 +152,24 @@ def choose_window(settings: AnalysisSettings, hits: Sequence[ImportedHit]) -> An
     return chosen
 
 
-def _is_whole(hit: ImportedHit, settings: AnalysisSettings) -> bool:
+def _is_whole(hit: MeasuredHit, settings: AnalysisSettings) -> bool:
     records = ImpactDetector(settings).feed(hit.block)
     sizes = [record.hammer.acceleration.size for record in records]
     return sizes == [hit.block.hammer.output.size]
 
 
-def _find_start(hit: ImportedHit, settings: AnalysisSettings) -> int:
+def _find_start(hit: MeasuredHit, settings: AnalysisSettings) -> int:
     """Return where the pulse begins; a tenth of the way where there is none."""
     start = find_pulse_start(hit.block, settings)
     return hit.block.hammer.output.size // 10 if start is None else start
 
 
-def _find_peak(hit: ImportedHit, _settings: AnalysisSettings) -> int:
+def _find_peak(hit: MeasuredHit, _settings: AnalysisSettings) -> int:
     output = hit.block.hammer.output
     return int(np.argmax(np.abs(output - np.median(output))))
 
 
-def write_imported(output: Path, setup: RigSetup, hits: Sequence[ImportedHit]) -> None:
+def write_imported(output: Path, setup: RigSetup, hits: Sequence[MeasuredHit]) -> None:
     """Write a recording of one series of hits.
 
     Parameters
@@ -209,7 +178,7 @@ def write_imported(output: Path, setup: RigSetup, hits: Sequence[ImportedHit]) -
         Of the new `.mcap` file.
     setup : RigSetup
         Masses, sample and settings.
-    hits : sequence of ImportedHit
+    hits : sequence of MeasuredHit
         In their order.
 
     Raises
@@ -234,7 +203,7 @@ def write_imported(output: Path, setup: RigSetup, hits: Sequence[ImportedHit]) -
                 writer.add_message(blocks, encoder.encode_block(block), arrival, arrival)
 
 
-def _assign_stamps(hits: Sequence[ImportedHit]) -> list[int]:
+def _assign_stamps(hits: Sequence[MeasuredHit]) -> list[int]:
     """Return when each hit begins in the recording [ns since the epoch]."""
     stamps: list[int] = []
     end = next((hit.block.stamp for hit in hits if hit.block.stamp), FIRST_STAMP) - PAUSE
@@ -245,12 +214,12 @@ def _assign_stamps(hits: Sequence[ImportedHit]) -> list[int]:
     return stamps
 
 
-def _describe(hit: ImportedHit) -> str:
+def _describe(hit: MeasuredHit) -> str:
     """Return where a hit comes from, as JSON: enough to find the file and prove that it is it."""
     content: dict[str, object] = {
         "file": hit.path.name,
         "sha256": compute_sha256(hit.path),
-        "channels": hit.source.names,
+        "channels": hit.names,
     }
     if hit.block.stamp:
         # What the file states; the hit may be later in the recording.

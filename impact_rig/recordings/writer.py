@@ -8,8 +8,7 @@ from typing import Self
 from mcap.writer import CompressionType, Writer
 
 from impact_rig.recordings.new_file import DiskFile, make_folders
-from impact_rig.recordings.qos import OfferedQos, format_offered_qos
-from impact_rig.recordings.records import Channel
+from impact_rig.recordings.records import Channel, OfferedQos, format_offered_qos
 from impact_rig.recordings.schemas import MessageDefinition
 
 COMPRESSIONS = ("zstd", "lz4", "none")

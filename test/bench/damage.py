@@ -33,8 +33,8 @@ from impact_rig.recordings.contents import inspect_recording
 from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
 from impact_rig.recordings.formats.registry import WRITABLE, write_measurement
 from impact_rig.recordings.messages import MessageEncoder
-from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.scan import MAGIC
 from impact_rig.recordings.source import SUFFIX
 from impact_rig.recordings.writer import RecordingWriter

@@ -10,8 +10,8 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from bench.measure import Bench, Figure, at_least, at_most, compare_times, divide, part
-from impact_rig.recordings.qos import OfferedQos
 from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.schemas import MessageDefinition
 from impact_rig.recordings.writer import DEFAULT_CHUNK_SIZE, RecordingWriter
 

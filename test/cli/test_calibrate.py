@@ -15,7 +15,7 @@ from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 from impact_rig.recordings.messages import MessageEncoder
-from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.writer import RecordingWriter
 
 from .conftest import finish, start_command

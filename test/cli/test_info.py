@@ -6,7 +6,7 @@ from dataclasses import replace
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import VirtualRigSettings
-from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.schemas import MessageDefinition
 from impact_rig.recordings.writer import RecordingWriter
 

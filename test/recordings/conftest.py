@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import RecordingWriter
 

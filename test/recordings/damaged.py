@@ -10,9 +10,8 @@ import mcap.stream_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 
-from impact_rig.recordings.contents import Contents, inspect_recording
+from impact_rig.recordings.contents import Contents, inspect_recording, recover_recording
 from impact_rig.recordings.hits import HitState
-from impact_rig.recordings.recover import recover_recording
 
 OURS = "impact_rig_msgs/msg/"
 HITS = 4

@@ -168,15 +168,3 @@ def test_a_file_in_the_way_of_the_folder_is_named(tmp_path, name):
         write_new_file(tmp_path / name),
     ):
         pytest.fail("nothing may be written")
-
-
-def test_a_folder_without_permission_is_named(tmp_path, monkeypatch):
-    def refuse(*_: object, **__: object) -> None:
-        raise PermissionError(errno.EACCES, "Permission denied")
-
-    monkeypatch.setattr(Path, "mkdir", refuse)
-    with (
-        pytest.raises(FileError, match="cannot be made: Permission denied"),
-        write_new_file(tmp_path / "shut" / "new.csv"),
-    ):
-        pytest.fail("nothing may be written")

@@ -169,18 +169,6 @@ def test_zeros_that_a_power_cut_left_at_the_end_are_no_damage(path):
     assert len(found) >= 40
 
 
-def test_a_file_that_grows_while_it_is_read_is_read_as_it_was(path):
-    whole, content = read(path), path.read_bytes()
-    cut_off_summary(path)
-    path.write_bytes(path.read_bytes()[:-200])
-    found = Scan(path).read_messages()
-    told = [next(found)]
-    path.write_bytes(content)
-    told.extend(found)
-    assert [describe(item.channel, item) for item in told] == whole[: len(told)]
-    assert 40 <= len(told) < 60
-
-
 def test_damage_before_the_end_of_a_file_never_closed_is_named(path):
     damage_chunk(path, 0)
     cut_off_summary(path)
@@ -358,13 +346,3 @@ def test_a_topic_without_schema_does_not_disturb_the_others(tmp_path):
     assert [item.topic for item in Scan(path).read_channels()] == ["/a", "/web"]
     with pytest.raises(FileError, match="'/web' is in 'json'"):
         read(path, {"/web"})
-
-
-def test_a_file_without_permission_is_named(tmp_path, monkeypatch):
-    def refuse(*_, **__):
-        raise PermissionError(13, "Permission denied")
-
-    path = write(tmp_path / "file.mcap")
-    monkeypatch.setattr(Path, "open", refuse)
-    with pytest.raises(FileError, match=r"file\.mcap cannot be read: Permission denied"):
-        Scan(path)

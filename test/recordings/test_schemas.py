@@ -131,12 +131,6 @@ def test_all_dependencies_are_appended_once_each():
     ]
 
 
-def test_the_short_form_of_a_name_is_understood():
-    assert find_message_definition("std_msgs/Header") == find_message_definition(
-        "std_msgs/msg/Header"
-    )
-
-
 def test_arrays_bounds_constants_and_comments_are_told_from_types(install):
     install("demo_msgs", "Inner", "bool flag\n")
     install(

@@ -14,8 +14,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings import new_file
-from impact_rig.recordings.qos import OfferedQos
+from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import COMPRESSIONS, RecordingWriter
@@ -107,38 +106,6 @@ def test_what_was_flushed_is_read_while_the_file_is_still_open(make_recording):
     assert [message.channel.topic for message in messages] == ["/setup", "/acceleration"]
 
 
-def test_a_disk_that_fails_without_warning_keeps_all_finished_chunks(tmp_path):
-    """A file-size limit of the process stands for the quota; its child meets it for real."""
-    path = tmp_path / "session.mcap"
-    script = f"""
-import resource, signal
-from pathlib import Path
-from impact_rig.core.errors import FileError
-from impact_rig.recordings.writer import RecordingWriter
-from impact_rig.recordings.schemas import find_message_definition
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (25_000, 25_000))
-writer = RecordingWriter(Path({str(path)!r}), compression="none", chunk_size=3000)
-channel = writer.add_channel("/text", find_message_definition("std_msgs/msg/String"), ())
-try:
-    for number in range(1000):
-        writer.add_message(channel, bytes(300), number, number)
-except FileError as error:
-    print(error)
-writer.close()
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert "session.mcap cannot be written: File too large" in done.stdout
-    assert done.stderr == ""
-    file = Scan(path)
-    assert file.warnings
-    times = [message.log_time for message in file.read_messages()]
-    assert times == list(range(len(times)))
-    assert len(times) > 50
-
-
 @pytest.mark.skipif(shutil.which("rerun") is None, reason="the Rerun viewer is not installed")
 def test_rerun_finds_nothing_wrong_with_it(make_recording):
     recording = make_recording()
@@ -191,20 +158,6 @@ def test_a_sync_returns_when_the_disk_has_the_hit(make_recording, monkeypatch):
     recording.writer.sync()
     assert sizes == [recording.writer.size]
     assert 2 * 3000 < sizes[0] == recording.path.stat().st_size
-
-
-def test_a_stream_is_sent_to_the_disk_while_it_is_written(make_recording, monkeypatch):
-    """Else a sync, or the end of a file in a stream, waits for seconds of data."""
-    sent = []
-    monkeypatch.setattr(
-        os, "posix_fadvise", lambda file, start, length, advice: sent.append((start, length))
-    )
-    monkeypatch.setattr(new_file, "SENT_AT_ONCE", 10_000)
-    recording = make_recording(compression="none", chunk_size=4000)
-    add_hits(recording, *range(10))
-    assert [start for start, _ in sent] == [0, sent[0][1]]
-    assert all(10_000 <= length < 20_000 for _, length in sent)
-    assert recording.writer.size - sum(length for _, length in sent) < 10_000
 
 
 def test_an_existing_file_is_never_overwritten(tmp_path):

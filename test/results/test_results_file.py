@@ -4,7 +4,6 @@ import functools
 import json
 import math
 import operator
-import stat
 from dataclasses import replace
 from typing import Any
 
@@ -87,14 +86,6 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path):
         "format", "origin", "origin_source", "setup", "hammer", "samples", "hits",
         "speed_exponents", "files", "remarks",
     }  # fmt: skip
-
-
-def test_results_are_as_readable_as_any_new_file(tmp_path):
-    other = tmp_path / "other"
-    other.write_text("")
-    write_results(tmp_path / "results.json", RESULTS)
-    mode = (tmp_path / "results.json").stat().st_mode
-    assert stat.S_IMODE(mode) == stat.S_IMODE(other.stat().st_mode)
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):

@@ -16,7 +16,6 @@ from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.contact import make_nominal_contact
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
-from impact_rig.results import traces as hit_traces
 from impact_rig.results.traces import (
     DRIVEN,
     IDENTIFIED,
@@ -161,14 +160,6 @@ def test_a_record_without_its_end_is_dropped_when_the_next_begins():
 
     assert joined.label.record == 2
     assert joined.values.shape == (1, 2)
-
-
-def test_an_endless_record_does_not_fill_the_memory(monkeypatch):
-    monkeypatch.setattr(hit_traces, "LARGEST_RECORD", 10)
-
-    (joined,) = feed(*(make_block(4 * i, np.zeros(4), last=i == 9) for i in range(10)))
-
-    assert joined.time.size == 12
 
 
 def test_a_sample_that_was_not_measured_is_not_a_number():

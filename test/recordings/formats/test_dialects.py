@@ -178,17 +178,19 @@ def test_every_point_is_found_with_its_time_and_unit(tmp_path, name):
     file = read_measurement(save(tmp_path, name, DIALECTS[name](PAIRS)))
     assert file.channels[-1].unit == ("" if name in UNSTATED else "V")
     (found,) = map_channels(file, ChannelPlan(SENSOR))
-    assert found.sampling_rate == pytest.approx(RATE, rel=1e-6)
+    assert found.block.sampling_rate == pytest.approx(RATE, rel=1e-6)
     # 10 mV for a m/s².
-    np.testing.assert_allclose(found.hammer.output, PULSE, atol=COARSE.get(name, 1e-5))
-    assert found.hammer.scale == pytest.approx(100.0)
+    np.testing.assert_allclose(found.block.hammer.output, PULSE, atol=COARSE.get(name, 1e-5))
+    assert found.block.hammer.scale == pytest.approx(100.0)
 
 
 def test_columns_of_words_are_skipped(tmp_path):
     file = read_measurement(save(tmp_path, "logger.csv", write_dates(PAIRS)))
     assert [channel.name for channel in file.channels] == ["Date", "Clock", "Time", "Force"]
     skipped = ChannelPlan(SENSOR, columns=("skip", "skip", "time", "hammer"))
-    np.testing.assert_allclose(map_channels(file, skipped)[0].hammer.output, PULSE, atol=1e-5)
+    np.testing.assert_allclose(
+        map_channels(file, skipped)[0].block.hammer.output, PULSE, atol=1e-5
+    )
     used = ChannelPlan(SENSOR, columns=("time", "skip", "skip", "hammer"))
     with pytest.raises(SignalError, match=r"line 2: '2026-11-22' is no number.*give --rate"):
         map_channels(file, used)

@@ -129,13 +129,6 @@ def test_what_cannot_be_read_is_named(tmp_path, name, content, told):
         read_measurement(tmp_path / name)
 
 
-def test_an_archive_under_the_name_of_an_array_is_named(tmp_path):
-    np.savez(tmp_path / "hit.npz", a=np.zeros(3))
-    (tmp_path / "hit.npz").rename(tmp_path / "hit.npy")
-    with pytest.raises(FileError, match="holds several arrays"):
-        read_measurement(tmp_path / "hit.npy")
-
-
 def test_an_archive_without_vectors_says_what_it_holds(tmp_path):
     np.savez(tmp_path / "hit.npz", frf=np.zeros(20, complex))
     with pytest.raises(FileError, match=r"no vector of real numbers: it holds frf \(complex128"):

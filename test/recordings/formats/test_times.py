@@ -65,7 +65,7 @@ formats = pytest.mark.parametrize("name", WRITERS)
 
 def read_rate(path: Path, **given: object) -> float:
     (hit,) = map_channels(read_measurement(path), ChannelPlan(**given))  # type: ignore[arg-type]
-    return hit.sampling_rate
+    return hit.block.sampling_rate
 
 
 @formats
