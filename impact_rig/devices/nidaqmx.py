@@ -1,10 +1,9 @@
 """Digitizers and output lines of National Instruments, by NI-DAQmx: the drivers `nidaqmx`."""
 
 import time
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,16 +22,11 @@ from impact_rig.devices.protocols import (
     take_energized_state,
 )
 
-if TYPE_CHECKING:
-    from nidaqmx import Task
-    from nidaqmx.system.device import Device
-
 # Names of errors, as in `nidaqmx.error_codes`.
 UNKNOWN_PROPERTY = "ATTRIBUTE_NOT_SUPPORTED_IN_TASK_CONTEXT"
 OVERWRITTEN = "SAMPLES_NO_LONGER_AVAILABLE"
 NOT_YET = "SAMPLES_NOT_YET_AVAILABLE"
 NOT_DONE = "WAIT_UNTIL_DONE_DOES_NOT_INDICATE_DONE"
-STOPPED_EARLY = 200010  # number of the warning that a task was stopped before its last sample
 
 
 @contextmanager
@@ -66,23 +60,39 @@ def report_errors(subject: str, options: TomlTable | None = None, key: str = "")
         raise (DeviceError(text) if options is None else options.make_error(key, text)) from None
 
 
-def find_devices() -> tuple[FoundDevice, ...]:
-    """Return the devices that NI-DAQmx knows; `DeviceError` if it is not installed."""
-    from nidaqmx.system import System
+class NidaqmxDriver:
+    """What source and holder share."""
 
-    with report_errors("NI-DAQmx"):
-        return tuple(
-            FoundDevice(device.name, describe_device(device)) for device in System().devices
-        )
+    @classmethod
+    def find_devices(cls) -> tuple[FoundDevice, ...]:
+        """Return the devices that NI-DAQmx knows; `DeviceError` if it is not installed."""
+        from nidaqmx.system import System
+
+        with report_errors("NI-DAQmx"):
+            return tuple(
+                FoundDevice(device.name, describe_device(device)) for device in System().devices
+            )
+
+    def __init__(self, options: TomlTable, subject: str) -> None:
+        self._options = options
+        self._subject = subject  # of messages
+        self._task: Any = None
+
+    def close(self) -> None:
+        """End the task: a line stays as it is. Never raises: the device may be gone."""
+        if self._task is not None:
+            with suppress(RigError), report_errors(self._subject):
+                self._task.close()
+        self._task = None
 
 
-def describe_device(device: "Device") -> str:
+def describe_device(device: Any) -> str:
     """Return maker, model and serial number."""
     kind = ", simulated" if device.is_simulated else ""
     return f"NI {device.product_type} {device.serial_num:08X}{kind}"
 
 
-def find_device(terminal: str, key: str, table: TomlTable) -> "Device":
+def find_device(terminal: str, key: str, table: TomlTable) -> Any:
     """Return the device of a channel or line like "Dev1/ai0", which is a key of a table.
 
     Raises
@@ -108,17 +118,10 @@ def find_device(terminal: str, key: str, table: TomlTable) -> "Device":
     return System().devices[name]
 
 
-def close_task(task: "Task | None") -> None:
-    """End a task; never raises: where the device is gone there is nothing left to end."""
-    if task is not None:
-        with suppress(RigError), report_errors("NI task"):
-            task.close()
-
-
 RAIL = 0.999  # part of the range from which on a channel is overloaded; 16 bits end at 0.99997
 
 
-def add_input(task: "Task", channel: SourceChannel) -> ChannelScale:
+def add_input(task: Any, channel: SourceChannel) -> ChannelScale:
     """Add a sensor's channel to a task; options: iepe_current, coupling, range.
 
     Raises
@@ -175,7 +178,7 @@ def _take_current(options: TomlTable) -> float:
 RATE_TOLERANCE = 0.01  # relative; within it the clock's own rate is used
 
 
-class NidaqmxSource:
+class NidaqmxSource(NidaqmxDriver):
     """Analog inputs with a sample clock, and a reference trigger on the hammer's signal.
 
     Parameters
@@ -212,77 +215,44 @@ range = "5 V"
 
     def __init__(self, options: TomlTable) -> None:
         options.check_keys()
-        self._options = options
-        self._subject = "NI device"
-        self._task: Task | None = None
-        self._plan: AcquisitionPlan | None = None
+        super().__init__(options, "NI device")
         self._scales: dict[str, ChannelScale] = {}  # by the name of the virtual channel
-        self._reader: Any = None
-        self._rate = 0.0  # [Hz]
         self._is_running = False
-        self._begin = 0  # [ns since the epoch]
-
-    @classmethod
-    def find_devices(cls) -> tuple[FoundDevice, ...]:
-        """Return what NI-DAQmx of this computer knows."""
-        return find_devices()
 
     def configure(self, plan: AcquisitionPlan) -> Acquisition:
         """Set a task up and reserve the device."""
-        self.close()
+        self._plan, self._is_running = plan, False
         self._subject = f"NI device {plan.hammer.name.partition('/')[0]}"
-        try:
-            with report_errors(self._subject):
-                return self._configure(plan)
-        except BaseException:
-            self.close()
-            raise
+        with report_errors(self._subject):
+            return self._configure(plan)
 
     def arm(self) -> None:
         """Start the task: its sample clock runs, and its trigger waits."""
-        from nidaqmx.errors import DaqWarning
-
-        task, _ = self._require()
-        # Stopping a task before its trigger is no reason for a warning.
-        warnings.filterwarnings("ignore", rf"\s*Warning {STOPPED_EARLY} occurred", DaqWarning)
         with report_errors(self._subject):
-            self._begin = time.time_ns()
-            task.start()
+            self._begin = time.time_ns()  # since the epoch
+            self._task.start()
         self._is_running = True
 
     def read(self, timeout: float) -> Block | None:
         """Return the next block."""
-        task, plan = self._require()
         if not self._is_running:
             return None
         with report_errors(self._subject):
-            if plan.continuous:
-                return self._read_stream(task, plan, timeout)
-            return self._read_record(task, plan, timeout)
+            read = self._read_stream if self._plan.continuous else self._read_record
+            return read(self._task, self._plan, timeout)
 
     def disarm(self) -> None:
         """Stop the task, and forget what was not read."""
-        if self._task is not None and self._is_running:
+        if self._is_running:
             self._is_running = False
             with report_errors(self._subject):
                 self._task.stop()
 
     def check(self) -> None:
         """See that NI-DAQmx still knows the device; raises `DeviceError`."""
-        _, plan = self._require()
         with report_errors(self._subject):
-            for channel in plan.channels:
+            for channel in self._plan.channels:
                 find_device(channel.name, "channel", channel.options)
-
-    def close(self) -> None:
-        """End the task."""
-        task, self._task, self._is_running = self._task, None, False
-        close_task(task)
-
-    def _require(self) -> "tuple[Task, AcquisitionPlan]":
-        if self._task is None or self._plan is None:
-            raise DeviceError(f"{self._subject} is not configured")
-        return self._task, self._plan
 
     def _configure(self, plan: AcquisitionPlan) -> Acquisition:
         from nidaqmx import Task
@@ -291,7 +261,6 @@ range = "5 V"
 
         identity, is_simulated = _check_devices(plan.channels)
         self._task = task = Task()
-        self._plan = plan
         self._scales = {
             channel.sensor.channel: add_input(task, channel) for channel in plan.channels
         }
@@ -308,7 +277,7 @@ range = "5 V"
         self._reader.verify_array_shape = False
         return Acquisition(identity, self._rate, is_simulated)
 
-    def _set_clock(self, task: "Task", plan: AcquisitionPlan) -> float:
+    def _set_clock(self, task: Any, plan: AcquisitionPlan) -> float:
         """Set sampling rate and length; return the rate that it became [Hz]."""
         from nidaqmx.constants import AcquisitionType
 
@@ -328,7 +297,7 @@ range = "5 V"
             )
         return rate
 
-    def _set_trigger(self, task: "Task", plan: AcquisitionPlan) -> None:
+    def _set_trigger(self, task: Any, plan: AcquisitionPlan) -> None:
         from nidaqmx.constants import WindowTriggerCondition1
 
         name = plan.hammer.sensor.channel
@@ -346,7 +315,7 @@ range = "5 V"
                 WindowTriggerCondition1.LEAVING_WINDOW,
             )  # fmt: skip
 
-    def _read_record(self, task: "Task", plan: AcquisitionPlan, timeout: float) -> Block | None:
+    def _read_record(self, task: Any, plan: AcquisitionPlan, timeout: float) -> Block | None:
         """Return the record; None if it is not complete in time [s]."""
         from nidaqmx.errors import DaqError
 
@@ -363,7 +332,7 @@ range = "5 V"
         self.disarm()
         return block
 
-    def _read_stream(self, task: "Task", plan: AcquisitionPlan, timeout: float) -> Block | None:
+    def _read_stream(self, task: Any, plan: AcquisitionPlan, timeout: float) -> Block | None:
         """Return the next samples; None if there are none in time [s]."""
         from nidaqmx.constants import ReadRelativeTo
         from nidaqmx.errors import DaqError
@@ -402,7 +371,7 @@ range = "5 V"
         return taken.reshape(len(self._scales), size)
 
     def _make_block(
-        self, task: "Task", first: int, volts: FloatArray, *, last: bool, stamp: int
+        self, task: Any, first: int, volts: FloatArray, *, last: bool, stamp: int
     ) -> Block:
         overloaded = self._list_overloaded(task)
         channels = [
@@ -412,7 +381,7 @@ range = "5 V"
         specimen = (*channels[1:], NOT_MEASURED)[0]
         return Block(first, self._rate, channels[0], specimen, last=last, stamp=stamp)
 
-    def _list_overloaded(self, task: "Task") -> list[str]:
+    def _list_overloaded(self, task: Any) -> list[str]:
         """Return the channels that the device says were overloaded since it was asked last."""
         from nidaqmx.errors import DaqError
 
@@ -444,7 +413,7 @@ def _check_devices(channels: tuple[SourceChannel, ...]) -> tuple[str, bool]:
 WRITE_TIME = 0.1  # [s], of the line itself
 
 
-class NidaqmxHolder(CommandedHolder):
+class NidaqmxHolder(NidaqmxDriver, CommandedHolder):
     """A line that drives what holds the hammer, by NI-DAQmx.
 
     The line keeps its level when the task ends. What it does while the computer starts is the
@@ -471,35 +440,30 @@ energized = "holds"          # with a high line the hammer is held (default), or
 
     def __init__(self, options: TomlTable) -> None:
         options.check_keys("line", "energized")
-        self._options = options
         self._line = options.take_text("line", REQUIRED, "Dev1/port0/line0")
         self._when_high = take_energized_state(options, HolderState.HOLDING)
-        self._subject = f"NI line {self._line}"
-        self._task: Task | None = None
-        self._reader: Any = None
-        self._writer: Any = None
-
-    @classmethod
-    def find_devices(cls) -> tuple[FoundDevice, ...]:
-        """Return what NI-DAQmx of this computer knows."""
-        return find_devices()
+        super().__init__(options, f"NI line {self._line}")
 
     def configure(self) -> str:
         """Take the line, and hold."""
-        self.close()
-        try:
-            with report_errors(self._subject, self._options, "line"):
-                device = find_device(self._line, "line", self._options)
-                self._take_line()
-            self.hold()
-        except BaseException:
-            self.close()
-            raise
+        from nidaqmx import Task
+        from nidaqmx.constants import LineGrouping
+        from nidaqmx.stream_readers import DigitalSingleChannelReader
+        from nidaqmx.stream_writers import DigitalSingleChannelWriter
+
+        with report_errors(self._subject, self._options, "line"):
+            device = find_device(self._line, "line", self._options)
+            self._task = Task()
+            self._task.do_channels.add_do_chan(
+                self._line, line_grouping=LineGrouping.CHAN_PER_LINE
+            )
+        self._reader = DigitalSingleChannelReader(self._task.in_stream)
+        self._writer = DigitalSingleChannelWriter(self._task.out_stream, auto_start=True)
+        self.hold()
         return f"{describe_device(device)}, {self._line}"
 
     def read_state(self) -> HolderState:
         """Read the line back."""
-        self._require_task()
         with report_errors(self._subject):
             is_high = bool(self._reader.read_one_sample_one_line(WRITE_TIME))
         if is_high is not (self.commanded is self._when_high):
@@ -509,29 +473,8 @@ energized = "holds"          # with a high line the hammer is held (default), or
             )
         return self.commanded
 
-    def close(self) -> None:
-        """End the task; the line stays as it is."""
-        task, self._task = self._task, None
-        close_task(task)
-
     def command(self, state: HolderState) -> None:
         """Bring the device into a state; raises `DeviceError` if it does not obey."""
-        self._require_task()
         with report_errors(self._subject):
             self._writer.write_one_sample_one_line(state is self._when_high, WRITE_TIME)
         self.commanded = state
-
-    def _require_task(self) -> None:
-        if self._task is None:
-            raise DeviceError(f"{self._subject} is not configured")
-
-    def _take_line(self) -> None:
-        from nidaqmx import Task
-        from nidaqmx.constants import LineGrouping
-        from nidaqmx.stream_readers import DigitalSingleChannelReader
-        from nidaqmx.stream_writers import DigitalSingleChannelWriter
-
-        self._task = Task()
-        self._task.do_channels.add_do_chan(self._line, line_grouping=LineGrouping.CHAN_PER_LINE)
-        self._reader = DigitalSingleChannelReader(self._task.in_stream)
-        self._writer = DigitalSingleChannelWriter(self._task.out_stream, auto_start=True)

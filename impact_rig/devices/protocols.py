@@ -135,8 +135,7 @@ class AccelerationSource(Protocol):
     Whatever goes wrong with the device (gone, silent, in other hands, another one than expected,
     nonsense or half an answer) is a `DeviceError` whose sentence names device, what it did, and
     what would be right; nothing blocks for longer than its time-out. A library that is not
-    installed may raise `ModuleNotFoundError`. After an error only `close` and `configure` are
-    called.
+    installed may raise `ModuleNotFoundError`. After an error only `close` is called.
 
     A driver is a class, found by the entry point group `impact_rig.acceleration_sources` and
     called with its options: the table `[source]` of the rig file without the keys that all sources

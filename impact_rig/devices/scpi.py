@@ -40,21 +40,34 @@ class Instrument:
     Parameters
     ----------
     address : str
-        Host and port.
-    timeout : float
-        That a connection, and each answer, may take [s].
+        Host and port, like "192.168.1.20:5000".
+
+    Raises
+    ------
+    ParameterError
+        If the address cannot be meant.
     """
 
-    def __init__(self, address: str, timeout: float) -> None:
+    def __init__(self, address: str) -> None:
+        host, _, port = address.partition(":")
+        port = port or str(PORT)
+        if not host.strip() or not port.isdecimal() or not 0 < int(port) < 2**16:
+            raise ParameterError(
+                f"address is {address!r}: it must be a host and a port, like 192.168.1.20:{PORT}"
+            )
+        self.resource_name = f"TCPIP::{host}::{port}::SOCKET"  # VISA's
+        self._name = f"the SCPI instrument at {address}"
+        self._resource: Any = None
+
+    def open(self, timeout: float) -> None:
+        """Connect; this, and each answer, may take `timeout` seconds."""
         from pyvisa import ResourceManager
         from pyvisa_py.highlevel import PyVisaLibrary
 
-        self._name = f"the SCPI instrument at {address}"
-        self._timeout = timeout
         milliseconds = round(1e3 * timeout)
         try:
-            self._resource: Any = ResourceManager(PyVisaLibrary()).open_resource(
-                make_resource_name(address),
+            self._resource = ResourceManager(PyVisaLibrary()).open_resource(
+                self.resource_name,
                 open_timeout=milliseconds,
                 timeout=milliseconds,
                 read_termination=END,
@@ -107,21 +120,10 @@ class Instrument:
 
     @contextmanager
     def _report_errors(self, query: str) -> Iterator[None]:
-        from pyvisa.errors import Error, VisaIOError
+        from pyvisa.errors import Error
 
         try:
             yield
-        except VisaIOError as error:
-            if error.abbreviation != "VI_ERROR_TMO":
-                raise self.make_error(f"is gone: {error.description}") from None
-            raise self.make_error(
-                f"does not answer {query} within {self._timeout:g} s: is it the right instrument,"
-                " does it still work, and does another program hold it?"
-            ) from None
-        except ConnectionRefusedError:
-            raise self.make_error(
-                "refuses connections: start its SCPI server, and check the port"
-            ) from None
         except OSError as error:
             raise self.make_error(
                 f"has closed the connection: {error}; check cable and power, and whether another"
@@ -129,19 +131,9 @@ class Instrument:
             ) from None
         except (Error, ValueError) as error:
             raise self.make_error(
-                f"gives a wrong answer to {query}: {error}; is it the right instrument?"
+                f"does not answer {query} as it should: {error}; is it the right"
+                " instrument, and does another program hold it?"
             ) from None
-
-
-def make_resource_name(address: str) -> str:
-    """Return VISA's name of an address like "192.168.1.20:5000"; raises `ParameterError`."""
-    host, _, port = address.partition(":")
-    port = port or str(PORT)
-    if not host.strip() or not port.isdecimal() or not 0 < int(port) < 2**16:
-        raise ParameterError(
-            f"address is {address!r}: it must be a host and a port, like 192.168.1.20:{PORT}"
-        )
-    return f"TCPIP::{host}::{port}::SOCKET"
 
 
 @dataclass(frozen=True)
@@ -201,16 +193,10 @@ sensitivity = "5 mV/g"
         options.check_keys("address", "board")
         self._options = options
         self._address = options.take_text("address", REQUIRED, f"192.168.1.20:{PORT}")
-        try:
-            make_resource_name(self._address)
-        except ParameterError as error:
-            raise options.make_error("address", str(error)) from None
+        with options.locating("address"):
+            self._instrument = Instrument(self._address)
         self._board = BOARDS[options.take_choice("board", tuple(BOARDS), "125-14")]
-        self._instrument: Instrument | None = None
-        self._plan: AcquisitionPlan | None = None
-        self._rate = 0.0  # [Hz]
         self._settings: dict[str, str] = {}  # what is set, and read back at each arming
-        self._trigger = ""
         self._is_armed = False
         self._asked = self._triggered = 0  # [ns since the epoch]; 0: not yet
 
@@ -231,19 +217,14 @@ sensitivity = "5 mV/g"
         """
         if plan.continuous:
             raise ParameterError("the driver scpi records single hits only: set mode to triggered")
-        self.close()
         self._plan = plan
         self._check_plan(plan)
         commands = self._choose_settings(plan)
-        self._instrument = instrument = Instrument(self._address, self.timeout)
-        try:
-            identity = self._check_identity(instrument)
-            set_up = (f"{name} {value}" for name, value in self._settings.items())
-            instrument.send("ACQ:RST", *set_up, *commands)
-            self._check_settings(instrument)
-        except DeviceError:
-            self.close()
-            raise
+        self._instrument.open(self.timeout)
+        identity = self._check_identity()
+        set_up = (f"{name} {value}" for name, value in self._settings.items())
+        self._instrument.send("ACQ:RST", *set_up, *commands)
+        self._check_settings()
         return Acquisition(f"{identity} at {self._address}", self._rate)
 
     def arm(self) -> None:
@@ -254,87 +235,78 @@ sensitivity = "5 mV/g"
         DeviceError
             If it is gone, or another program has changed its settings.
         """
-        instrument, plan = self._require()
         self.disarm()
-        self._check_settings(instrument)
+        self._check_settings()
         # An answer says that what was sent before has been done.
-        instrument.ask("ACQ:TRIG DISABLED", "ACQ:START", "ACQ:TRIG:STAT?")
-        time.sleep(plan.pre_trigger + FILL_MARGIN)
-        instrument.ask(f"ACQ:TRIG {self._trigger}", "ACQ:TRIG:STAT?")
+        self._instrument.ask("ACQ:TRIG DISABLED", "ACQ:START", "ACQ:TRIG:STAT?")
+        time.sleep(self._plan.pre_trigger + FILL_MARGIN)
+        self._instrument.ask(f"ACQ:TRIG {self._trigger}", "ACQ:TRIG:STAT?")
         self._is_armed, self._triggered = True, 0
         self._asked = time.time_ns()
 
     def read(self, timeout: float) -> Block | None:
         """Return a record; None if there is none within `timeout` seconds."""
-        instrument, plan = self._require()
         deadline = time.monotonic() + timeout
-        while not (self._is_armed and self._is_complete(instrument)):
+        while not (self._is_armed and self._is_complete()):
             left = deadline - time.monotonic()
             if left <= 0.0:
                 return None
             time.sleep(min(POLL_PERIOD, left) if self._is_armed else left)
         self._is_armed = False
-        return self._fetch(instrument, plan)
+        return self._fetch(self._plan)
 
     def disarm(self) -> None:
         """Stop the board, and forget what has not been read; raises `DeviceError`."""
-        if self._is_armed and self._instrument is not None:
+        if self._is_armed:
             self._is_armed = False
             self._instrument.send("ACQ:TRIG DISABLED", "ACQ:STOP")
 
     def check(self) -> None:
         """Ask the instrument what it is; raises `DeviceError`."""
-        self._check_identity(self._require()[0])
+        self._check_identity()
 
     def close(self) -> None:
         """Stop the board if it still listens, and close the connection."""
         with suppress(DeviceError):
             self.disarm()
-        if self._instrument is not None:
-            self._instrument.close()
-        self._instrument = self._plan = None
+        self._instrument.close()
 
-    def _require(self) -> tuple[Instrument, AcquisitionPlan]:
-        if self._instrument is None or self._plan is None:
-            raise DeviceError("the SCPI instrument is not configured: configure it first")
-        return self._instrument, self._plan
-
-    @staticmethod
-    def _check_identity(instrument: Instrument) -> str:
-        identity = instrument.ask("*IDN?")
+    def _check_identity(self) -> str:
+        identity = self._instrument.ask("*IDN?")
         if IDENTITY not in identity.upper():
-            raise instrument.make_error(
+            raise self._instrument.make_error(
                 f"is {identity!r}: its answer to *IDN? must contain {IDENTITY!r}; check address"
                 " of [source]"
             )
         return identity
 
-    def _check_settings(self, instrument: Instrument) -> None:
+    def _check_settings(self) -> None:
         for name, value in self._settings.items():
-            answer = instrument.ask(f"{name}?")
+            answer = self._instrument.ask(f"{name}?")
             if answer.upper() != value:
-                raise instrument.make_error(
+                raise self._instrument.make_error(
                     f"answers {answer!r} to {name}?, where {value} was set: is"
                     " it the right board, and does another program talk to it, too?"
                 )
 
-    def _is_complete(self, instrument: Instrument) -> bool:
+    def _is_complete(self) -> bool:
         if not self._triggered:
-            state = instrument.ask("ACQ:TRIG:STAT?")
+            state = self._instrument.ask("ACQ:TRIG:STAT?")
             now = time.time_ns()
             if state == "WAIT":
                 self._asked = now
                 return False
             if state != "TD":
-                raise instrument.make_error(
+                raise self._instrument.make_error(
                     f"answers {state!r} to ACQ:TRIG:STAT?: it must be WAIT or TD"
                 )
             # It came between this answer and the one before.
             self._triggered = (self._asked + now) // 2
-        return instrument.ask("ACQ:TRIG:FILL?") == "1"
+        return self._instrument.ask("ACQ:TRIG:FILL?") == "1"
 
-    def _fetch(self, instrument: Instrument, plan: AcquisitionPlan) -> Block:
+    def _fetch(self, plan: AcquisitionPlan) -> Block:
         """Return the record that is complete."""
+        instrument = self._instrument
         position = instrument.ask("ACQ:TPOS?")
         if not position.isascii() or not position.isdigit() or int(position) >= MEMORY:
             raise instrument.make_error(

@@ -82,7 +82,6 @@ baud_rate = 9600
         """Open the port, and hold."""
         from serial import Serial
 
-        self.close()
         try:
             self._port = Serial(
                 self._path, self._baud_rate, write_timeout=SENDING_TIMEOUT, exclusive=True
@@ -93,17 +92,13 @@ baud_rate = 9600
                 " other programs that use it, and add this user to the group that owns the port,"
                 " often dialout"
             ) from None
-        try:
-            self.hold()
-        except DeviceError:
-            self.close()
-            raise
+        self.hold()
         return f"relay at {self._path}"
 
     def read_state(self) -> HolderState:
         """Return the last commanded state, if the port is there."""
         with self._report_loss():
-            _ = self._get_port().in_waiting
+            _ = self._port.in_waiting
         return self.commanded
 
     def close(self) -> None:
@@ -116,13 +111,8 @@ baud_rate = 9600
     def command(self, state: HolderState) -> None:
         """Switch the relay; raises `DeviceError` if its port is gone."""
         with self._report_loss():
-            self._get_port().write(self._frames[state])
+            self._port.write(self._frames[state])
         self.commanded = state
-
-    def _get_port(self) -> Any:
-        if self._port is None:
-            raise DeviceError(f"the relay at {self._path} is not open: configure it first")
-        return self._port
 
     @contextlib.contextmanager
     def _report_loss(self) -> Iterator[None]:

@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError, ParameterError
 from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, FoundDevice, SourceChannel
-from impact_rig.devices.streaming import StreamCapture, StreamedSource
+from impact_rig.devices.streaming import StreamedSource
 
 FULL_COUNT = 2**31
 """Counts of PortAudio at full scale [-]: fewer bits stand at the upper end of its 32."""
@@ -138,7 +137,7 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
         self._device = options.take_text("device", REQUIRED, "USB Audio")
         self._stream: Any = None
         self._columns: list[int] = []  # of the channels, counted from 0
-        self._newest = (0.0, 0)  # block: time of its first point [s], by PortAudio; points
+        self._last_block = (0.0, 0)  # block: time of its first point [s], by PortAudio; points
 
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
@@ -152,7 +151,7 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
             for device in list_inputs()
         )
 
-    def open_device(self, plan: AcquisitionPlan, capacity: int) -> StreamCapture:
+    def open_device(self, plan: AcquisitionPlan) -> None:
         """Open the sound card, and begin to record.
 
         Raises
@@ -164,9 +163,9 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
         """
         device = self._choose(list_inputs())
         self._columns = [_parse_column(channel, device) for channel in plan.channels]
-        scales = tuple(map(compute_count_scale, plan.channels))
-        name = f"sound device {device['full_name']}"
-        capture = StreamCapture(name, plan.sampling_rate, scales, capacity)
+        self.scales = tuple(map(compute_count_scale, plan.channels))
+        self.name = f"sound device {device['full_name']}"
+        self.sampling_rate = plan.sampling_rate
         sound, channels = load_port_audio(), max(self._columns) + 1
         try:
             self._stream = sound.RawInputStream(
@@ -174,49 +173,44 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
                 samplerate=plan.sampling_rate,
                 channels=channels,
                 dtype="int32",
-                callback=partial(self.take_block, capture),
-                finished_callback=lambda: capture.end("it has stopped"),
+                callback=self.take_block,
+                finished_callback=lambda: self.end("it has stopped"),
             )
             _streams.add(self._stream)
-            self._newest = (0.0, 0)
-            capture.sampling_rate = float(self._stream.samplerate)
+            self._last_block = (0.0, 0)
+            self.sampling_rate = float(self._stream.samplerate)
             self._stream.start()
         except sound.PortAudioError as error:
-            self.close()
             code = error.args[1] if len(error.args) > 1 else 0
             if code in (NO_SUCH_RATE, NO_SUCH_CHANNELS):
                 raise ParameterError(
-                    f"{name} cannot record {channels} channels at {plan.sampling_rate:g} Hz:"
+                    f"{self.name} cannot record {channels} channels at {plan.sampling_rate:g} Hz:"
                     f" {describe(error)}; it prefers {device['default_samplerate']:g} Hz"
                 ) from None
             raise DeviceError(
-                f"{name} cannot be opened, because it is gone or another program has it:"
+                f"{self.name} cannot be opened, because it is gone or another program has it:"
                 f" {describe(error)}"
             ) from None
-        return capture
 
     def close(self) -> None:
         """Stop recording, whatever state the stream is in."""
-        super().close()
         stream, self._stream = self._stream, None
         if stream is not None:
             stream.close(ignore_errors=True)
             _streams.discard(stream)
 
-    def take_block(
-        self, capture: StreamCapture, data: Any, frames: int, times: Any, status: Any
-    ) -> None:
+    def take_block(self, data: Any, frames: int, times: Any, status: Any) -> None:
         """Take what has come; called by PortAudio's own thread."""
         counts = np.frombuffer(data, np.int32).reshape(frames, -1)[:, self._columns]
         taken = float(times.inputBufferAdcTime)  # 0: some interfaces do not tell it
-        before, points = self._newest
+        before, points = self._last_block
         lost = 0
         if status.input_overflow:
-            missing = round((taken - before) * capture.sampling_rate) - points
+            missing = round((taken - before) * self.sampling_rate) - points
             lost = max(missing, 1) if taken and before else 1
-        self._newest = (taken, frames)
+        self._last_block = (taken, frames)
         age = float(times.currentTime) - taken if taken else 0.0
-        capture.take(counts, round((time.time() - age) * 1e9), lost)
+        self.take(counts, round((time.time() - age) * 1e9), lost)
 
     def _choose(self, inputs: Sequence[dict[str, Any]]) -> dict[str, Any]:
         wanted = self._device

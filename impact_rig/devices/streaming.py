@@ -17,19 +17,12 @@ from impact_rig.devices.protocols import NOT_MEASURED, Acquisition, AcquisitionP
 CountArray = NDArray[np.int32]
 
 
-class StreamCapture:
-    """Takes points in one thread, and hands them out in another.
+class StreamedSource(ABC):
+    """An acceleration source whose trigger is in software.
 
-    Parameters
-    ----------
-    name : str
-        What messages call the device: "sound device USB Audio".
-    sampling_rate : float
-        [Hz]
-    scales : tuple of ChannelScale
-        Of the hammer's and, where it is measured, the sample's channel.
-    capacity : int
-        Points to keep at least.
+    The trigger is the first point of the hammer whose size reaches the level while the one before
+    it does not. The device streams from `configure` to `close`, armed or not, so that the time
+    before a trigger is always there. `take` comes from a thread of the device's.
 
     Attributes
     ----------
@@ -43,19 +36,38 @@ class StreamCapture:
 
     longest_silence = 2.0  # [s], without a point: the device is lost
 
-    def __init__(
-        self, name: str, sampling_rate: float, scales: tuple[ChannelScale, ...], capacity: int
-    ) -> None:
-        self.name = name
-        self.sampling_rate = sampling_rate
-        self.scales = scales
+    def __init__(self) -> None:
         self.changed = threading.Condition()
         self.blocks: deque[Block] = deque()
         self.count = 0
-        self._capacity = capacity
-        self._end = ""
+        # Set by `open_device`: what messages call the device, its rate [Hz], and what its counts
+        # mean, of the hammer's and, where it is measured, the sample's channel.
+        self.name, self.sampling_rate = "", 0.0
+        self.scales: tuple[ChannelScale, ...] = ()
+        self._record: deque[Block] = deque()
+        self._is_armed = False
+        self._armed_at = self._searched = 0
+        self._trigger: int | None = None
+
+    @abstractmethod
+    def open_device(self, plan: AcquisitionPlan) -> None:
+        """Open the device, and let it stream; errors as `AccelerationSource.configure`."""
+
+    def configure(self, plan: AcquisitionPlan) -> Acquisition:
+        """Open the device, and see that it delivers; errors as `AccelerationSource.configure`."""
+        self._plan = plan
+        self._capacity = max(
+            plan.depth * plan.block_size, 2 * plan.points + plan.pre_trigger_points
+        )
+        self.blocks.clear()
+        self.count, self._end = 0, ""
         self._last_time = time.monotonic()
         self._clock = self._newest = (0, time.time_ns())
+        self.open_device(plan)
+        with self.changed:
+            while self.count < max(plan.pre_trigger_points, 1):
+                self._wait(time.monotonic() + self.longest_silence)
+        return Acquisition(self.name, self.sampling_rate)
 
     def take(self, counts: CountArray, stamp: int, lost: int = 0) -> None:
         """Take the next points, shape (n, channels), which do not change any more.
@@ -89,108 +101,19 @@ class StreamCapture:
             self._end = self._end or reason
             self.changed.notify_all()
 
-    def wait_for_points(self, count: int) -> None:
-        """Wait until so many points have come; raises as `wait`."""
-        with self.changed:
-            while self.count < count:
-                self.wait(time.monotonic() + self.longest_silence)
-
-    def wait(self, deadline: float) -> None:
-        """Wait for points until a time of `time.monotonic`; `changed` held; raises as `check`."""
-        self.check()
-        # Wakes in time to notice a silent device.
-        self.changed.wait(max(min(deadline - time.monotonic(), self.longest_silence), 0.0))
-
-    def check(self) -> None:
-        """See that the device delivers; `changed` is held.
-
-        Raises
-        ------
-        DeviceError
-            If the device has gone, or is silent.
-        """
-        if self._end:
-            raise DeviceError(f"{self.name} is gone: {self._end}")
-        silent = time.monotonic() - self._last_time
-        if silent > self.longest_silence:
-            raise DeviceError(
-                f"{self.name} is silent: it has delivered nothing for {silent:.1f} s"
-            )
-
-    def set_clock(self) -> None:
-        """Count times from the newest points on; `changed` is held.
-
-        Times from block to block jump on a busy computer.
-        """
-        self._clock = self._newest
-
-    def date(self, block: Block, origin: int, *, last: bool = False) -> Block:
-        """Return a block with its time, its points counted from `origin`; `changed` is held."""
-        known, stamp = self._clock
-        return replace(
-            block,
-            first_sample=block.first_sample - origin,
-            sampling_rate=self.sampling_rate,
-            last=last,
-            stamp=stamp + round((block.first_sample - known) / self.sampling_rate * 1e9),
-        )
-
-
-class StreamedSource(ABC):
-    """An acceleration source whose trigger is in software.
-
-    The trigger is the first point of the hammer whose size reaches the level while the one before
-    it does not. The device streams from `configure` to `close`, armed or not, so that the time
-    before a trigger is always there.
-    """
-
-    def __init__(self) -> None:
-        self._plan: AcquisitionPlan | None = None
-        self._capture: StreamCapture | None = None
-        self._is_armed = False
-        self._armed_at = self._searched = 0
-        self._trigger: int | None = None
-        self._blocks: deque[Block] = deque()
-
-    @abstractmethod
-    def open_device(self, plan: AcquisitionPlan, capacity: int) -> StreamCapture:
-        """Open the device, and let it stream; errors as `AccelerationSource.configure`.
-
-        Parameters
-        ----------
-        plan : AcquisitionPlan
-            What it should do.
-        capacity : int
-            Points that its capture must keep at least.
-        """
-
-    def configure(self, plan: AcquisitionPlan) -> Acquisition:
-        """Open the device, and see that it delivers; errors as `AccelerationSource.configure`."""
-        self.close()
-        capture = self.open_device(
-            plan, max(plan.depth * plan.block_size, 2 * plan.points + plan.pre_trigger_points)
-        )
-        self._plan, self._capture = plan, capture
-        try:
-            capture.wait_for_points(max(plan.pre_trigger_points, 1))
-        except DeviceError:
-            self.close()
-            raise
-        return Acquisition(capture.name, capture.sampling_rate)
-
     def arm(self) -> None:
         """Wait for the level to be crossed; in continuous mode begin to deliver."""
-        plan, capture = self._get_running()
-        with capture.changed:
+        with self.changed:
             self._stop()
             self._is_armed = True
-            capture.set_clock()
-            self._armed_at = self._searched = capture.count
-            if plan.continuous:
-                capture.blocks.clear()
-            elif capture.blocks:
+            # Times count from here: from block to block they jump on a busy computer.
+            self._clock = self._newest
+            self._armed_at = self._searched = self.count
+            if self._plan.continuous:
+                self.blocks.clear()
+            elif self.blocks:
                 # A record is whole, as far as the time before the trigger is concerned.
-                whole = capture.blocks[0].first_sample + plan.pre_trigger_points
+                whole = self.blocks[0].first_sample + self._plan.pre_trigger_points
                 self._searched = max(self._armed_at, whole)
 
     def read(self, timeout: float) -> Block | None:
@@ -201,71 +124,85 @@ class StreamedSource(ABC):
         DeviceError
             If the device has gone, or has stopped to deliver.
         """
-        plan, capture = self._get_running()
         deadline = time.monotonic() + timeout
-        with capture.changed:
+        with self.changed:
             while True:
-                if self._is_armed and plan.continuous and capture.blocks:
-                    return capture.date(capture.blocks.popleft(), self._armed_at)
-                if self._is_armed and not plan.continuous:
-                    self._cut_record(plan, capture)
-                if self._blocks:
-                    return self._blocks.popleft()
-                capture.wait(deadline)
+                if self._is_armed and self._plan.continuous and self.blocks:
+                    return self._date(self.blocks.popleft(), self._armed_at)
+                if self._is_armed and not self._plan.continuous:
+                    self._cut_record()
+                if self._record:
+                    return self._record.popleft()
+                self._wait(deadline)
                 if time.monotonic() >= deadline:
                     return None
 
     def disarm(self) -> None:
         """Deliver no more."""
-        if self._capture is not None:
-            with self._capture.changed:
-                self._stop()
+        with self.changed:
+            self._stop()
 
     def check(self) -> None:
-        """See that the device still delivers; raises `DeviceError`."""
-        _, capture = self._get_running()
-        with capture.changed:
-            capture.check()
+        """See that the device still delivers.
 
-    def close(self) -> None:
-        """Deliver no more; a driver closes its device, too."""
-        self._capture = None
-        self._stop()
+        Raises
+        ------
+        DeviceError
+            If the device has gone, or is silent.
+        """
+        with self.changed:
+            if self._end:
+                raise DeviceError(f"{self.name} is gone: {self._end}")
+            silent = time.monotonic() - self._last_time
+            if silent > self.longest_silence:
+                raise DeviceError(
+                    f"{self.name} is silent: it has delivered nothing for {silent:.1f} s"
+                )
+
+    def _wait(self, deadline: float) -> None:
+        """Wait for points until a time of `time.monotonic`; `changed` held; raises as `check`."""
+        self.check()
+        # Wakes in time to notice a silent device.
+        self.changed.wait(max(min(deadline - time.monotonic(), self.longest_silence), 0.0))
 
     def _stop(self) -> None:
         self._is_armed, self._trigger = False, None
-        self._blocks.clear()
+        self._record.clear()
 
-    def _get_running(self) -> tuple[AcquisitionPlan, StreamCapture]:
-        if self._plan is None or self._capture is None:
-            raise DeviceError("the device is not open: configure the source first")
-        return self._plan, self._capture
+    def _date(self, block: Block, origin: int, *, last: bool = False) -> Block:
+        """Return a block with its time, its points counted from `origin`; `changed` is held."""
+        known, stamp = self._clock
+        return replace(
+            block,
+            first_sample=block.first_sample - origin,
+            sampling_rate=self.sampling_rate,
+            last=last,
+            stamp=stamp + round((block.first_sample - known) / self.sampling_rate * 1e9),
+        )
 
-    def _cut_record(self, plan: AcquisitionPlan, capture: StreamCapture) -> None:
+    def _cut_record(self) -> None:
         """Look for the trigger, then wait for the end of its record and cut it."""
         if self._trigger is None:
-            self._trigger = self._find_trigger(plan, capture)
+            self._trigger = self._find_trigger()
         if self._trigger is None:
             return
-        first = self._trigger - plan.pre_trigger_points
-        stop = first + plan.points
-        if capture.count < stop:
+        first = self._trigger - self._plan.pre_trigger_points
+        stop = first + self._plan.points
+        if self.count < stop:
             return
         pieces = [
             block.cut(max(first - block.first_sample, 0), stop - block.first_sample)
-            for block in capture.blocks
+            for block in self.blocks
             if block.first_sample < stop and get_end(block) > first
         ]
-        self._blocks.extend(
-            capture.date(piece, first, last=piece is pieces[-1]) for piece in pieces
-        )
+        self._record.extend(self._date(piece, first, last=piece is pieces[-1]) for piece in pieces)
         self._is_armed = False
 
-    def _find_trigger(self, plan: AcquisitionPlan, capture: StreamCapture) -> int | None:
+    def _find_trigger(self) -> int | None:
         """Return the place where the hammer's size reaches the level; None: not yet."""
-        level = plan.trigger_level / abs(capture.scales[0].scale)
+        level = self._plan.trigger_level / abs(self.scales[0].scale)
         before: Block | None = None
-        for block in capture.blocks:
+        for block in self.blocks:
             if get_end(block) > self._searched:
                 place = block.first_sample
                 counts: NDArray[Any] = block.hammer.output
@@ -277,7 +214,7 @@ class StreamedSource(ABC):
                 if crossing < counts.size - hidden:
                     return place + hidden + crossing
             before = block
-        self._searched = max(self._searched, capture.count)
+        self._searched = max(self._searched, self.count)
         return None
 
 

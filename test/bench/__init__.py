@@ -8,18 +8,18 @@ _PATHS = (str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH",
 os.environ["PYTHONPATH"] = os.pathsep.join(path for path in _PATHS if path)
 
 PARTS = {
-    "model": "model",
-    "identification": "model",
-    "law": "model",
-    "write": "recording",
-    "demo": "running",
-    "latency": "running",
-    "stop": "running",
-    "read": "recording",
-    "stream": "stream",
-    "fuzz": "damage",
-    "faults": "faults",
-    "study": "study",
+    "model": ("model", "The model beside an integrator"),
+    "identification": ("model", "An identification of two traces"),
+    "law": ("model", "The contact law of one hit"),
+    "write": ("recording", "Writing serialised messages, beside mcap.writer"),
+    "demo": ("running", "The paper's campaign on the virtual rig, start to tables"),
+    "latency": ("running", "From release command to published verdict and estimate"),
+    "stop": ("running", "The command to stop a campaign's hammer, to its answer"),
+    "read": ("recording", "Reading a recording, beside mcap.reader doing nothing"),
+    "stream": ("stream", "The running stream through three processes, two channels"),
+    "fuzz": ("damage", "Damaged files of every format: no hang, no crash, memory bounded"),
+    "faults": ("faults", "A fault in each campaign: no hit lost or double, all told"),
+    "study": ("study", "The estimators where the truth is known; asked is what chance leaves"),
 }
-"""Parts and the modules of this package that measure them, in the order in which they run: the
-quiet ones first."""
+"""The module of this package with `measure_<name>`, and the title of each part, in the order in
+which they run: the quiet ones first."""

@@ -4,6 +4,7 @@ The exit code is 0 if all goals are reached, 1 if one is missed, 2 if a part cou
 """
 
 import argparse
+import importlib
 import signal
 import sys
 import tempfile
@@ -12,19 +13,19 @@ from dataclasses import replace
 from pathlib import Path
 
 from bench import PARTS
-from bench.campaigns import Campaigns
-from bench.measure import FULL, Bench, Extent, Figure, load_part
+from bench.measure import FULL, Bench, Extent, Figure
 from impact_rig.core.errors import RigError
 
 
-def run_part(name: str, extent: Extent, campaigns: Campaigns) -> list[Figure]:
+def run_part(name: str, extent: Extent, campaigns: Path) -> list[Figure]:
     """Measure one part in an empty folder, and print each figure beside its goal."""
     figures = []
     started = time.perf_counter()
-    part = load_part(name)
+    module, title = PARTS[name]
+    measure = getattr(importlib.import_module(f"bench.{module}"), f"measure_{name}")
     with tempfile.TemporaryDirectory(prefix=f"impact_rig_{name}_") as folder:
-        print(f"{name}: {part.title}, about {part.seconds:g} s", file=sys.stderr)
-        for figure in part.measure(Bench(Path(folder), extent, campaigns)):
+        print(f"{name}: {title}", file=sys.stderr)
+        for figure in measure(Bench(Path(folder), extent, campaigns)):
             figures.append(figure)
             print(figure, flush=True)
     print(f"{name} took {time.perf_counter() - started:.1f} s", file=sys.stderr)
@@ -49,10 +50,9 @@ def main(words: list[str] | None = None) -> int:
     found: list[Figure] = []
     errors = []
     with tempfile.TemporaryDirectory(prefix="impact_rig_campaigns_") as folder:
-        campaigns = Campaigns(Path(folder))
         for name in given.parts or PARTS:
             try:
-                found += run_part(name, extent, campaigns)
+                found += run_part(name, extent, Path(folder))
             except (RigError, ModuleNotFoundError) as error:
                 errors.append(f"{name} could not be measured: {error}")
     missed = [figure for figure in found if figure.is_missed]

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.io import wavfile
 
-from bench.measure import Bench, Figure, at_most, part
+from bench.measure import Bench, Figure
 from impact_rig.analysis.analyze import analyze as analyze_source
 from impact_rig.analysis.measured_files import MeasuredFiles, make_series
 from impact_rig.configuration.rig_file import read_rig_file, read_template
@@ -47,7 +47,6 @@ MEMORY_LIMIT = 500 << 20  # [byte], for reading: a thousand times the damaged re
 DATA = Path(__file__).parents[1] / "data" / "repeat_shock"
 
 
-@part("fuzz", "Damaged files of every format: no hang, no crash, memory bounded", 45.0)
 def measure_fuzz(bench: Bench) -> Iterator[Figure]:
     """Damage small files of every format, and read them in every way that there is."""
     recordings, others = bench.folder / "recordings", bench.folder / "others"
@@ -62,7 +61,7 @@ def measure_fuzz(bench: Bench) -> Iterator[Figure]:
         *read_damaged(others, bench.extent.seed, number),
     ]
     note = f"of {total + number}; {'; '.join(faults[:3])}"
-    yield Figure("damaged files that hang or crash", len(faults), "", at_most(0), note)
+    yield Figure("damaged files that hang or crash", len(faults), note=note, most=0)
 
 
 def write_recording(path: Path, compression: str) -> None:

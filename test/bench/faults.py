@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.measure import Bench, Figure, at_most, part
+from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses, use_own_domain
 from impact_rig.analysis.analyze import analyze
 from impact_rig.recordings.new_file import choose_free
@@ -127,7 +127,6 @@ class FaultyRig:
         return ""
 
 
-@part("faults", "A fault in each campaign: no hit lost or double, all told", 60.0)
 def measure_faults(bench: Bench) -> Iterator[Figure]:
     """Run short campaigns, and in each of them let a random node have a random fault."""
     dice = random.Random(bench.extent.seed)
@@ -153,9 +152,8 @@ def measure_faults(bench: Bench) -> Iterator[Figure]:
     yield Figure(
         "campaigns that lost, doubled or did not explain",
         len(wrong),
-        "",
-        at_most(0),
-        "; ".join(wrong),
+        note="; ".join(wrong),
+        most=0,
     )
     yield Figure("campaigns, each with a fault", total)
     yield Figure("pauses, each with its reason", pauses)

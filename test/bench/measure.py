@@ -1,59 +1,35 @@
 """Figures with their goals, and the parts of the bench that measure them."""
 
 import gc
-import importlib
-import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from bench import PARTS
-from bench.campaigns import Campaigns
-
-
-@dataclass(frozen=True)
-class Goal:
-    """What is asked of a figure."""
-
-    is_upper: bool  # the figure is to be at most the limit; else at least
-    limit: float  # in the figure's unit
-
-    def is_reached(self, value: float) -> bool:
-        """Return whether a value meets the goal; NaN does not."""
-        if not math.isfinite(value):
-            return False
-        return value <= self.limit if self.is_upper else value >= self.limit
-
-
-def at_most(limit: float) -> Goal:
-    """Return the goal of a figure that must not be larger."""
-    return Goal(is_upper=True, limit=limit)
-
-
-def at_least(limit: float) -> Goal:
-    """Return the goal of a figure that must not be smaller."""
-    return Goal(is_upper=False, limit=limit)
-
 
 class Figure:
-    """One number that was measured: the median of its values, beside its goal."""
+    """One number that was measured: the median of its values, beside the most or least asked."""
 
     def __init__(
         self,
         name: str,
         values: float | Iterable[float],
         unit: str = "",
-        goal: Goal | None = None,
         note: str = "",
+        *,
+        most: float | None = None,
+        least: float | None = None,
     ) -> None:
         self.name = name
         self.found = median(values) if isinstance(values, Iterable) else float(values)
         self.unit = unit
-        self.goal = "" if goal is None else f"{'≤' if goal.is_upper else '≥'} {goal.limit:.4g}"
-        self.is_missed = goal is not None and not goal.is_reached(self.found)
         self.note = note
+        self.goal, self.is_missed = "", False
+        if most is not None:
+            self.goal, self.is_missed = f"≤ {most:.4g}", not self.found <= most
+        elif least is not None:
+            self.goal, self.is_missed = f"≥ {least:.4g}", not self.found >= least
 
     def __str__(self) -> str:
         """Return name, found, goal, whether it is missed, and the note."""
@@ -128,36 +104,4 @@ class Bench:
 
     folder: Path  # empty; it is removed afterwards
     extent: Extent
-    campaigns: Campaigns  # the same for all parts
-
-
-Measure = Callable[[Bench], Iterable[Figure]]
-"""Measures a part; raises `RigError` where that cannot be done."""
-
-
-@dataclass(frozen=True)
-class Part:
-    """One part of the bench."""
-
-    title: str
-    measure: Measure
-    seconds: float  # [s] that this takes on two cores, at the extent of `Extent()`
-
-
-_parts: dict[str, Part] = {}
-
-
-def part(name: str, title: str, seconds: float) -> Callable[[Measure], Measure]:
-    """Make a part of the function that measures it."""
-
-    def register(measure: Measure) -> Measure:
-        _parts[name] = Part(title, measure, seconds)
-        return measure
-
-    return register
-
-
-def load_part(name: str) -> Part:
-    """Return a part by its name."""
-    importlib.import_module(f"bench.{PARTS[name]}")
-    return _parts[name]
+    campaigns: Path  # folder of the campaigns that several parts look at

@@ -5,14 +5,14 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from bench.measure import Bench, Figure, at_least, at_most, compare_times, divide, part
+from bench.measure import Bench, Figure, compare_times, divide
 from impact_rig.core.contact_law import look_at_law
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.identification import identify_model
 from impact_rig.core.model import ImpactModel, ModelVariant, simulate_impact
 from impact_rig.core.records import FloatArray, HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.setup import HAMMER_DAMPING_COEFFICIENT, PAPER_SETUP
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.plants import make_nominal_model
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
@@ -72,10 +72,9 @@ def integrate_impact(
     return np.hstack([contact(during, states[:, : during.size])[2:], free(after, later)[2:]])
 
 
-@part("model", "The model beside an integrator", 5.0)
 def measure_model(bench: Bench) -> Iterator[Figure]:
     """Time one record, with both ways to drive the bodies."""
-    model = make_nominal_model(PAPER_SETUP, SAMPLE, HAMMER_DAMPING_COEFFICIENT)
+    model = make_nominal_model(PAPER_SETUP, SAMPLE)
     times = np.arange(COUNT) / SAMPLING_RATE
     for variant in ModelVariant:
 
@@ -87,10 +86,10 @@ def measure_model(bench: Bench) -> Iterator[Figure]:
 
         ours, theirs = compare_times(simulate, integrate, bench.extent.repeats, (CALLS, 1))
         name = f"model {variant.value}"
-        yield Figure(f"{name}, speed over DOP853", divide(theirs, ours), "", at_least(150))
+        yield Figure(f"{name}, speed over DOP853", divide(theirs, ours), least=150)
         peak = np.abs(integrate()).max(axis=1)
         difference = float(np.max(np.abs(simulate() - integrate()).max(axis=1) / peak))
-        yield Figure(f"{name}, difference over the peak", difference, "", at_most(1e-9))
+        yield Figure(f"{name}, difference over the peak", difference, most=1e-9)
 
 
 def strike_once(plant: Plant) -> MeanHit:
@@ -104,21 +103,19 @@ def strike_once(plant: Plant) -> MeanHit:
     return mean
 
 
-@part("identification", "An identification of two traces", 2.0)
 def measure_identification(bench: Bench) -> Iterator[Figure]:
     """Time the fit of the model to one hit."""
     mean = strike_once(Plant.DYNAMICS)
     times, _ = compare_times(
         lambda: identify_model(mean, PAPER_SETUP, SAMPLE), lambda: None, bench.extent.repeats
     )
-    yield Figure("one identification", (1e3 * time for time in times), "ms", at_most(60))
+    yield Figure("one identification", (1e3 * time for time in times), "ms", most=60)
 
 
-@part("law", "The contact law of one hit", 1.0)
 def measure_law(bench: Bench) -> Iterator[Figure]:
     """Time the contact law of one hit."""
     mean = strike_once(Plant.CONTACT)
     times, _ = compare_times(
         lambda: look_at_law(mean, PAPER_SETUP, SAMPLE), lambda: None, bench.extent.repeats
     )
-    yield Figure("one contact law", (1e3 * time for time in times), "ms", at_most(10))
+    yield Figure("one contact law", (1e3 * time for time in times), "ms", most=10)

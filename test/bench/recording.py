@@ -9,7 +9,8 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from bench.measure import Bench, Figure, at_least, at_most, compare_times, divide, part
+from bench.measure import Bench, Figure, compare_times, divide
+from bench.rig_processes import run_campaign
 from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.schemas import MessageDefinition
@@ -37,8 +38,7 @@ Write = Callable[[Path, Sequence[bytes], str], None]
 DEFINITION = MessageDefinition("std_msgs/msg/UInt8MultiArray", "uint8[] data\n", "")
 
 
-@part("write", "Writing serialised messages, beside mcap.writer", 7.0)
-def measure_writing(bench: Bench) -> Iterator[Figure]:
+def measure_write(bench: Bench) -> Iterator[Figure]:
     """Time both writers into files of their own, in each compression."""
     generator = np.random.default_rng(bench.extent.seed)
     # No two alike in a chunk: compression must find no repetition that a digitizer does not have.
@@ -59,7 +59,7 @@ def measure_writing(bench: Bench) -> Iterator[Figure]:
             f"{megabytes / min(ours):.0f} MB/s at best, of one core;"
             f" {run() / run_peer():.3f} of the peer's size"
         )
-        yield Figure(name, divide(peers, ours), "", at_least(SMALLEST_SPEED), note)
+        yield Figure(name, divide(peers, ours), note=note, least=SMALLEST_SPEED)
 
 
 def _with_new_file(
@@ -105,16 +105,16 @@ LARGEST_RATIO = 2.0
 """Time of reading over that of the peer [-]: half its speed is asked for."""
 
 
-@part("read", "Reading a recording, beside mcap.reader doing nothing", 3.0)
-def measure_reading(bench: Bench) -> Iterator[Figure]:
+def measure_read(bench: Bench) -> Iterator[Figure]:
     """Time all set-ups and blocks of a campaign, as `analyze` gets them."""
-    path = bench.campaigns.take(1)[0].recording
+    path = run_campaign(bench.campaigns / "0").recording
     ours, peers = compare_times(
         partial(read_events, path), partial(read_messages, path), bench.extent.repeats
     )
     note = f"{path.stat().st_size / 1e6:.1f} MB in {1e3 * min(ours):.0f} ms at best"
-    goal = at_most(LARGEST_RATIO)
-    yield Figure("reading, time over mcap.reader", divide(ours, peers), "", goal, note)
+    yield Figure(
+        "reading, time over mcap.reader", divide(ours, peers), note=note, most=LARGEST_RATIO
+    )
 
 
 def read_events(path: Path) -> int:

@@ -1,18 +1,21 @@
 """Nodes as processes of the bench, in a ROS domain of their own, ended by their numbers."""
 
 import contextlib
+import functools
 import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 from impact_rig.cli.running_nodes import make_command
 from impact_rig.configuration.processes import NodeProcess, list_rig_processes
 from impact_rig.core.errors import RigError
+from impact_rig.recordings.source import RUN_NAME, SUFFIX
 
 COMMAND_LINE = "impact_rig.cli.main"
 PATIENCE = 60.0  # [s], for what is waited for: nodes have to start first
@@ -137,3 +140,30 @@ class RigProcesses:
         """Return the last line that any of them printed."""
         lines = self._log.read_text("utf-8", errors="replace").splitlines()
         return lines[-1] if lines else "nothing was printed"
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign of the virtual rig, run as a user runs it."""
+
+    recording: Path
+    seconds: float  # from the command to its end, the printed tables
+
+
+@functools.cache
+def run_campaign(folder: Path) -> Campaign:
+    """Run `impact-rig demo`, the paper's whole campaign, into a folder that does not exist.
+
+    Raises
+    ------
+    RigError
+        If the campaign fails, for example for want of ROS 2.
+    """
+    with (
+        use_own_domain() as environment,
+        RigProcesses(environment, folder.with_suffix(".log")) as processes,
+    ):
+        started = time.perf_counter()
+        if processes.start_command("demo", "--output", str(folder)).wait():
+            raise RigError(f"no campaign to measure with could be run: {processes.read_log()}")
+        return Campaign(folder / f"{RUN_NAME}{SUFFIX}", time.perf_counter() - started)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import psutil
 
-from bench.measure import Bench, Figure, at_most, part
+from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses, use_own_domain
 from impact_rig.core.errors import RigError
 from impact_rig.recordings.messages import head_from_msg
@@ -32,7 +32,6 @@ SETUP_SOURCE = "campaign"
 """The node that tells the estimator of the rig; it does nothing else here."""
 
 
-@part("stream", "The running stream through three processes, two channels", 43.0)
 def measure_stream(bench: Bench) -> Iterator[Figure]:
     """Stream at the paper's rate and at a multiple of it, and count in the recordings."""
     seconds = bench.extent.seconds
@@ -53,15 +52,15 @@ def _measure_rate(bench: Bench, multiple: int, seconds: float) -> Iterator[Figur
         f"of {flow.blocks} in {taken:.1f} s, {flow.points / 1e6:.0f} million points"
         f" of two channels, {size / 1e9:.1f} GB on the disk"
     )
-    yield Figure(f"{name}, blocks lost in the recording", flow.lost, "", at_most(0), note)
+    yield Figure(f"{name}, blocks lost in the recording", flow.lost, note=note, most=0)
     note = f"it has seen {flow.seen} blocks"
-    yield Figure(f"{name}, points missed by the estimator", flow.missed, "", at_most(0), note)
+    yield Figure(f"{name}, points missed by the estimator", flow.missed, note=note, most=0)
     rate = flow.points / taken / SAMPLING_RATE
     yield Figure(f"{name}, rate over 2.5 MS/s per channel", rate)
     shares = ", ".join(f"{node} {share:.2f}" for node, share in run.shares.items())
-    goal = at_most(LARGEST_SHARE) if multiple == 1 else None
+    most = LARGEST_SHARE if multiple == 1 else None
     whole, note = sum(run.shares.values()), f"{COMPRESSION}; {shares}"
-    yield Figure(f"{name}, processor time of all three", whole, "cores", goal, note)
+    yield Figure(f"{name}, processor time of all three", whole, "cores", note, most=most)
 
 
 @dataclass(frozen=True)

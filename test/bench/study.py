@@ -20,7 +20,7 @@ from study.selection import (
     strike_good_hits,
 )
 
-from bench.measure import Bench, Figure, at_least, at_most, part
+from bench.measure import Bench, Figure
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 
@@ -31,7 +31,6 @@ FOUND, REJECTED = 0.99, 0.002
 """Of faults that are to be found, and of good hits that may be left out [-], as asked for."""
 
 
-@part("study", "The estimators where the truth is known; asked is what chance leaves", 30.0)
 def measure_study(bench: Bench) -> Iterator[Figure]:
     """Simulate campaigns on each plant, then series of good hits and of every fault."""
     count, seed = bench.extent.simulated, bench.extent.seed
@@ -46,14 +45,14 @@ def measure_study(bench: Bench) -> Iterator[Figure]:
 def _describe_campaigns(plant: Plant, outcomes: list[Outcome]) -> Iterator[Figure]:
     for found in summarize(outcomes):
         name, count = f"{plant.value}: {found.asked}", found.campaigns
-        goal = at_least(PERCENT * find_least(count, COVERAGE) / count)
+        least = PERCENT * find_least(count, COVERAGE) / count
         percent = PERCENT * found.covered / count
-        yield Figure(f"{name}, 95 % intervals that cover", percent, "%", goal)
+        yield Figure(f"{name}, 95 % intervals that cover", percent, "%", least=least)
         is_another = plant is Plant.CONTACT and found.asked.method == "paper"
         yield Figure(
             f"{name}, bias over the interval",
             abs(found.bias),
-            goal=None if is_another else at_most(LARGEST_BIAS),
+            most=None if is_another else LARGEST_BIAS,
             note="2·w50 is no contact's duration there" if is_another else "",
         )
 
@@ -61,13 +60,13 @@ def _describe_campaigns(plant: Plant, outcomes: list[Outcome]) -> Iterator[Figur
 def _measure_selection(count: int, seed: int) -> Iterator[Figure]:
     rejected = sum(strike_good_hits(PAPER_SETUP, seed, number) for number in range(count))
     hits = SERIES_HITS * count
-    most = at_most(PERCENT * find_most(hits, REJECTED) / hits)
-    yield Figure("good hits that are rejected", PERCENT * rejected / hits, "%", most)
-    least = at_least(PERCENT * find_least(count, FOUND) / count)
+    most = PERCENT * find_most(hits, REJECTED) / hits
+    yield Figure("good hits that are rejected", PERCENT * rejected / hits, "%", most=most)
+    least = PERCENT * find_least(count, FOUND) / count
     for fault in FAULTS:
         found: Counter[str] = Counter()
         for number in range(count):
             found.update(strike_fault(PAPER_SETUP, fault, seed, number))
         for name in map(fault.name, fault.sizes):
-            goal = least if name in SURE else None
-            yield Figure(f"found: {name}", PERCENT * found[name] / count, "%", goal)
+            asked = least if name in SURE else None
+            yield Figure(f"found: {name}", PERCENT * found[name] / count, "%", least=asked)

@@ -20,7 +20,7 @@ from impact_rig.core.identification import (
 )
 from impact_rig.core.model import Body, ImpactModel, ModelVariant, simulate_impact
 from impact_rig.core.sensors import CHANNELS, Sensor
-from impact_rig.core.setup import HAMMER_DAMPING_COEFFICIENT, PAPER_SETUP, RigSetup
+from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.plants import make_nominal_model
 
 from .blocks import make_plain_mean, make_record
@@ -38,7 +38,7 @@ MAIN = ("tau_p", "k2", "c2")
 
 
 def find_truth(sample: str) -> ImpactModel:
-    return make_nominal_model(PAPER_SETUP, sample, HAMMER_DAMPING_COEFFICIENT)
+    return make_nominal_model(PAPER_SETUP, sample)
 
 
 def find_true_values(model: ImpactModel) -> dict[str, float]:

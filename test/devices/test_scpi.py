@@ -19,7 +19,7 @@ from impact_rig.core.records import HitLabel
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
-from impact_rig.devices.scpi import ScpiSource, make_resource_name
+from impact_rig.devices.scpi import Instrument, ScpiSource
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 from impact_rig.testing import AccelerationSourceContract, SourceBench
 
@@ -211,8 +211,8 @@ def test_a_key_is_refused_by_its_line(rig, text, words):
 
 
 def test_an_address_is_a_host_with_a_port():
-    assert make_resource_name("rp-f0a235.local") == "TCPIP::rp-f0a235.local::5000::SOCKET"
-    assert make_resource_name("10.0.0.1:5025") == "TCPIP::10.0.0.1::5025::SOCKET"
+    assert Instrument("rp-f0a235.local").resource_name == "TCPIP::rp-f0a235.local::5000::SOCKET"
+    assert Instrument("10.0.0.1:5025").resource_name == "TCPIP::10.0.0.1::5025::SOCKET"
 
 
 @pytest.mark.parametrize(
@@ -300,7 +300,7 @@ def cut_in_half(answer: bytes) -> bytes:
         ("ACQ:TRIG:STAT?", lambda answer: (cut_in_half(answer), True), "does not answer"),
         ("ACQ:SOUR2:DATA", lambda answer: (cut_in_half(answer), False),
          "does not answer|closed the connection"),
-        ("ACQ:SOUR2:DATA", lambda _: (b"\x00\xffQX!\r\n", True), "a wrong answer"),
+        ("ACQ:SOUR2:DATA", lambda _: (b"\x00\xffQX!\r\n", True), "not answer .* as it should"),
         *(
             ("ACQ:SOUR1:DATA", lambda _, block=block: (block, True), "ACQ:SOUR1:DATA:START:N")
             for block in (b"#0", b"{1,2,3}\n", b"#9999999999", b"#41000")

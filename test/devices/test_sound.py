@@ -153,22 +153,20 @@ def test_one_channel_may_be_all(card, make_source):
 
 def test_what_port_audio_lost_is_a_gap(make_source):
     source = make_source(replace(PLAN, continuous=True))
-    capture = source._capture
     source.arm()
     lost = 480
     source._stream.stop()  # PortAudio's thread would go on counting meanwhile
     # PortAudio says that points were lost in front of a block, and when it was taken.
-    before, points = source._newest
-    taken = before + (points + lost) / capture.sampling_rate
-    place = capture.count
+    before, points = source._last_block
+    taken = before + (points + lost) / source.sampling_rate
+    place = source.count
     source.take_block(
-        capture,
         np.ones((50, 2), np.int32).tobytes(),
         50,
         SimpleNamespace(inputBufferAdcTime=taken, currentTime=taken),
         SimpleNamespace(input_overflow=True),
     )
-    assert capture.count == place + lost + 50
+    assert source.count == place + lost + 50
     blocks = [read_next(source)]
     while not blocks[-1].hammer.output.any():
         blocks.append(read_next(source))
@@ -178,7 +176,7 @@ def test_what_port_audio_lost_is_a_gap(make_source):
 
 def test_a_card_that_falls_silent_is_lost(card, make_source):
     source = make_source()
-    source._capture.longest_silence = 0.5
+    source.longest_silence = 0.5
     source.arm()
     card.is_silent = True
     with pytest.raises(DeviceError, match=r"rig_card, ALSA is silent: .* nothing for \d+\.\d s"):
@@ -240,17 +238,16 @@ class SoundBench(SourceBench):
         return replace(PLAN, continuous=continuous, block_size=1000)
 
     def strike(self, source: SoundSource) -> None:
-        capture = source._capture
-        begin = capture.count
+        begin = source.count
         self._card.feed(make_pulse(RATE))
 
         def has_come() -> bool:
-            new = [block for block in capture.blocks if block.first_sample >= begin]
+            new = [block for block in source.blocks if block.first_sample >= begin]
             return any(block.hammer.output.any() for block in new)
 
         # A sound card is late: the pulse is on its way for some hundredths of a second.
-        with capture.changed:
-            assert capture.changed.wait_for(has_come, 20.0)
+        with source.changed:
+            assert source.changed.wait_for(has_come, 20.0)
 
 
 class TestSoundSource(AccelerationSourceContract):

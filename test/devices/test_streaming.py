@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from impact_rig.core.sensors import Sensor
 from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, SourceChannel
-from impact_rig.devices.streaming import StreamCapture, StreamedSource
+from impact_rig.devices.streaming import StreamedSource
 
 RATE, STAMP = 1000.0, 1_700_000_000_000_000_000
 LEVEL, BEFORE, POINTS = 5, 4, 12
@@ -23,15 +23,14 @@ def make_plan(*, continuous: bool = False) -> AcquisitionPlan:
 class FedSource(StreamedSource):
     """Streams what the test feeds it: numbers for the hammer, the same for the sample."""
 
-    def open_device(self, plan: AcquisitionPlan, capacity: int) -> StreamCapture:
-        self.fed = StreamCapture("the stream of this test", RATE, SCALES, capacity)
+    def open_device(self, plan: AcquisitionPlan) -> None:
+        self.sampling_rate, self.scales = RATE, SCALES
         self.feed([0] * BEFORE)
-        return self.fed
 
     def feed(self, numbers: list[int], lost: int = 0) -> None:
         counts = np.repeat(np.array(numbers, np.int32)[:, np.newaxis], 2, axis=1)
-        stamp = STAMP + round((self.fed.count + lost) / RATE * 1e9)
-        self.fed.take(counts, stamp, lost)
+        stamp = STAMP + round((self.count + lost) / RATE * 1e9)
+        self.take(counts, stamp, lost)
 
 
 def make_source(*, continuous: bool = False) -> FedSource:
@@ -61,7 +60,7 @@ def test_a_record_is_what_came_around_the_first_crossing(fed):
     source, there = make_source(), dict.fromkeys(range(BEFORE), 0)
     blocks = []
     for lost, numbers in fed:
-        begin = source.fed.count + lost
+        begin = source.count + lost
         there |= {begin + place: number for place, number in enumerate(numbers)}
         source.feed(numbers, lost)
         while not (blocks and blocks[-1].last) and (block := source.read(0.0)):

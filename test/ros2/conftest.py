@@ -96,10 +96,7 @@ def swing_file(tools: Tools) -> Path:
 def rig(tools: Tools, swing_file: Path) -> Iterator[LaunchedRig]:
     """Return a rig in namespace `bench`, all of whose nodes are found with their services."""
     folder = tools.folder / "bench"
-    with tools.start(
-        "ros2", "launch", "impact_rig", "rig.launch.py", "namespace:=bench", "visualizer:=false",
-        "seed:=7", f"output:={folder}", f"params_file:={swing_file}",
-    ) as terminal:  # fmt: skip
+    with tools.launch(folder, swing_file, "namespace:=bench", "seed:=7") as terminal:
         terminal.wait_for("recording to ")
         # A node is listed a moment before its services, by which its life cycle is known.
         tools.run_until(lambda text: set(text.split()) >= NODES, "ros2", "lifecycle", "nodes")
@@ -135,11 +132,8 @@ def bags(_real_tools: None, swing_file: Path, tmp_path_factory: pytest.TempPathF
     with (
         open_tools(parent) as tools,
         tools.start("ros2", "bag", "record", "-a", "-s", "mcap", "-o", theirs) as recorder,
-        tools.start(
-            "ros2", "launch", "impact_rig", "rig.launch.py", "visualizer:=false",
-            f"output:={folder}", f"params_file:={swing_file}",
-        ) as launch,
-    ):  # fmt: skip
+        tools.launch(folder, swing_file) as launch,
+    ):
         launch.wait_for("recording to ")
         recorder.wait_for("Subscribed to topic '/acceleration'")
         recorder.wait_for("Subscribed to topic '/setup'")

@@ -25,10 +25,7 @@ def test_beside_another_rig_one_runs_its_campaign_and_ends(rig, tools, swing_fil
 
 def test_ctrl_c_in_a_campaign_closes_the_recording(tools, swing_file):
     folder = tools.folder / "interrupted"
-    with tools.start(
-        "ros2", "launch", "impact_rig", "rig.launch.py", "namespace:=third", "impacts:=100",
-        "visualizer:=false", f"output:={folder}", f"params_file:={swing_file}",
-    ) as terminal:  # fmt: skip
+    with tools.launch(folder, swing_file, "namespace:=third", "impacts:=100") as terminal:
         terminal.wait_for("recording to ")
         tools.run("ros2", "topic", "echo", "--once", "/third/impact", IMPACT)
         code = terminal.interrupt()

@@ -70,6 +70,15 @@ class Tools:
             assert time.monotonic() < deadline, f"{words}:\n{text}"
         return text
 
+    def launch(self, folder: Path, swing_file: Path, *words: str) -> Terminal:
+        """Start the rig's launch file in a terminal, to record into a folder."""
+        return self.start(
+            "ros2", "launch", "impact_rig", "rig.launch.py", "visualizer:=false",
+            f"output:={folder}", f"params_file:={swing_file}",
+            # On a machine that does other things, too: launch's own 5 s go by while a node closes.
+            "sigterm_timeout:=20", *words,
+        )  # fmt: skip
+
     def start(self, *words: Any) -> Terminal:
         """Start a program in a terminal; use it in a ``with``."""
         return Terminal(words, self.environment, self.folder)

@@ -1,14 +1,13 @@
 """The virtual rig as a source and a holder: drivers like any other, without a device."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import DeviceError
-from impact_rig.core.pulses import PULSE_SHAPES, VERSED_SINE
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import RigSetup
@@ -39,16 +38,11 @@ QUANTITIES = {
     "pre_trigger": ("s", "200 us"),
     "hammer_full_scale": ("m/s^2", "2000 m/s^2"),
     "specimen_full_scale": ("m/s^2", "4000 m/s^2"),
-    "coupling_frequency": ("Hz", "0.1 Hz"),
-    "trigger_jitter": ("s", "1 us"),
 }
-PARTS = ("noise", "offset", "drift")
-NUMBERS = (
-    "contact_time_scatter", "amplitude_scatter", "asymmetry", "contact_exponent", "restitution",
-)  # fmt: skip
+NUMBERS = ("contact_time_scatter", "amplitude_scatter", "contact_exponent", "restitution")
 KEYS = (
-    *QUANTITIES, *PARTS, *NUMBERS, "bits", "plant", "seed", "pulse_shape", "hammer_damping",
-    "fault_probability", "faults", "scheduled_faults",
+    *QUANTITIES, *NUMBERS, "noise", "bits", "plant", "seed", "fault_probability", "faults",
+    "scheduled_faults",
 )  # fmt: skip
 """Of the table [source]."""
 EXAMPLE = f"""\
@@ -59,21 +53,14 @@ driver = "virtual"                # every other key may be left out
 # sampling_rate = "2.5 MHz"
 # record_duration = "2 ms"
 # pre_trigger = "200 us"
-# noise = 1e-3                    # as offset and drift a part of full scale
-# offset = 2e-3
-# drift = 0.0                     # of the offset over a record
+# noise = 1e-3                    # a part of full scale
 # bits = 12
 # hammer_full_scale = "2000 m/s^2"
 # specimen_full_scale = "4000 m/s^2"
-# coupling_frequency = "0.1 Hz"   # -3 dB of the AC coupling
-# trigger_jitter = "1 us"
 # contact_time_scatter = 3e-3     # from hit to hit, a part of tau_p
 # amplitude_scatter = 2e-2        # the same of the force
-# pulse_shape = "versed-sine"
-# asymmetry = 0.02                # rise of the pulse over its fall, a part of its length
 # contact_exponent = 1.5          # n of the plant contact; there the material gives the
 # restitution = 0.0               # stiffness, and the restitution too unless one is given here
-# hammer_damping = "{VirtualRigSettings().hammer_damping:g} N*s/m"
 # fault_probability = 0.0         # of each of `faults`, for each hit
 # faults = "overload, weak_hit"   # those drawn, by default all of
 #                                 # {", ".join(item.value for item in Fault)}
@@ -205,29 +192,18 @@ def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
         If a value cannot be meant; the message names its line.
     """
     rig = VirtualRigSettings()
-    shapes = {shape.name: shape for shape in PULSE_SHAPES}
     plants = {plant.value: plant for plant in Plant}
     faults = FaultPlan(
         probability=table.take_number("fault_probability", 0.0, 1.0, 0.0),
         faults=tuple(_take_each(table, "faults", fault_from_name)) or tuple(Fault),
         scheduled=tuple(_take_each(table, "scheduled_faults", scheduled_fault_from_text)),
     )
-    values = {
-        "plant": plants[table.take_choice("plant", tuple(plants), rig.plant.value)],
-        "seed": table.take_whole("seed", 0, LARGEST_SEED, rig.seed),
-        "pulse_shape": shapes[table.take_choice("pulse_shape", tuple(shapes), VERSED_SINE.name)],
-        "hammer_damping": table.take_quantity(
-            "hammer_damping", "N*s/m", "1170 N*s/m", rig.hammer_damping
-        ),
-        **_take_numbers(table, NUMBERS, rig),
-    }
+    plant = plants[table.take_choice("plant", tuple(plants), rig.plant.value)]
+    seed = table.take_whole("seed", 0, LARGEST_SEED, rig.seed)
+    numbers = {key: table.take_number(key, default=getattr(rig, key)) for key in NUMBERS}
     digitizer = read_digitizer(table)
     with table.locating():
-        return VirtualRigSettings(digitizer=digitizer, faults=faults, **values)
-
-
-def _take_numbers(table: TomlTable, keys: Sequence[str], defaults: object) -> dict[str, Any]:
-    return {key: table.take_number(key, default=getattr(defaults, key)) for key in keys}
+        return VirtualRigSettings(plant, seed, **numbers, digitizer=digitizer, faults=faults)
 
 
 def read_digitizer(table: TomlTable) -> DigitizerSettings:
@@ -237,10 +213,10 @@ def read_digitizer(table: TomlTable) -> DigitizerSettings:
         key: table.take_quantity(key, unit, example, getattr(default, key))
         for key, (unit, example) in QUANTITIES.items()
     }
-    parts = _take_numbers(table, PARTS, default)
+    noise = table.take_number("noise", default=default.noise)
     bits = table.take_whole("bits", 4, 31, default.bits)
     with table.locating():
-        return DigitizerSettings(bits=bits, **quantities, **parts)
+        return DigitizerSettings(**quantities, noise=noise, bits=bits)
 
 
 def _take_each(table: TomlTable, key: str, parse: Callable[[str], T]) -> Iterator[T]:

@@ -20,13 +20,9 @@ from impact_rig.core.model import (
     compute_peak_force,
     simulate_impact,
 )
-from impact_rig.core.pulses import (
-    VERSED_SINE,
-    PulseShape,
-    compute_pulse,
-)
+from impact_rig.core.pulses import compute_pulse
 from impact_rig.core.records import FloatArray
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.setup import HAMMER_DAMPING_COEFFICIENT, RigSetup
 from impact_rig.core.stiffness import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
@@ -35,27 +31,18 @@ from impact_rig.core.stiffness import (
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.contact import Contact
 
+ASYMMETRY = 0.02  # of the pulse on the published plant, see `compute_pulse`
+
 
 @dataclass(frozen=True)
 class HitPhysics:
     """One hit as it really happens."""
 
     model: ImpactModel  # bodies, tau_p, v1 and F0 of this hit
-    shape: PulseShape = VERSED_SINE  # of the contact force
-    asymmetry: float = 0.0  # of the force on the published plant [-], see `compute_pulse`
     contact: Contact | None = None  # the law on the plant `contact`; None: on the others
 
 
-def check_pulse_shape(plant: Plant, shape: PulseShape) -> None:
-    """Raise `ParameterError` if a plant cannot have that shape of the contact force."""
-    if shape is not VERSED_SINE and plant is not Plant.PUBLISHED:
-        raise ParameterError(
-            f"pulse shape {shape.name!r} is not for the plant {plant.value}: only"
-            f" {Plant.PUBLISHED.value} can have another one than the {VERSED_SINE.name}"
-        )
-
-
-def make_nominal_model(setup: RigSetup, sample: str, hammer_damping: float) -> ImpactModel:
+def make_nominal_model(setup: RigSetup, sample: str) -> ImpactModel:
     """Return the true parameters of a hit on `sample`, from its reference values.
 
     Parameters
@@ -64,8 +51,6 @@ def make_nominal_model(setup: RigSetup, sample: str, hammer_damping: float) -> I
         Masses, speed and reference values; k1 follows from the control sample's reference.
     sample : str
         Name of the sample.
-    hammer_damping : float
-        c1 [N s/m].
 
     Raises
     ------
@@ -104,7 +89,7 @@ def make_nominal_model(setup: RigSetup, sample: str, hammer_damping: float) -> I
     moving_mass = setup.samples.get_moving_mass(sample)
     speed = setup.for_series(sample).impact_speed
     return ImpactModel(
-        hammer=Body(setup.hammer_mass, hammer_stiffness, hammer_damping),
+        hammer=Body(setup.hammer_mass, hammer_stiffness, HAMMER_DAMPING_COEFFICIENT),
         specimen=Body(
             moving_mass, chosen.reference_stiffness, chosen.reference_damping_coefficient
         ),
@@ -143,15 +128,15 @@ def simulate_plant(
         return physics.contact.simulate(sampling_rate, count, start)
     if plant is Plant.PUBLISHED:
         time = start + np.arange(count) / sampling_rate
-        return _play_hammer(physics, time), _play_specimen(physics, time)
+        return _play_hammer(physics.model, time), _play_specimen(physics.model, time)
     variant = ModelVariant.DRIVEN if plant is Plant.DYNAMICS else ModelVariant.PRINTED
     return simulate_impact(physics.model, sampling_rate, count, start=start, variant=variant)
 
 
-def _play_hammer(physics: HitPhysics, time: FloatArray) -> FloatArray:
+def _play_hammer(model: ImpactModel, time: FloatArray) -> FloatArray:
     """Return the contact pulse, then the decaying tail whose first peak is U1 e^-Delta."""
-    model, body = physics.model, physics.model.hammer
-    pulse = compute_pulse(time, model.contact_time, physics.shape, physics.asymmetry)
+    body = model.hammer
+    pulse = compute_pulse(time, model.contact_time, asymmetry=ASYMMETRY)
     peak = model.peak_force / body.mass
     decay, frequency = _compute_free_decay(body)
     if frequency == 0.0:
@@ -164,11 +149,11 @@ def _play_hammer(physics: HitPhysics, time: FloatArray) -> FloatArray:
     return np.asarray(peak * (pulse + tail))
 
 
-def _play_specimen(physics: HitPhysics, time: FloatArray) -> FloatArray:
+def _play_specimen(model: ImpactModel, time: FloatArray) -> FloatArray:
     """Return the rising half of the pulse, then the free decay from rest at its peak."""
-    model, body = physics.model, physics.model.specimen
-    rise_time = model.contact_time * (1.0 + physics.asymmetry) / 2.0
-    rise = compute_pulse(time, model.contact_time, physics.shape, physics.asymmetry)
+    body = model.specimen
+    rise_time = model.contact_time * (1.0 + ASYMMETRY) / 2.0
+    rise = compute_pulse(time, model.contact_time, asymmetry=ASYMMETRY)
     late = np.maximum(time - rise_time, 0.0)
     peak = model.peak_force / body.mass
     return np.asarray(peak * np.where(time < rise_time, rise, _decay_from_rest(body, late)))

@@ -15,17 +15,11 @@ from impact_rig.core.errors import (
     check_positive,
 )
 from impact_rig.core.model import ImpactModel
-from impact_rig.core.pulses import VERSED_SINE, PulseShape
 from impact_rig.core.records import SIMULATED, Block, ChannelBlock, FloatArray, HitLabel, Origin
-from impact_rig.core.setup import HAMMER_DAMPING_COEFFICIENT, RigSetup
+from impact_rig.core.setup import RigSetup
 from impact_rig.devices.virtual.choices import IDENTITY, Fault, Plant
 from impact_rig.devices.virtual.contact import HERTZ_EXPONENT, Contact, make_nominal_contact
-from impact_rig.devices.virtual.plants import (
-    HitPhysics,
-    check_pulse_shape,
-    make_nominal_model,
-    simulate_plant,
-)
+from impact_rig.devices.virtual.plants import HitPhysics, make_nominal_model, simulate_plant
 
 
 def fault_from_name(name: str) -> Fault:
@@ -116,7 +110,6 @@ class DigitizerSettings:
     specimen_full_scale: float = 4000.0  # [m/s^2]: the paper's hits reach 8 to 45 % of it
     noise: float = 1e-3  # white, standard deviation, part of full scale: two steps
     offset: float = 2e-3  # unknown to the estimator, part of full scale
-    drift: float = 0.0  # change of the offset over one record, part of full scale
     coupling_frequency: float = 0.1  # [Hz], -3 dB of the AC coupling; 0: DC coupled
     trigger_jitter: float = 1e-6  # [s], standard deviation of the trigger's position
 
@@ -133,8 +126,8 @@ class DigitizerSettings:
         check_between("bits", self.bits, 4, 31)
         check_positive("hammer full scale", self.hammer_full_scale, "m/s^2")
         check_positive("sample full scale", self.specimen_full_scale, "m/s^2")
-        for name in ("noise", "offset", "drift"):
-            check_between(name, getattr(self, name), 0.0, 1.0)
+        check_between("noise", self.noise, 0.0, 1.0)
+        check_between("offset", self.offset, 0.0, 1.0)
         check_not_negative("coupling frequency", self.coupling_frequency, "Hz")
         check_not_negative("trigger jitter", self.trigger_jitter, "s")
 
@@ -174,12 +167,8 @@ def digitize(
         Counts within the converter's range.
     """
     signal = couple(acceleration, settings.coupling_frequency, settings.sampling_rate)
-    count = signal.size
-    signal = signal + full_scale * (
-        settings.offset
-        + settings.drift * np.arange(count) / count
-        + settings.noise * generator.standard_normal(count)
-    )
+    noise = settings.noise * generator.standard_normal(signal.size)
+    signal = signal + full_scale * (settings.offset + noise)
     largest = 2 ** (settings.bits - 1)
     counts = np.rint(signal / compute_scale(full_scale, settings.bits))
     return np.clip(counts, -largest, largest - 1).astype(np.int32)
@@ -214,11 +203,8 @@ class VirtualRigSettings:
     seed: int = 1  # the same seed gives the same hits, in any order
     contact_time_scatter: float = 3e-3  # of tau_p from hit to hit, standard, relative
     amplitude_scatter: float = 2e-2  # of F0, on the plant `contact` of v, standard, relative
-    pulse_shape: PulseShape = VERSED_SINE
-    asymmetry: float = 0.02  # of the contact pulse, see `HitPhysics`
     contact_exponent: float = HERTZ_EXPONENT  # n of the plant `contact`
     restitution: float = 0.0  # e of the plant `contact`; 0: the material's
-    hammer_damping: float = HAMMER_DAMPING_COEFFICIENT  # c1 [N s/m]
     digitizer: DigitizerSettings = field(default_factory=DigitizerSettings)
     faults: FaultPlan = field(default_factory=FaultPlan)
 
@@ -228,11 +214,8 @@ class VirtualRigSettings:
             raise ParameterError(f"seed is {self.seed}: it must be 0 or more")
         check_between("contact time scatter", self.contact_time_scatter, 0.0, 0.2)
         check_between("amplitude scatter", self.amplitude_scatter, 0.0, 0.2)
-        check_pulse_shape(self.plant, self.pulse_shape)
-        check_between("asymmetry", self.asymmetry, -0.5, 0.5)
         check_between("contact exponent", self.contact_exponent, 0.5, 4.0)
         check_between("restitution", self.restitution or 1.0, 0.1, 1.0)
-        check_not_negative("hammer damping coefficient", self.hammer_damping, "N s/m")
 
     @property
     def origin(self) -> Origin:
@@ -298,8 +281,7 @@ def make_nominal_physics(setup: RigSetup, sample: str, settings: VirtualRigSetti
             setup, sample, settings.contact_exponent, settings.restitution
         )
         return HitPhysics(contact.make_model(), contact=contact)
-    model = make_nominal_model(setup, sample, settings.hammer_damping)
-    return HitPhysics(model, settings.pulse_shape, settings.asymmetry)
+    return HitPhysics(make_nominal_model(setup, sample))
 
 
 def _scatter_physics(nominal: HitPhysics, duration: float, force: float) -> HitPhysics:

@@ -50,18 +50,13 @@ def test_what_does_not_fit_stands_at_the_rails():
     np.testing.assert_array_equal(counts, [-2048, -2048, 2047, 2047])
 
 
-def test_noise_offset_and_drift_are_parts_of_full_scale():
-    settings = DigitizerSettings(
-        bits=24, noise=1e-3, offset=2e-3, drift=0.1, coupling_frequency=0.0
-    )
+def test_noise_and_offset_are_parts_of_full_scale():
+    settings = DigitizerSettings(bits=24, noise=1e-3, offset=2e-3, coupling_frequency=0.0)
     counts = digitize(np.zeros(20_000), 2000.0, settings, make_random())
     signal = counts * compute_scale(2000.0, 24)
-    slope, start = np.polyfit(np.arange(20_000) / 20_000, signal, 1)
-    # 20 000 points of noise 2: means within 0.03, slopes within 0.1.
-    assert start == pytest.approx(4.0, abs=0.15)
-    assert slope == pytest.approx(200.0, abs=0.4)
-    noise = signal - start - slope * np.arange(20_000) / 20_000
-    assert noise.std() == pytest.approx(2.0, rel=0.03)
+    # 20 000 points of noise 2: a mean within 0.05.
+    assert signal.mean() == pytest.approx(4.0, abs=0.05)
+    assert signal.std() == pytest.approx(2.0, rel=0.03)
 
 
 def test_coupling_answers_a_step_as_an_rc_stage_does():
@@ -79,9 +74,8 @@ def test_coupling_answers_a_step_as_an_rc_stage_does():
         ({"pre_trigger": 1.0}, "pre-trigger is 1.0: it must lie between 0 and 0.002"),
         ({"bits": 2}, "bits is 2: it must lie between 4 and 31"),
         ({"hammer_full_scale": 0.0}, "hammer full scale is 0.0 m/s^2"),
-        ({"drift": float("nan")}, "drift is nan"),
+        ({"noise": float("nan")}, "noise is nan"),
         ({"seed": -1}, "seed is -1: it must be 0 or more"),
-        ({"asymmetry": 0.8}, "asymmetry is 0.8: it must lie between -0.5 and 0.5"),
     ],
 )
 def test_impossible_settings_are_refused(changes, message):
