@@ -17,7 +17,6 @@ from mcap.writer import CompressionType, IndexType, Writer
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.records import Attachment, MetadataRecord
 from impact_rig.recordings.scan import MAGIC, Scan
-from impact_rig.recordings.unpacking import MAX_SIZE
 
 SCHEMA = b"uint8[] data\n"
 TOPICS = ("/a", "/b", "/c")
@@ -101,22 +100,6 @@ def read_beside(path):
     return list(Scan(path).read(kinds=frozenset({MetadataRecord, Attachment})))
 
 
-def test_metadata_and_attachments_are_what_the_library_reads(path):
-    with path.open("rb") as file:
-        metadata = list(mcap.reader.make_reader(file).iter_metadata())
-    with path.open("rb") as file:
-        attachments = list(mcap.reader.make_reader(file).iter_attachments())
-    found = read_beside(path)
-    assert [item for item in found if isinstance(item, MetadataRecord)] == [
-        MetadataRecord(item.name, item.metadata) for item in metadata
-    ]
-    assert [item for item in found if isinstance(item, Attachment)] == [
-        Attachment(item.name, item.media_type, item.log_time, item.data) for item in attachments
-    ]
-    assert len(metadata) == 2
-    assert attachments[0].data == b"[rig]"
-
-
 def damage_chunk(path: Path, number: int) -> None:
     """Flip a bit near the end of a chunk."""
     with path.open("rb") as file:
@@ -141,20 +124,6 @@ def test_without_its_end_a_file_gives_the_same(path):
     cut = Scan(path)
     assert "never closed" in cut.warnings[0]
     assert expected == (read(path), cut.read_channels(), read_beside(path))
-
-
-def test_a_file_cut_off_at_any_byte_gives_the_messages_before(tmp_path):
-    path = write(tmp_path / "file.mcap", MESSAGES[:12], chunk_size=300)
-    whole, content = read(path), path.read_bytes()
-    counts = []
-    for size in (*range(60, len(content), 7), len(content) - 1):
-        path.write_bytes(content[:size])
-        found = read(path)
-        assert found == whole[: len(found)]
-        counts.append(len(found))
-    assert counts == sorted(counts)
-    assert counts[0] == 0
-    assert counts[-1] == 12
 
 
 def test_zeros_that_a_power_cut_left_at_the_end_are_no_damage(path):
@@ -246,20 +215,16 @@ def make_bomb() -> dict:
     ("changes", "told"),
     [
         ({"uncompressed_size": 10 << 30}, "a chunk of 50 byte claims to hold 10737418240"),
-        ({"uncompressed_size": MAX_SIZE + 1}, "claims to hold"),
         (make_bomb(), "claims to hold 73400320"),
         ({"uncompressed_size": 51}, "a chunk holds 50 byte: it should hold 51"),
         ({"uncompressed_crc": 1}, "does not fit its checksum"),
         ({"compression": "zstd"}, "cannot be decompressed"),
         ({"compression": "lz4"}, "cannot be decompressed"),
         ({"compression": "bz2"}, "compressed by 'bz2': it must be zstd or lz4"),
-        ({"compression": "z" * 10_000}, "compressed by 'zzz"),
         ({}, "what is no message"),
-        ({"data": b"\5" + bytes(49)}, "a message is shorter than its head"),
         ({"data": b"\5" + b"\xff" * 49}, "a record is longer than what it is in"),
         ({"data": b"\x05\x16" + bytes(29), "uncompressed_size": 31}, "is not announced"),
         ({"data": b"\x03\x29" + bytes(7) + b"\xff" * 41}, "a type is damaged"),
-        ({"data": b"\x04\x29" + bytes(7) + b"\xff" * 41}, "a topic is damaged"),
     ],
 )
 def test_what_a_chunk_claims_and_is_not_is_named(tmp_path, changes, told):

@@ -64,11 +64,9 @@ def doubling(depth: int) -> str:
         ("#" * MAX_SCHEMA + "\n", f"has {MAX_SCHEMA + 1} characters"),
         ("other_msgs/Lost x\n", "'other_msgs/msg/Lost' is not described"),
         ("int32 A=" + "9" * 5000 + "\n", "Exceeds the limit"),
-        ("uint8 a\nuint8 a\n", "conflicting"),
         ("??? x\n", "Could not parse"),
-        ("uint8 a; import os\n", "Could not parse"),
     ],
-    ids=range(9),
+    ids=range(7),
 )
 def test_a_schema_that_makes_no_sense_is_named(schema, told):
     with pytest.raises(FileError, match=rf"schema of {NAME} on /test cannot be understood: .*"):
@@ -84,13 +82,10 @@ def test_a_schema_that_makes_no_sense_is_named(schema, told):
         ("uint8 a\n", b""),
         ("uint8 a\n", EMPTY + bytes(64)),
         ("uint32[] a\n", EMPTY + length(0xFFFFFFFF)),
-        ("string a\n", EMPTY + length(3) + b"\xff\xfe\0"),
-        ("string[] a\n", EMPTY + length(0xFFFFFFFF)),
         (f"A[] a{RULE}MSG: test_msgs/A\n", EMPTY + length(0xFFFFFFFF)),
         ("float64[1000000000] a\n", EMPTY + bytes(64)),
-        ("float64[-5] a\n", EMPTY + bytes(64)),
     ],
-    ids=range(8),
+    ids=range(5),
 )
 def test_a_message_that_does_not_fit_is_named(schema, data):
     with pytest.raises(FileError, match=r"on /test does not fit its schema: .") as caught:
@@ -149,18 +144,6 @@ def test_arrays_bounds_constants_and_comments_are_told_from_types(install):
     assert list_parts(text) == ["MSG: demo_msgs/Inner", "MSG: std_msgs/String"]
 
 
-def test_other_libraries_parse_every_definition_of_the_rig():
-    from mcap_ros2._dynamic import generate_dynamic
-    from rosbags.typesys import get_types_from_msg
-
-    messages = Path(__file__).parents[2] / "msg_config" / "msg"
-    for path in messages.glob("*.msg"):
-        name = f"impact_rig_msgs/msg/{path.stem}"
-        text = find_message_definition(name).text
-        assert name in get_types_from_msg(text, name)
-        assert name in generate_dynamic(name, text)
-
-
 def test_the_type_hash_stands_in_the_json_beside_the_definition(install):
     assert find_message_definition("std_msgs/msg/String").type_hash == ""
     prefix = os.environ["AMENT_PREFIX_PATH"].split(os.pathsep)[0]
@@ -175,9 +158,7 @@ def test_the_type_hash_stands_in_the_json_beside_the_definition(install):
     ("name", "told"),
     [
         ("nowhere_msgs/msg/Thing", "nowhere_msgs"),
-        ("std_msgs/msg/Missing", "Missing.msg"),
         ("no type", "pkg/msg/Name"),
-        ("demo/srv/Service", "pkg/msg/Name"),
         ("../../etc/msg/passwd", "pkg/msg/Name"),
     ],
 )
@@ -200,8 +181,6 @@ def test_comments_and_constants_are_no_difference():
     ("old", "new", "told"),
     [
         ("float32 x", "float64 x", "`float32 x` in the recording is `float64 x` here"),
-        ("float64[3] x", "float64[<=3] x", "`float64[3] x` in the recording is `float64[<=3] x`"),
-        ("string x", "string<=9 x", "`string x` in the recording is `string<=9 x` here"),
         ("int8 x\nint8 y", "int8 y\nint8 x", "`int8 x` in the recording is `int8 y` here"),
         ("float64 x\nstring y", "float64 x", "`string y` in the recording is `missing` here"),
         ("B b\n===\nMSG: a/B\nint8 n", "B b\n===\nMSG: a/B\nint16 n", "`int8 n` in the rec"),

@@ -93,19 +93,6 @@ def test_topics_without_messages_and_empty_recordings_are_sound(tmp_path):
             assert all(not it.metadata["offered_qos_profiles"] for it in summary.channels.values())
 
 
-def test_what_was_flushed_is_read_while_the_file_is_still_open(make_recording):
-    maker = make_recording()
-    maker.add_setup()
-    maker.add_block(1)
-    before = maker.writer.size
-    maker.writer.flush()
-    maker.writer.flush()
-    assert maker.writer.size > before
-    maker.add_block(2)
-    messages = list(Scan(maker.path).read_messages())
-    assert [message.channel.topic for message in messages] == ["/setup", "/acceleration"]
-
-
 @pytest.mark.skipif(shutil.which("rerun") is None, reason="the Rerun viewer is not installed")
 def test_rerun_finds_nothing_wrong_with_it(make_recording):
     recording = make_recording()
@@ -165,15 +152,3 @@ def test_an_existing_file_is_never_overwritten(tmp_path):
     with pytest.raises(FileError, match=r"session\.mcap exists already"):
         RecordingWriter(tmp_path / "session.mcap")
     assert (tmp_path / "session.mcap").read_bytes() == b"precious"
-
-
-def test_a_finished_recording_takes_no_more(make_recording):
-    recording = make_recording()
-    add_hits(recording, 1)
-    recording.close()
-    recording.close()
-    assert recording.writer.closed
-    with pytest.raises(FileError, match="is closed already"):
-        add_hits(recording, 2)
-    with pytest.raises(FileError, match="is closed already"):
-        recording.writer.sync()
