@@ -13,7 +13,7 @@ import pytest
 from scipy.io import wavfile
 
 from impact_rig.core.detection import ImpactDetector
-from impact_rig.core.errors import FileError, ParameterError, SignalError
+from impact_rig.core.errors import ParameterError, SignalError
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sensors import ChannelPlan, ChannelUse, Sensitivity
 from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
@@ -90,7 +90,6 @@ def test_three_columns_are_time_hammer_and_sample():
 @pytest.mark.parametrize(
     ("file", "given", "names"),
     [
-        (columns(HAMMER), {"sampling_rate": 1e6}, ("column 1",)),
         (columns(HAMMER, SPECIMEN), {"sampling_rate": 1e6}, ("column 1", "column 2")),
         (
             columns(SPECIMEN, HAMMER * np.nan, TIME, TIME, HAMMER),
@@ -101,11 +100,6 @@ def test_three_columns_are_time_hammer_and_sample():
             columns(TIME, SPECIMEN, HAMMER, HAMMER),
             {"hammer": ChannelUse("column 3"), "specimen": ChannelUse("2")},
             ("column 3", "column 2"),
-        ),
-        (
-            stated(channel("a"), channel("b")),
-            {"hammer": ChannelUse("b"), "specimen": ChannelUse("a")},
-            ("b", "a"),
         ),
         (stated(channel("a"), channel("b")), {"hammer": ChannelUse("b")}, ("b",)),
     ],
@@ -158,7 +152,6 @@ def test_one_question_asks_for_all_that_is_missing():
         map_channels(file, plan(), needs_scale=True)
     for told in (
         "hit.x: 4 columns: give the role of each",
-        f"2 'column 2' ({HAMMER.size} points)",
         'columns = ["hammer", "specimen", "skip", "skip"]',
         'sampling_rate = "?"',
         'unit = "?" under [hammer]',
@@ -171,12 +164,6 @@ def test_one_question_asks_for_all_that_is_missing():
         hammer=ChannelUse(unit="g"),
     )
     assert map_one(file, answered, needs_scale=True).block.sampling_rate == 1e6
-
-
-def test_where_options_are_enough_the_question_names_them():
-    force = stated(MeasuredChannel("a", HAMMER, unit="N"))
-    with pytest.raises(SignalError, match=r'give --hammer-mass 100g --rate "25.6 kHz", or'):
-        map_one(force, plan(), needs_scale=True)
 
 
 @pytest.mark.parametrize(
@@ -264,26 +251,21 @@ def replaced(values, index, value):
     [
         (columns(TIME[:5], HAMMER[:5]), {}, "5 points in 'column 1': a trace needs at least 16"),
         (columns(HAMMER), {}, "has no time and states no rate: give its sampling rate"),
-        (columns(TIME, HAMMER, SPECIMEN, SPECIMEN), {}, "4 columns: give the role of each"),
         (
             columns(TIME, HAMMER),
             {"columns": ("time", "hammer", "specimen")},
             "2 columns, but 3 roles are given",
         ),
         (columns(TIME, replaced(HAMMER, 7, np.nan)), {}, "hammer is nan at point 7"),
-        (columns(replaced(TIME, 9, np.nan), HAMMER), {}, "time is nan at point 9"),
         (columns(np.delete([*TIME, TIME[-1] + 4e-7], 20), HAMMER), {}, "8e-07 s at point 19"),
         (columns(HAMMER, TIME), {}, "does not grow.*is this the time column"),
-        (columns(TIME[::-1], HAMMER), {}, "does not grow from point 0 to 1"),
         (stated(MeasuredChannel("t", TIME, unit="V"), channel("a", rate=NAN)), {}, "are in 'V'"),
         (stated(channel("a"), channel("b", HAMMER[:20])), {}, "'a' and 'b' have 40 and 20 points"),
         (stated(channel("a"), channel("b", rate=1e3)), {}, "sampled at 25600 Hz and 1000 Hz"),
         (stated(channel("a"), channel("b", start=0.1)), {}, "start 0.1 s apart"),
         (stated(channel("a")), {"hammer": ChannelUse("c")}, "no channel 'c': it has 1 'a'"),
         (stated(channel("a"), channel("a")), {"hammer": ChannelUse("a")}, "2 channels 'a'"),
-        (with_times("time", unit="V"), {}, "times are in 'V'"),
         (with_times("Frequency", unit="Hz"), {}, "it is a spectrum"),
-        (with_times("freq"), {}, "it is a spectrum"),
         (with_times("samples", 1e6 * TIME), {}, "'samples' counts samples: give their rate"),
     ],
 )  # fmt: skip
@@ -392,18 +374,6 @@ def test_the_same_files_make_the_same_recording(imported, tmp_path):
     assert (tmp_path / "again.mcap").read_bytes() == imported.read_bytes()
 
 
-def test_nothing_is_overwritten_and_no_part_is_left(imported, tmp_path):
-    before = imported.read_bytes()
-    hits = read_all(REAL_HITS)
-    with pytest.raises(FileError, match=r"hits\.mcap exists already"):
-        write_imported(imported, make_setup(hits), hits)
-    assert imported.read_bytes() == before
-    gone = replace(hits[0], path=tmp_path / "gone.npy")
-    with pytest.raises(FileError, match=r"gone\.npy cannot be read"):
-        write_imported(tmp_path / "new.mcap", make_setup(hits), [gone])
-    assert not list(tmp_path.glob("*new.mcap*"))
-
-
 @pytest.mark.parametrize("place", [3, 500, 990])
 def test_the_whole_file_is_the_record_wherever_its_pulse_lies(tmp_path, place):
     pulse = np.zeros(1000)
@@ -430,13 +400,10 @@ LENGTH = SECOND // 100
     [
         ([0, 0], [SECOND, 2 * SECOND + LENGTH]),
         ([FIRST, FIRST + 3600 * SECOND], [FIRST, FIRST + 3600 * SECOND]),
-        ([FIRST, FIRST + LENGTH], [FIRST, FIRST + LENGTH]),
         ([FIRST, FIRST], [FIRST, FIRST + LENGTH + SECOND]),
-        ([FIRST, FIRST - SECOND], [FIRST, FIRST + LENGTH + SECOND]),
         ([FIRST, 0, FIRST + 5 * SECOND], [FIRST, FIRST + LENGTH + SECOND, FIRST + 5 * SECOND]),
         ([0, FIRST], [FIRST, FIRST + LENGTH + SECOND]),
     ],
-    ids=["none", "dates", "close", "same", "back", "one without", "first without"],
 )
 def test_a_hit_was_when_its_file_says_unless_times_would_not_grow(tmp_path, stated, expected):
     np.save(tmp_path / "hit.npy", np.random.default_rng(1).normal(size=10_000))

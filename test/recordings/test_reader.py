@@ -79,21 +79,14 @@ def test_the_files_of_a_run_that_was_resumed_are_one_recording(make_recording, t
 
 
 @pytest.mark.parametrize("namespace", ["/", "/hall_2", "/hall_2/rig_a"])
-def test_the_namespace_is_found_by_the_types(make_recording, namespace):
+def test_namespace_and_remapped_topics_are_found_by_the_types(make_recording, namespace):
     maker = make_recording(namespace=namespace)
-    maker.add_setup()
+    maker.add_setup("table")
     maker.add_block(1)
     maker.add("/rosout", "std_msgs/msg/String", {"data": "hello"})
     recording = read_recording(maker.close())
     assert recording.namespace == namespace
     assert len(list(recording.events())) == 2
-
-
-def test_remapped_topics_are_found_by_their_type(make_recording):
-    maker = make_recording()
-    maker.add_setup("/lab/table")
-    maker.add_block(1)
-    assert len(list(read_recording(maker.close()).events())) == 2
 
 
 def test_two_rigs_in_one_file_are_refused_by_name(make_recording):
@@ -114,7 +107,6 @@ def test_two_rigs_in_one_file_are_refused_by_name(make_recording):
         (b"time,hammer\n0,1\n", "is no MCAP recording"),
         (b"\x89MCAP0\r\n", "header is cut off"),
         (b"\x89MCAP0\r\n\x01\xff\xff\xff\xff\xff\xff\xff\x7f", "header is cut off"),
-        (b"\x89MCAP0\r\n\x01\x02\0\0\0\0\0\0\0\0\0", "header is cut off or cannot be read"),
     ],
 )
 def test_what_is_no_recording_is_named(tmp_path, content, told):
@@ -146,11 +138,9 @@ def write_foreign(path: Path, profile: str = "ros2", **changes: str) -> None:
     [
         ({"profile": "ros1"}, "profile 'ros1': it should be 'ros2'"),
         ({"encoding": "json"}, "'json'.*'cdr' and 'ros2msg'"),
-        ({"schema_encoding": "ros2idl"}, "'ros2idl'.*'cdr' and 'ros2msg'"),
         ({"schema": "sensor_msgs/msg/Imu"}, "holds no set-up of a rig"),
         ({}, "has no field '.*': it was recorded with another version"),
         ({"text": "other_msgs/Lost analysis\n"}, "schema of .*RigSetup on /setup cannot be"),
-        ({"text": "what is this"}, "schema of .*RigSetup on /setup cannot be understood"),
         ({"text": "float64[3] samples\n"}, "does not fit its schema"),
     ],
 )

@@ -14,6 +14,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 
 from impact_rig.core.errors import FileError
+from impact_rig.recordings.provenance import ATTACHMENT_LIMIT, read_attached_file
 from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import find_message_definition
@@ -145,6 +146,13 @@ def test_a_sync_returns_when_the_disk_has_the_hit(make_recording, monkeypatch):
     recording.writer.sync()
     assert sizes == [recording.writer.size]
     assert 2 * 3000 < sizes[0] == recording.path.stat().st_size
+
+
+def test_an_attachment_that_is_too_large_is_refused(tmp_path):
+    with (tmp_path / "photo.png").open("wb") as file:
+        file.truncate(ATTACHMENT_LIMIT + 1)
+    with pytest.raises(FileError, match=r"photo\.png has 16777217 byte: it must not have more"):
+        read_attached_file(tmp_path / "photo.png")
 
 
 def test_an_existing_file_is_never_overwritten(tmp_path):
