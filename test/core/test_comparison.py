@@ -11,7 +11,6 @@ from scipy import ndimage
 from impact_rig.core.comparison import (
     compare_trace,
     compare_with_model,
-    find_best_shift,
 )
 from impact_rig.core.filtering import low_pass
 from impact_rig.core.hits import MeanHit
@@ -25,16 +24,6 @@ MODEL = ImpactModel(Body(0.1, 22.5e6, 1909.0), Body(0.17, 45e6, 1170.0), 203.2e-
 
 def make_bell(middle: float, width: float = 30.0, count: int = 600) -> np.ndarray:
     return np.exp(-(((np.arange(count) - middle) / width) ** 2))
-
-
-class TestShift:
-    """The best shift and its application."""
-
-    @given(shift=st.floats(-80, 80))
-    def test_of_a_bell_is_found_below_one_point(self, shift):
-        found = find_best_shift(make_bell(300.0 + shift), make_bell(300.0), 100)
-        # The parabola through the least errors leaves 1e-4 points at a width of 30.
-        assert found == pytest.approx(shift, abs=1e-3)
 
 
 class TestCompareTrace:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 from scipy.signal import find_peaks
 from scipy.stats import t as student
 
@@ -104,39 +103,6 @@ def test_any_decay_is_found_from_nothing(ratio, frequency, phase, offset):
     found = fit(make_mean(swing(true), cutoff=0.0), 0.0)
     assert describe(found) == pytest.approx((ratio, natural), rel=1e-5)
     assert found.r_squared == pytest.approx(1.0, abs=1e-8)
-
-
-def test_a_body_followed_by_integration_gives_its_own_stiffness_and_damping():
-    mass, stiffness, damping, force = 0.06, 20e6, 700.0, 150.0
-
-    def follow(time: float, state: FloatArray) -> list[float]:
-        drive = force * np.sin(np.pi * time / TAU) ** 2 if time < TAU else 0.0
-        return [state[1], (drive - damping * state[1] - stiffness * state[0]) / mass]
-
-    times = (np.arange(COUNT) - ORIGIN) / RATE + TAU / 2
-    path = solve_ivp(
-        follow, (0.0, times[-1]), [0.0, 0.0], "DOP853", t_eval=times[times >= 0], rtol=1e-10,
-        atol=1e-16, max_step=TAU / 20,
-    )  # fmt: skip
-    after = path.t >= 0
-    drive = np.where(path.t < TAU, force * np.sin(np.pi * path.t / TAU) ** 2, 0.0)
-    acceleration = (drive - damping * path.y[1] - stiffness * path.y[0]) / mass
-    specimen = np.concatenate((np.zeros(COUNT - after.size), acceleration))
-    found = fit(make_mean(specimen))
-    assert mass * describe(found)[1] ** 2 == pytest.approx(stiffness, rel=1e-4)
-    assert 2.0 * mass * found.decay_rate == pytest.approx(damping, rel=1e-4)
-
-
-@pytest.mark.parametrize("ratio", [0.01, 0.7])
-def test_in_noise_the_bias_is_small(ratio):
-    runs = 100
-    true = swing(Oscillation(ratio, natural=2 * np.pi * 3e3))
-    found = [fit(make_mean(true, noise=1.0, seed=seed)) for seed in range(runs)]
-    ratios = np.array([describe(item)[0] for item in found])
-    spread = ratios.std(ddof=1)
-    # The mean of 100 lies within four of its standard errors.
-    assert abs(ratios.mean() - ratio) < 4 * spread / np.sqrt(runs) + 1e-3 * ratio
-    assert np.mean([item.residual_over_noise for item in found]) == pytest.approx(1.0, abs=0.1)
 
 
 def test_student_intervals_from_the_hits_cover_the_truth():

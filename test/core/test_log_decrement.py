@@ -11,7 +11,7 @@ from impact_rig.core.damping import (
     estimate_damping_ratio,
     estimate_log_decrement,
 )
-from impact_rig.core.errors import NotDeterminedError, ParameterError
+from impact_rig.core.errors import NotDeterminedError
 
 RATE = 2.5e6
 
@@ -73,12 +73,3 @@ def test_a_critical_damper_gives_a_double_root():
     c = estimate_damping_coefficient(1.0, 45e6, 0.17)
     first, second = np.roots([0.17, c, 45e6])
     assert first == pytest.approx(second, rel=1e-6)
-
-
-def test_impossible_numbers_are_refused():
-    with pytest.raises(ParameterError, match=r"log decrement is 0.0 : it must be"):
-        estimate_damping_ratio(0.0)
-    with pytest.raises(ParameterError, match="mass is -1 kg"):
-        estimate_damping_coefficient(0.1, 1e6, -1)
-    with pytest.raises(ParameterError, match=r"damping ratio is -0\.1"):
-        estimate_damping_coefficient(-0.1, 1e6, 1)

@@ -66,14 +66,6 @@ def test_channels_of_a_block_are_equally_long():
     )
 
 
-def test_what_is_read_only_already_is_not_copied():
-    counts, values = np.arange(4, dtype=np.int32), np.arange(4.0)
-    for array in (counts, values):
-        array.setflags(write=False)
-    assert ChannelBlock(counts, 0.5, 0.0, 2000.0).output is counts
-    assert ChannelBlock(values, 0.5, 0.0, 0.0).output is values
-
-
 REAL, VIRTUAL = Origin(MEASURED, "digitizer 7"), Origin(SIMULATED, "virtual rig")
 
 

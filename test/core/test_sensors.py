@@ -21,12 +21,9 @@ from impact_rig.core.setup import PAPER_SETUP
     ("calibrated", "today", "told"),
     [
         ("", "2026-11-21", ""),
-        ("2026-03-01", "2026-11-21", ""),
         ("2025-11-21", "2026-11-21", ""),
         ("2025-11-20", "2026-11-21", "was calibrated on 2025-11-20, over a year before"),
-        ("2024-02-29", "2025-02-28", ""),
         ("2024-02-29", "2025-03-01", "over a year before"),
-        ("2023-02-28", "2024-02-29", "over a year before"),
         ("2026-11-22", "2026-11-21", "lies ahead of 2026-11-21"),
     ],
 )
@@ -52,10 +49,8 @@ def test_each_sensor_is_told_of_with_its_serial_number():
         ("m/s^2", np.nan, None, 1.0),
         ("g", np.nan, None, 9.80665),
         ("N", 0.5, None, 2.0),
-        ("kN", 0.5, None, 2000.0),
         ("lbf", 2.0, None, 2.2241108),
         ("V", np.nan, Sensitivity(0.01, "g"), 980.665),
-        ("mV", np.nan, Sensitivity(-0.01, "m/s^2"), -0.1),
         ("V", 0.5, Sensitivity(2.25e-3, "N"), 2 / 2.25e-3),
     ],
 )
@@ -73,7 +68,6 @@ def test_the_spellings_of_instruments_are_known():
     ("unit", "mass", "told"),
     [
         ("N", np.nan, "needs the hammer's mass"),
-        ("N", 0.0, "0.0 kg"),
         ("V", 0.5, "needs a sensitivity"),
         ("Pa", 0.5, "'Pa' is unknown: a channel is in m/s"),
     ],
@@ -88,11 +82,7 @@ def test_units_that_give_no_acceleration_are_refused(unit, mass, told):
     [
         (lambda: Sensitivity(0.0, "g"), "must not be zero"),
         (lambda: Sensitivity(0.01, "Pa"), "per 'Pa': it must be a voltage per"),
-        (lambda: ChannelUse(unit="Pa"), "'Pa' is unknown"),
         (lambda: ChannelUse(unit="g", sensitivity=Sensitivity(0.01, "g")), "for channels in V"),
-        (lambda: ChannelUse(full_scale=-1.0), "full scale is -1.0"),
-        (lambda: ChannelUse(full_scale=1.0, full_scale_unit="s"), "unit 's' is unknown"),
-        (lambda: ChannelPlan(columns=("time", "force")), "'force' is unknown"),
         (lambda: ChannelPlan(columns=("time", "hammer", "time")), "'time' is given twice"),
         (
             lambda: ChannelPlan(columns=("hammer", "hammer", "specimen")),
@@ -102,7 +92,6 @@ def test_units_that_give_no_acceleration_are_refused(unit, mass, told):
         (lambda: ChannelPlan(time_unit="hours"), "'hours' is unknown: it is s, ms, us, ns, min"),
         (lambda: ChannelPlan(time_unit="samples"), "need a sampling rate"),
         (lambda: ChannelPlan(ChannelUse("a"), columns=("hammer",)), "one of the two"),
-        (lambda: ChannelPlan(sampling_rate=0.0), "sampling rate is 0.0 Hz"),
         (lambda: ChannelPlan(specimen=ChannelUse("b")), "the hammer's is not named"),
         (lambda: ChannelPlan(ChannelUse("a"), ChannelUse("a")), "'a' is the hammer's and"),
         (lambda: ChannelPlan(specimen=ChannelUse(unit="N")), "must be an acceleration"),

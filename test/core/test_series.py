@@ -60,15 +60,6 @@ def make_series(hits: list[JudgedHit], keep: int = 0) -> HitSeries:
     return series
 
 
-def test_the_mean_of_one_hit_is_that_hit():
-    hit = make_hit(3)
-    mean = make_series([hit]).compute_mean()
-    np.testing.assert_array_equal(mean.traces, hit.filtered.traces)
-    assert measure_pulse(mean.traces[0]) == hit.filtered.pulse
-    (shown,) = mean.hits
-    np.testing.assert_allclose(shown.traces, mean.traces, rtol=1e-6)
-
-
 def list_reasons(series: HitSeries) -> dict[int, Reason]:
     return {hit.label.record: hit.rejections[-1].reason for hit in series.select().left_out}
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup import (
     PAPER_SETUP,
     PUBLISHED_SAMPLES,
@@ -93,8 +94,6 @@ def test_a_series_is_as_fast_as_its_pendulum_falls(degrees):
     ("degrees", "told"),
     [
         ([0.0], "release angle is 0°: it must be above 0° and 90° at most"),
-        ([5.0, -2.0], "release angle is -2°"),
-        ([90.5], "release angle is 90.5°"),
         ([math.nan], "release angle is nan°"),
         ([5.0, 10.0, 5.0], "release angle 5° is given twice"),
     ],
@@ -113,17 +112,10 @@ def test_angles_tell_no_speed_where_none_is_known():
     ("field", "value", "right"),
     [
         ("cutoff_frequency", -1.0, "0 or more"),
-        ("cutoff_frequency", math.nan, "0 or more"),
         ("pulse_factor", 0.5, "between 1 and 4"),
-        ("pre_trigger", 0.0, "above zero"),
         ("record_duration", -2e-3, "above zero"),
         ("pre_trigger", 2e-3, "shorter than the record of 0.002 s"),
-        ("detection_level", 0.0, "between 1e-06 and 1"),
-        ("minimum_peak", 1.5, "between 0 and 1"),
-        ("maximum_peak", 1.5, "between 0 and 1"),
         ("maximum_peak", 0.15, "above the minimum_peak of 0.15"),
-        ("overload_run", 0, "between 1 and 1000"),
-        ("keep_hits", -1, "between 0 and 1e+06"),
         ("keep_hits", 2.5, "must be whole"),
         ("double_hit_level", 0.0, "between 0.001 and 1"),
     ],
@@ -161,3 +153,13 @@ def test_masses_are_as_uncertain_as_they_are_rounded():
     assert PAPER_SETUP.samples.accelerometer_mass_uncertainty == pytest.approx(coarse, rel=0.01)
     for sample in PAPER_SETUP.samples.samples:
         assert sample.mass_uncertainty == pytest.approx(fine, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("record", "field"), [(PAPER_SETUP, "release_angle"), (Quantity(), "standard")]
+)
+def test_a_value_that_is_not_known_equals_itself(record, field):
+    once, again = (replace(record, **{field: float("nan")}) for _ in range(2))
+    assert once == again
+    assert len({once, again}) == 1
+    assert once != replace(record, **{field: 0.1})
