@@ -24,7 +24,7 @@ from impact_rig.core.hits import (
 )
 from impact_rig.core.pulse_shape import NO_SHAPE, estimate_pulse_shape
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.records import Block, HitLabel, Record
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.uncertainty import estimate_hit_contact_time
@@ -96,6 +96,26 @@ class _JudgedCampaign:
     files: dict[HitLabel, FileResults] = field(default_factory=dict)
 
 
+def judge(
+    source: HitSource,
+    settings: Settings = NO_CHANGES,
+    overrules: Overrules = NO_OVERRULES,
+    report: Callable[[int], None] = lambda _: None,
+) -> Iterator[tuple[Session, Block, tuple[tuple[Record, JudgedHit], ...]]]:
+    """Yield each block with the session of its campaign, and the hits that it completes.
+
+    Parameters and errors as of `analyze`.
+    """
+    session = None
+    for event in source.events(report):
+        if not isinstance(event, Block):
+            # Each campaign begins with its set-up, and its estimates start afresh.
+            setup = replace(event, analysis=replace(event.analysis, **settings))
+            session = Session(setup, overrules)
+        elif session is not None:
+            yield session, event, session.feed_records(event)
+
+
 def analyze(
     source: HitSource,
     settings: Settings = NO_CHANGES,
@@ -130,21 +150,19 @@ def analyze(
     overrules = _find_overrules(source, settings, accept, reject)
     judged: list[_JudgedCampaign] = []
     assembler = TraceAssembler()
-    for event in source.events(_bind(report, "reading", source.size)):
-        if not isinstance(event, Block):
-            # Each campaign begins with its set-up, and its estimates start afresh.
-            setup = replace(event, analysis=replace(event.analysis, **settings))
-            judged.append(_JudgedCampaign(Session(setup, overrules)))
-        elif judged:
-            campaign = judged[-1]
-            for hit in campaign.session.feed(event):
-                if source.hammer_unit is not None:
-                    file = _describe_file(hit, source.hammer_unit, campaign.session.setup)
-                    campaign.files[hit.label] = file
-                if keep_traces and hit.filtered is not None:
-                    campaign.aligned[hit.label] = align_hit(hit.label, hit.filtered)
-            if keep_traces and (joined := assembler.feed(event)) is not None:
-                campaign.traces.append(joined)
+    reading = _bind(report, "reading", source.size)
+    for session, block, found in judge(source, settings, overrules, reading):
+        if not judged or judged[-1].session is not session:
+            judged.append(_JudgedCampaign(session))
+        campaign = judged[-1]
+        for _, hit in found:
+            if source.hammer_unit is not None:
+                file = _describe_file(hit, source.hammer_unit, session.setup)
+                campaign.files[hit.label] = file
+            if keep_traces and hit.filtered is not None:
+                campaign.aligned[hit.label] = align_hit(hit.label, hit.filtered)
+        if keep_traces and (joined := assembler.feed(block)) is not None:
+            campaign.traces.append(joined)
     faults = {label.record: names for label, names in source.faults.items()}
     campaigns = tuple(
         _finish(campaign, source, faults, report, with_models=with_models)

@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 from rich.text import Text
 
+from impact_rig.analysis.analyze import judge
 from impact_rig.configuration.rig_file import RigFile, read_rig_file, read_today
 from impact_rig.core.calibration import (
     FEWEST_HITS,
@@ -22,7 +23,7 @@ from impact_rig.core.calibration import (
 )
 from impact_rig.core.errors import DeviceError, FileError, ParameterError
 from impact_rig.core.hits import JudgedHit, describe_label
-from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.records import HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup
@@ -68,25 +69,20 @@ def read_hits(path: Path, sample: str = "") -> HitSeries:
     FileError
         If it is no recording of a rig, holds no such hit, or was made with several set-ups.
     """
-    sessions: list[Session] = []
+    rigs: dict[tuple[object, ...], RigSetup] = {}
     hits: list[JudgedHit] = []
-    for event in read_recording(path).events():
-        if not isinstance(event, Block):
-            sessions.append(Session(event))
-        elif not sample or event.label.sample == sample:
-            hits += sessions[-1].feed(event)
+    for session, _, found in judge(read_recording(path)):
+        setup = session.setup
+        rigs[setup.hammer_mass, *(sensor.describe() for sensor in setup.sensors)] = setup
+        hits += [hit for _, hit in found if not sample or hit.label.sample == sample]
     if not hits:
         struck = f" on {sample!r}" if sample else ""
         raise FileError(f"{path} holds no hit{struck}")
-    setups = [session.setup for session in sessions]
-    rigs = {
-        (setup.hammer_mass, *(sensor.describe() for sensor in setup.sensors)) for setup in setups
-    }
     if len(rigs) > 1:
         raise FileError(
             f"{path} holds campaigns with different hammers or sensors: give a recording with one"
         )
-    return setups[-1], hits
+    return setup, hits
 
 
 def find_tested_sensor(setup: RigSetup, sheet: Sensor) -> Sensor:

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from impact_rig.analysis.analyze import analyze
+from impact_rig.analysis.exporting import ExportedCampaign, ExportedHit, read_campaigns
 from impact_rig.analysis.sources import find_run
 from impact_rig.cli.info import describe_hits
 from impact_rig.cli.options import refuse_given
@@ -17,13 +18,12 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits import find_label
 from impact_rig.present.terminal.console import print_warning
 from impact_rig.recordings.contents import recover_recording
-from impact_rig.recordings.exporting import ExportedCampaign, ExportedHit, read_campaigns
 from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
 from impact_rig.recordings.formats.registry import WRITABLE, write_measurement
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.source import SUFFIX, find_recording
-from impact_rig.results.campaign import Results, results_from_session
+from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import format_count
 from impact_rig.results.results_file import (
     format_json,
@@ -96,15 +96,12 @@ def export_recording(path: Path, task: ExportTask) -> str:
     recording = read_recording(path)
     for warning in recording.warnings:
         print_warning(warning)
+    if "results" in task.parts:
+        found = analyze(recording).campaigns
+        return _write_results(task.output, [_select(it.results, task.samples) for it in found])
     campaigns = read_campaigns(recording)
     if not campaigns:
         raise FileError(f"{path} holds no complete hit")
-    if "results" in task.parts:
-        faults = {label.record: names for label, names in recording.faults.items()}
-        results = [
-            results_from_session(campaign.session.estimate_all(), faults) for campaign in campaigns
-        ]
-        return _write_results(task.output, [_select(item, task.samples) for item in results])
     groups = _make_groups(campaigns, task)
     if not groups:
         raise FileError(f"{path} holds no such {' or '.join(sorted(task.parts))}")

@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from impact_rig.analysis.analyze import judge
 from impact_rig.analysis.measured_files import (
     MeasuredFiles,
     TraceSeries,
@@ -15,7 +16,6 @@ from impact_rig.cli.options import drop_missing
 from impact_rig.cli.output import raise_errors
 from impact_rig.configuration.import_file import read_import_template
 from impact_rig.core.errors import ParameterError, RigError
-from impact_rig.core.session import Session
 from impact_rig.present.terminal.console import print_warning
 from impact_rig.recordings.channels import make_template
 from impact_rig.recordings.formats.registry import read_measurement
@@ -54,9 +54,8 @@ def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) ->
     hits, errors = read.hits, [*repeated.values(), *read.errors]
     if not hits:
         return [*errors, f"no file could be used: {output} is not written"]
-    session = Session(read.setup)
-    judged = [found for hit in hits for found in session.feed(hit.block)]
-    reasons = [str(reason) for found in judged for reason in found.rejections]
+    judged = [hit for _, _, found in judge(read) for _, hit in found]
+    reasons = [str(reason) for hit in judged for reason in hit.rejections]
     for remark in (*read.warnings, *read.advise(reasons)):
         print_warning(remark)
     try:

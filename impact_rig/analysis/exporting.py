@@ -2,12 +2,12 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
+from impact_rig.analysis.analyze import judge
 from impact_rig.core.hits import JudgedHit, MeanHit
-from impact_rig.core.records import Block, FloatArray, HitLabel, Origin, Record, join_origins
+from impact_rig.core.records import FloatArray, HitLabel, Origin, Record, join_origins
 from impact_rig.core.session import Session
-from impact_rig.core.setup import RigSetup
 from impact_rig.recordings.formats.measurement import MeasuredChannel
 from impact_rig.recordings.reader import Recording
 
@@ -46,29 +46,13 @@ class ExportedHit:
         return _make_channels(self.name, traces, rate, origin, recorded_at=stamp)
 
 
+@dataclass
 class ExportedCampaign:
-    """One campaign of a recording, judged as the estimator does it live.
+    """One campaign of a recording, judged as the estimator does it live."""
 
-    Parameters
-    ----------
-    setup : RigSetup
-        Masses, samples and settings.
-    """
-
-    def __init__(self, setup: RigSetup) -> None:
-        self.session = Session(setup)
-        self.prefix = ""  # of the names of its hits, where there are several campaigns
-        self._records: list[tuple[Record, JudgedHit]] = []
-
-    def feed(self, block: Block) -> None:
-        """Take the next block, and keep the traces of the hits that it completes.
-
-        Raises
-        ------
-        ParameterError
-            If the block's sample is not in the set, or the settings cannot be used.
-        """
-        self._records += self.session.feed_records(block)
+    session: Session
+    prefix: str = ""  # of the names of its hits, where there are several campaigns
+    records: list[tuple[Record, JudgedHit]] = field(default_factory=list)
 
     def list_hits(self) -> tuple[ExportedHit, ...]:
         """Return all hits in the order of their arrival."""
@@ -80,7 +64,7 @@ class ExportedCampaign:
         }
         seen: Counter[HitLabel] = Counter()
         hits = []
-        for record, judged in self._records:
+        for record, judged in self.records:
             label = record.label
             seen[label] += 1
             name = f"{self.prefix}{label.sample}/{label.impact}.{label.attempt}"
@@ -120,14 +104,12 @@ def read_campaigns(recording: Recording) -> tuple[ExportedCampaign, ...]:
     ParameterError
         If its settings cannot be used.
     """
-    campaigns: list[ExportedCampaign] = []
-    for event in recording.events():
-        if not isinstance(event, Block):
-            # Each campaign begins with its set-up, and its estimates start afresh.
-            campaigns.append(ExportedCampaign(event))
-        elif campaigns:
-            campaigns[-1].feed(event)
-    found = [campaign for campaign in campaigns if campaign.session.names]
+    found: list[ExportedCampaign] = []
+    for session, _, hits in judge(recording):
+        if hits and (not found or found[-1].session is not session):
+            found.append(ExportedCampaign(session))
+        if hits:
+            found[-1].records += hits
     if len(found) > 1:
         for number, campaign in enumerate(found, start=1):
             campaign.prefix = f"campaign {number}/"
