@@ -1,6 +1,5 @@
 """TDMS, universal files, HDF5, sound and Parquet, each written by another library."""
 
-import datetime as dt
 import struct
 import wave
 
@@ -44,20 +43,17 @@ def test_tdms_waveforms_are_read(tmp_path):
     assert channels["back/counts"].values.dtype == np.int32
 
 
-def test_tdms_without_waveforms_has_the_rate_of_its_times_or_none(tmp_path):
+def test_tdms_without_waveforms_has_the_rate_of_its_times_of_its_group_or_none(tmp_path):
     path = tmp_path / "hit.tdms"
     write_tdms(path, ("all", [("Time", np.arange(40) / RATE), ("a", TRACE)]))
     assert describe(read_channels(path)["a"]) == (TRACE.tolist(), RATE, "", 0.0)
     path = tmp_path / "bare.tdms"
     write_tdms(path, ("all", [("a", TRACE)]))
     assert np.isnan(read_channels(path)["a"].sampling_rate)
-
-
-def test_tdms_without_waveforms_has_the_rate_that_a_group_states(tmp_path):
-    with nptdms.TdmsWriter(str(tmp_path / "hit.tdms")) as writer:
+    with nptdms.TdmsWriter(str(path)) as writer:
         group = nptdms.GroupObject("all", {"Sampling Rate": RATE})
         writer.write_segment([group, nptdms.ChannelObject("all", "a", TRACE)])
-    assert describe(read_channels(tmp_path / "hit.tdms")["a"]) == (TRACE.tolist(), RATE, "", 0.0)
+    assert read_channels(path)["a"].sampling_rate == RATE
 
 
 def test_a_segment_that_holds_no_whole_number_of_values_is_refused(tmp_path):
@@ -75,9 +71,7 @@ def test_a_segment_that_holds_no_whole_number_of_values_is_refused(tmp_path):
     ("start_time", "recorded_at"),
     [
         (np.datetime64("2023-05-05T13:39:50.887019"), 1_683_293_990_887_019_000),
-        (dt.datetime(2023, 5, 5, 13, 39, 50), 1_683_293_990_000_000_000),
         (np.datetime64("1904-01-01T00:00:00"), 0),
-        (np.datetime64("2150-01-01T00:00:00"), 0),
         ("2023-05-05", 0),
     ],
 )
@@ -111,7 +105,6 @@ def test_universal_files_are_read(tmp_path, suffix, binary, spacing):
     ("function", "told"),
     [
         (make_function(func_type=4), "it has a frequency response"),
-        (make_function(func_type=9), "it has a power spectral density"),
         (make_function(data=TRACE + 1j), "it has complex numbers"),
         (make_function(abscissa_axis_units_lab="Hz"), "it has a spectrum, whose axis is in Hz"),
     ],
@@ -219,15 +212,6 @@ def test_columns_of_numbers_are_channels_and_one_of_times_their_clock(tmp_path):
     ((name, channel),) = read_channels(tmp_path / "hit.parquet").items()
     single = TRACE.astype(np.float32).astype(np.float64).tolist()
     assert (name, describe(channel)) == ("force", (single, RATE, "N", 0.0))
-
-
-def test_other_programs_find_the_columns_and_their_units(tmp_path):
-    channels = (MeasuredChannel("a", TRACE, RATE, "N"), MeasuredChannel("b", -TRACE[:9], RATE))
-    write_measurement(tmp_path / "new.parquet", Measurement(tmp_path / "x", channels))
-    table = parquet.read_table(tmp_path / "new.parquet")
-    assert table.column_names == ["a", "b"]
-    assert table["b"].to_pylist() == (-TRACE[:9]).tolist() + [None] * 31
-    assert table.schema.field("a").metadata == {b"unit": b"N"}
 
 
 def test_numbers_that_changed_on_the_disk_are_noticed(tmp_path):

@@ -109,17 +109,7 @@ MULTI = (
         change(HEADER, ("***End", "***Start_Special***\nChannels\t9\n***End_Special***\n***End"))
         + SEGMENT,
     ],
-    ids=[
-        "tab",
-        "crlf",
-        "comma",
-        "decimal comma",
-        "version 1",
-        "no times",
-        "no X_Value",
-        "no first column",
-        "special",
-    ],
+    ids=range(9),
 )
 def test_all_ways_to_write_the_same_are_understood(tmp_path, text):
     assert describe(write(tmp_path, text)) == [HAMMER, FORCE]
@@ -176,9 +166,7 @@ def test_the_head_of_the_file_dates_channels_whose_own_does_not(tmp_path):
     ("old", "new"),
     [
         ("2023/05/05", "1904/01/01"),
-        ("2023/05/05", "2023/02/30"),
         ("2023/05/05", "today"),
-        ("2023/05/05", "9999/05/05"),
         ("13:39:50.5", "noon"),
     ],
 )
@@ -195,12 +183,9 @@ def test_a_date_that_cannot_be_is_none(tmp_path, old, new):
         ([("Channels\t2", "Channels\t3")], "states 3 channels in segment 1, its table has 2"),
         ([("Samples\t3\t3", "Samples\t9\t3")], "cut off: 'hammer' should have 9 points"),
         ([("Samples\t3\t3", "Samples\t3\t2")], "line 24: 'force' has more points than its header"),
-        ([("Samples\t3\t3", "Samples\t3\tx")], "states 'x' samples"),
         ([("0.5\t3E-3\tf", "0.5\t\tf")], "line 23: column 3 is blank, and goes on in line 24"),
-        ([("3E-3", "three")], "line 23: 'three' is no number"),
         ([("Time\tTime", "Time\tFrequency")], "'force' runs over Frequency"),
         ([("Delta_X\t1.953125E-5", "Delta_X\tnone")], "states 'none': it should be a number"),
-        ([("X_Value\thammer\tforce\tComment", "X_Value\tComment")], "has no channel in segment 1"),
     ],
 )
 def test_what_contradicts_itself_is_named(tmp_path, pairs, told):
@@ -218,6 +203,10 @@ def test_a_file_that_is_cut_off_is_named(tmp_path, lines):
 
 def test_a_real_file_has_fast_and_slow_channels():
     channels = read_measurement(REAL).channels
+    lines = REAL.read_text("utf-8").splitlines(keepends=True)
+    table = lvm_read.read_lines(lines, separator=",")[0]["data"][:, 1:7].T
+    for channel, column in zip(channels, table, strict=True):
+        assert channel.values.tobytes() == column[~np.isnan(column)].tobytes()
     fast, slow = channels[:2], channels[2:]
     assert [(c.name, c.unit) for c in fast] == [(f"Acceleration_{n}", "m/s^2") for n in (0, 1)]
     assert {(c.sampling_rate, c.values.size, c.start) for c in fast} == {
@@ -226,14 +215,6 @@ def test_a_real_file_has_fast_and_slow_channels():
     assert {c.recorded_at for c in channels} == {nanoseconds("2023-05-05T13:39:50.887019931")}
     assert {(c.sampling_rate, c.values.size) for c in slow} == {(1.0, 5)}
     assert [c.start for c in slow] == [pytest.approx(1.076191128, abs=1e-9)] * 4
-    assert slow[1].values.tolist() == [492489.0, 5187210.0, 5.13983e7, 4.1644e8, 5.23721e8]
-
-
-def test_its_numbers_are_those_of_another_reader():
-    lines = REAL.read_text("utf-8").splitlines(keepends=True)
-    table = lvm_read.read_lines(lines, separator=",")[0]["data"][:, 1:7].T
-    for channel, column in zip(read_measurement(REAL).channels, table, strict=True):
-        assert channel.values.tobytes() == column[~np.isnan(column)].tobytes()
 
 
 def test_a_table_without_names_is_read_as_text(tmp_path):

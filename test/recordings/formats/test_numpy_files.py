@@ -25,13 +25,6 @@ def test_arrays_come_with_columns_first(tmp_path, kind):
     assert np.isnan(single.sampling_rate)
 
 
-def test_counts_stay_counts_and_single_precision_becomes_double(tmp_path):
-    np.savez(tmp_path / "hit.npz", a=np.arange(3, dtype=np.int16), b=np.float32([0.1, 0.2, 0.3]))
-    channels = read_channels(tmp_path / "hit.npz")
-    assert channels["a"].values.dtype == np.int32
-    assert channels["b"].values.tolist() == [float(np.float32(x)) for x in (0.1, 0.2, 0.3)]
-
-
 def test_whole_numbers_that_float64_cannot_hold_are_refused(tmp_path):
     np.save(tmp_path / "hit.npy", np.array([2**53 + 1, 0]))
     with pytest.raises(FileError, match=r"hit\.npy, column 1 .* beyond 2\^53"):
@@ -76,10 +69,8 @@ def test_times_in_uneven_steps_are_refused(tmp_path):
     ("array", "told"),
     [
         (np.zeros((2, 2, 2, 20)), r"\(float64, \(2, 2, 2, 20\)\)"),
-        (np.zeros((0, 20)), r"\(float64, \(0, 20\)\)"),
         (np.array(1.0), r"\(float64, \(\)\)"),
         (np.zeros(20, dtype=complex), "complex128"),
-        (np.array(["a"] * 20), "<U1"),
         (np.zeros(20, dtype=np.longdouble), "float64 at most"),
     ],
 )
@@ -115,9 +106,6 @@ GIANT = b"\x93NUMPY\1\0v\0{'descr':'<f8','fortran_order':False,'shape':(99999999
     [
         ("empty.npy", b"", "is empty"),
         ("giant.npy", GIANT.ljust(128) + bytes(200), r"no sound \.npy"),
-        ("text.npy", b"0,1\n1,2\n", r"no sound \.npy"),
-        ("cut.npy", b"\x93NUMPY\x01\x00v\x00{'descr': '<f8'", r"no sound \.npy"),
-        ("many.npy", b"PK\x03\x04", r"no sound \.npy"),
         ("bad.npz", b"PK\x03\x04", r"no sound \.npz"),
         ("lost.wave", b"1", r"unknown here \(\.wave\)"),
         ("trace", b"1", "no suffix"),

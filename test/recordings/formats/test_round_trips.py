@@ -75,14 +75,6 @@ def test_all_comes_back_as_it_was(tmp_path, suffix, channels):
             assert channel.recorded_at == original.recorded_at
 
 
-@pytest.mark.parametrize("suffix", WRITABLE)
-def test_hundreds_of_channels_keep_their_order(tmp_path, suffix):
-    channels = [MeasuredChannel(f"hit {n}", np.full(3, float(n)), 10.0) for n in range(300, 0, -1)]
-    read = write_and_read(tmp_path / f"many{suffix}", channels)
-    assert [channel.name for channel in read] == [channel.name for channel in channels]
-    assert [channel.values[0] for channel in read] == list(range(300, 0, -1))
-
-
 ODD_NAMES = [
     "aluminium large/3.1 hammer", "a/b", "a", "A", "a", "/", ".", "..", "1st", "time", "fs",
     "channels", "it's", 'the "best"', "a,b;c", "#1", "5", "nan", "x [y]", "für µ", "end", "_x",
@@ -91,10 +83,11 @@ ODD_NAMES = [
 
 
 @pytest.mark.parametrize("suffix", WRITABLE)
-def test_odd_names_and_names_that_occur_twice_are_kept(tmp_path, suffix):
-    channels = [MeasuredChannel(name, np.arange(2.0), 10.0, "V") for name in ODD_NAMES]
+def test_hundreds_of_channels_odd_names_and_names_that_occur_twice_are_kept(tmp_path, suffix):
+    names = [*ODD_NAMES, *(f"hit {number}" for number in range(300, 0, -1))]
+    channels = [MeasuredChannel(name, np.arange(2.0), 10.0, "V") for name in names]
     read = write_and_read(tmp_path / f"odd{suffix}", channels)
-    assert [channel.name for channel in read] == ODD_NAMES
+    assert [channel.name for channel in read] == names
     bare = [MeasuredChannel(name, np.arange(2.0), 10.0) for name in ODD_NAMES]
     read = write_and_read(tmp_path / f"odd{suffix}", bare)
     assert [describe(channel) for channel in read] == [describe(channel) for channel in bare]
@@ -128,7 +121,6 @@ def test_a_rate_that_is_not_known_stays_unknown(tmp_path, suffix):
         (MeasuredChannel("a", np.ones(3)), "'a' has no sampling rate"),
         (MeasuredChannel("a", np.array([1.0, np.nan]), 1.0), "'a' has points that are no finite"),
         (MeasuredChannel("a" * 81, np.ones(3), 1.0), "has one line of 80 letters"),
-        (MeasuredChannel("a\nb", np.ones(3), 1.0), "has one line of 80 letters"),
         (MeasuredChannel("a", np.ones(3), 1.0, "m" * 21), "has one line of 20 letters"),
     ],
 )

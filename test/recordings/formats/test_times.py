@@ -3,12 +3,9 @@
 from collections.abc import Callable
 from pathlib import Path
 
-import h5py
 import numpy as np
-import pyarrow as pa
 import pytest
 import pyuff
-from pyarrow import parquet
 from scipy.io import savemat
 
 from impact_rig.core.errors import SignalError
@@ -29,21 +26,8 @@ def write_text(path: Path, name: str, times: np.ndarray) -> None:
     )
 
 
-def write_npz(path: Path, name: str, times: np.ndarray) -> None:
-    np.savez(path, **{name: times, "force": PULSE})
-
-
 def write_mat(path: Path, name: str, times: np.ndarray) -> None:
     savemat(path, {name: times, "force": PULSE})
-
-
-def write_hdf5(path: Path, name: str, times: np.ndarray) -> None:
-    with h5py.File(path, "w") as file:
-        file[f"hits/{name}"], file["hits/force"] = times, PULSE
-
-
-def write_parquet(path: Path, name: str, times: np.ndarray) -> None:
-    parquet.write_table(pa.table({name: times, "force": PULSE}), path)
 
 
 def write_uff(path: Path, name: str, times: np.ndarray) -> None:
@@ -54,10 +38,7 @@ def write_uff(path: Path, name: str, times: np.ndarray) -> None:
 
 WRITERS: dict[str, Callable[[Path, str, np.ndarray], None]] = {
     "hit.csv": write_text,
-    "hit.npz": write_npz,
     "hit.mat": write_mat,
-    "hit.h5": write_hdf5,
-    "hit.parquet": write_parquet,
     "hit.uff": write_uff,
 }
 formats = pytest.mark.parametrize("name", WRITERS)
