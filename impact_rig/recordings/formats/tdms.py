@@ -116,21 +116,20 @@ def _read_number(properties: dict[str, Any], name: str, default: float = math.na
     return float(value) if isinstance(value, (int, float, np.number)) else default
 
 
-class _Complaints(logging.Handler):
-    """Makes errors of what npTDMS warns of: lengths that contradict each other, unknown scales."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        raise ValueError(record.getMessage())
-
-
 @contextlib.contextmanager
 def _refuse_doubtful() -> Iterator[None]:
-    logger = logging.getLogger("nptdms")
-    before, logger.handlers = logger.handlers, [_Complaints(logging.WARNING)]
+    """Make errors of what npTDMS would print: lengths that contradict each other, odd scales."""
+    from nptdms.log import log_manager
+
+    def refuse(record: logging.LogRecord) -> None:
+        raise ValueError(record.getMessage())
+
+    console: Any = log_manager.console_handler
+    console.emit = refuse
     try:
         yield
     finally:
-        logger.handlers = before
+        del console.emit
 
 
 def write_tdms(path: Path, measurement: Measurement) -> None:

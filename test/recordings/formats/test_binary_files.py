@@ -56,7 +56,7 @@ def test_tdms_without_waveforms_has_the_rate_of_its_times_of_its_group_or_none(t
     assert read_channels(path)["a"].sampling_rate == RATE
 
 
-def test_a_segment_that_holds_no_whole_number_of_values_is_refused(tmp_path):
+def test_a_segment_that_holds_no_whole_number_of_values_is_refused(tmp_path, capfd):
     path = tmp_path / "hit.tdms"
     write_tdms(path, ("all", [("a", TRACE)]))
     count = (1).to_bytes(4, "little") + (40).to_bytes(8, "little")
@@ -65,6 +65,7 @@ def test_a_segment_that_holds_no_whole_number_of_values_is_refused(tmp_path):
     path.write_bytes(data.replace(count, count[:4] + (39).to_bytes(8, "little")))
     with pytest.raises(FileError, match=r"hit\.tdms is no sound .*multiple of the chunk size"):
         read_measurement(path)
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize(
