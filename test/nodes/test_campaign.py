@@ -148,17 +148,3 @@ def test_every_angle_of_a_manual_holder_is_asked_for(harness, start, tmp_path):
         f"{CONTROL_SAMPLE} 5°",
         f"{CONTROL_SAMPLE} 10°",
     ]
-
-
-def test_cancelling_ends_it_with_the_hammer_disarmed(harness, start):
-    states = harness.listen(interfaces.HAMMER_STATE)
-    handle, feedback = begin(harness, start(), impacts=1000)
-    feedback.wait(lambda got: got[-1:] and got[-1].impact >= 2)
-
-    harness.wait(handle.cancel_goal_async())
-    answer = harness.wait(handle.get_result_async())
-
-    assert answer.status == GoalStatus.STATUS_CANCELED
-    assert "cancelled" in answer.result.message
-    assert answer.result.samples[0].impacts_accepted >= 2
-    states.wait(lambda got: not got[-1].armed)

@@ -4,7 +4,6 @@ import pytest
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import HammerState
 
-from impact_rig.cli.main import cli
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
@@ -54,15 +53,6 @@ def test_a_rig_that_is_not_there_is_said(ros_domain, monkeypatch):
         pytest.raises(DeviceError, match="no hammer publishes its state within"),
     ):
         client.describe()
-
-
-def test_the_command_prints_an_answer(ros_domain, harness, monkeypatch, capsys):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
-    harness.add(HammerNode)
-    with pytest.raises(SystemExit) as end:
-        cli(["hammer"])
-    assert end.value.code == 0
-    assert capsys.readouterr().out == "held, not armed; holder: virtual rig\n"
 
 
 def test_a_goal_that_cannot_be_run_is_rejected_with_the_reason(

@@ -1,7 +1,5 @@
 """The estimator node says what the core says, bit for bit, hit by hit."""
 
-import math
-
 import pytest
 from impact_rig_msgs.msg import RecordStored
 from impact_rig_msgs.srv import GetResults, JoinCampaign
@@ -98,17 +96,6 @@ def test_all_that_is_found_carries_the_id_of_its_campaign(harness):
             assert found.campaign_id == setup.campaign_id
 
 
-def test_the_numbers_come_first_and_once_more_with_what_stands_beside_them(harness, estimator):
-    estimates = harness.listen(interfaces.ESTIMATE)
-    feed(harness, estimator[1], make_blocks(CONTROL_SAMPLE, 1))
-    numbers, checked = estimates.wait_for_count(2)
-    for name in ("contact_time", "stiffness", "damping_coefficient"):
-        assert repr(getattr(numbers, name)) == repr(getattr(checked, name))
-    assert math.isnan(numbers.mse_sample_percent)
-    assert checked.mse_sample_percent > 0
-    assert (numbers.pulse_shape.fits, bool(checked.pulse_shape.fits)) == ([], True)
-
-
 def test_what_the_control_sample_changes_follows_once_and_behind_its_hits(harness, estimator):
     _, publisher, impacts = estimator
     estimates = harness.listen(interfaces.ESTIMATE)
@@ -125,6 +112,7 @@ def test_what_the_control_sample_changes_follows_once_and_behind_its_hits(harnes
     assert len(impacts.messages) == len(others) + 4
     # Numbers of each hit at once; then, when no more come, each sample's once, as it is complete.
     assert [item.name for item in found[6:10]] == 4 * [CONTROL_SAMPLE]
+    assert not any(item.pulse_shape.fits for item in found[6:10])
     assert sorted(item.name for item in found[10:]) == sorted((CONTROL_SAMPLE, *others))
     assert all(item.pulse_shape.fits for item in found[10:])
     # Of each the newest state: all four hits on the control sample make it.
@@ -190,18 +178,6 @@ def test_a_hit_is_judged_when_the_recorder_has_stored_it(harness, joined):
     tell_stored(stored, blocks)
     assert impacts.wait_for_count(1)[0].accepted
     assert not node.diagnose()["waiting for"]
-
-
-def test_what_carries_another_id_is_not_judged(harness, joined):
-    _, publisher, stored, impacts = joined
-    blocks = make_blocks("steel small", 2)
-    foreign = (NO_IDENTITY, Identity(make_id(), OURS.stream_id), Identity(OURS.campaign_id))
-    for identity in foreign:
-        feed(harness, publisher, blocks[: len(blocks) // 2], identity)
-    feed(harness, publisher, blocks[len(blocks) // 2 :], OURS)
-    for record in (1, 2):
-        tell_stored(stored, [block for block in blocks if block.label.record == record])
-    assert [hit.record for hit in impacts.wait_for_count(1)] == [2]
 
 
 def test_what_the_run_has_on_the_disk_is_known_and_counts_once(harness, tmp_path):

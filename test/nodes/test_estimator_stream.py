@@ -12,7 +12,7 @@ from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.estimator_stream import StreamCutting
-from impact_rig.nodes.identity import Identity, id_to_msg, make_id
+from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.messages import fill_block, setup_to_msg, stamp_to_msg
 
 RATE, SIZE = 1e6, 1000
@@ -45,19 +45,6 @@ def make_block(number, *, full_scale=2000.0, impact=False):
     block = Block(number * SIZE, RATE, channel, channel, ARMING, stamp=number * 1_000_000)
     fill_block(message, block, IDENTITY)
     return message
-
-
-def test_an_impact_is_published_as_a_block_of_its_arming(cutting, publisher):
-    cutting.use_settings(AnalysisSettings())
-    for number in range(6):
-        cutting.feed(make_block(number, impact=number == 2))
-    (block,) = publisher.published
-    assert (block.record, block.sample, block.last) == (4, "steel small", True)
-    assert block.campaign_id == id_to_msg(IDENTITY.campaign_id)
-    assert block.stream_id == id_to_msg(IDENTITY.stream_id)
-    figures = cutting.describe()
-    assert (figures["stream blocks"], figures["stream gaps"]) == (6, 0)
-    assert cutting.describe_warning() == ""
 
 
 def test_other_settings_go_on_with_the_stream_from_where_it_is(cutting, publisher):

@@ -3,20 +3,18 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import pytest
 import rclpy
-from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
-from std_msgs.msg import String
 
 from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import executor as module
 from impact_rig.nodes.discovery import reserve_domain
-from impact_rig.nodes.executor import accept_message_info, make_executor, spin_until
+from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.rig_node import RigNode
 
 PATIENCE = 30.0
@@ -61,29 +59,6 @@ def test_another_thread_ends_the_spinning_which_costs_nothing_until_then(executo
     assert time.thread_time() - began < 0.25
     # And what has been stopped before it begins ends at once.
     spin_until(executor, stop)
-
-
-def test_the_end_of_ros_ends_the_spinning(node):
-    executor = make_executor(node.context)
-    executor.add_node(node)
-    threading.Timer(0.05, node.context.shutdown).start()
-    with pytest.raises(ExternalShutdownException):
-        spin_until(executor, Future())
-    executor.shutdown()
-
-
-def test_a_callback_may_ask_what_is_known_of_its_message(node, executor):
-    heard: list[Any] = []
-    take = accept_message_info(lambda message, info: heard.append((message, info)))
-    node.create_subscription(String, "words", take, 10)
-    node.create_subscription(String, "words", take, 10, raw=True)
-    publisher = node.create_publisher(String, "words", 10)
-    run_until(executor, lambda: publisher.get_subscription_count() == 2)
-    before = time.time_ns()
-    publisher.publish(String(data="a"))
-    run_until(executor, lambda: len(heard) == 2)
-    assert {type(message) for message, _ in heard} == {String, bytes}
-    assert all(before <= info["source_timestamp"] <= time.time_ns() for _, info in heard)
 
 
 def test_an_error_in_such_work_is_a_fault_and_an_unexpected_one_ends_the_process(node, executor):

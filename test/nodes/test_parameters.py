@@ -1,8 +1,6 @@
 """A parameter takes what it can mean, says so, and no set parameter keeps a node from its work."""
 
 import pytest
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import DescribeParameters
 from rclpy.clock import ClockType
 
@@ -47,14 +45,6 @@ def test_setting_the_computer_s_clock_holds_up_no_timer(harness):
         node = harness.add(kind, autostart=False)
         clocks = {timer.clock.clock_type for timer in node.timers}
         assert clocks == {ClockType.STEADY_TIME}
-
-
-def test_an_impossible_transition_is_refused(harness):
-    harness.add(HammerNode)
-    transition = Transition(id=Transition.TRANSITION_ACTIVATE)
-    request = ChangeState.Request(transition=transition)
-    assert not harness.call(ChangeState, "hammer/change_state", request).success
-    harness.change_state("hammer", "deactivate")
 
 
 def test_what_is_read_when_a_node_is_configured_is_refused_until_it_is_cleaned_up(harness):

@@ -170,19 +170,6 @@ def test_a_signal_ends_a_node_quietly_that_still_imports(start_process, monkeypa
     assert "Traceback" not in process.output
 
 
-def test_who_asks_a_node_for_help_gets_it_and_no_node(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "impact_rig.nodes", "recorder", "--help"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=PATIENCE,
-    )
-    assert done.stdout.startswith("usage: ros2 run impact_rig recorder")
-    assert not list(tmp_path.iterdir())
-
-
 def test_without_news_a_node_speaks_seldom_and_names_its_computer(harness):
     diagnostics = harness.listen(interfaces.DIAGNOSTICS)
     harness.add(HammerNode)

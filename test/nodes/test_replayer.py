@@ -97,6 +97,10 @@ def test_what_cannot_be_replayed_leaves_the_node_unconfigured(harness, tmp_path)
     node = harness.add(ReplayerNode, file=str(path))
     assert "holds nothing to replay" in node.fault
     assert not node.is_configured
+    for service in (interfaces.PAUSE_REPLAYER, interfaces.RESUME_REPLAYER):
+        answer = harness.call(Trigger, service)
+        assert not answer.success
+        assert "nothing is being replayed" in answer.message
 
 
 def test_a_recording_of_another_version_is_refused(tmp_path):
@@ -183,14 +187,6 @@ def test_a_pause_holds_until_it_is_ended(harness, tmp_path):
 
 def count_paused(states):
     return sum(item.state == ReplayerState.PAUSED for item in states)
-
-
-def test_without_a_replay_there_is_nothing_to_control(harness):
-    harness.add(ReplayerNode, autostart=False)
-    for service in (interfaces.PAUSE_REPLAYER, interfaces.RESUME_REPLAYER):
-        answer = harness.call(Trigger, service)
-        assert not answer.success
-        assert "nothing is being replayed" in answer.message
 
 
 def test_the_state_tells_how_far_it_is(harness, tmp_path):

@@ -3,6 +3,7 @@
 import signal
 
 import pytest
+from action_msgs.msg import GoalStatus
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.nodes import interfaces
@@ -26,11 +27,14 @@ START_PATIENCE = 60.0
 
 def test_a_cancelled_campaign_goes_on_on_the_same_rig(harness):
     client = start_rig(harness)
-    setups = harness.listen(interfaces.SETUP)
+    setups, states = map(harness.listen, (interfaces.SETUP, interfaces.HAMMER_STATE))
     handle, feedback = begin(harness, client, samples=SAMPLES, impacts=IMPACTS)
     feedback.wait(lambda got: got[-1].impact >= 2)
     harness.wait(handle.cancel_goal_async())
-    first = harness.wait(handle.get_result_async()).result
+    answer = harness.wait(handle.get_result_async())
+    assert answer.status == GoalStatus.STATUS_CANCELED
+    states.wait(lambda got: not got[-1].armed)
+    first = answer.result
     assert first.setup.campaign_id == setups.messages[-1].campaign_id
     handle, _ = begin(harness, client, resumed=first.setup)
     second = harness.wait(handle.get_result_async()).result

@@ -14,7 +14,6 @@ from impact_rig.nodes import interfaces, rig_node, visualizer
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
-from impact_rig.nodes.rig_node import RateMeter
 from impact_rig.nodes.visualizer import SILENCE, RigHealth, VisualizerNode
 from impact_rig.present.rerun.health import Level
 
@@ -194,12 +193,3 @@ def test_a_node_that_says_nothing_any_more_is_marked(clock):
     assert hammer.level == Level.STALE
     assert hammer.message == "silent for 6 s; last: armed"
     assert recorder.level == Level.OK
-
-
-def test_rates_are_counted_from_one_call_to_the_next(clock):
-    meter = RateMeter()
-    rates = []
-    for count in (0, 50, 50):
-        clock.now += 2.0
-        rates.append(meter.measure(count))
-    assert rates == [0.0, 25.0, 0.0]
