@@ -1,5 +1,6 @@
 """The two-body model of the paper, in closed form."""
 
+import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,12 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from impact_rig.core.errors import ParameterError, check_not_negative, check_positive
-from impact_rig.core.linear_systems import (
-    FreeOscillator,
-    Moments,
-    simulate_free_oscillators,
-    simulate_linear_systems,
-)
 from impact_rig.core.records import FloatArray
 from impact_rig.core.stiffness import estimate_equivalent_mass
 
@@ -75,77 +70,8 @@ def _find_point(start: float, time: float, sampling_rate: float, count: int) -> 
     return min(max(point, 0), count)
 
 
-FULL_TURN = 2.0 * np.pi
-"""phi at the end of the contact [rad]."""
-
-K1, K12, K2, C1, C12, C2, MASSES, ANGLE, SPEED, FORCE = range(10)
-"""Numbers of a model. d [rad] times k1 / m1, k1 / m2 and k2 / m2 over w^2, times c1 / m1, c1 / m2
-and c2 / m2 over w, times m2 / m1, and d itself; and what drives it [m/s^2]: the hammer's v1 w / d,
-and the force's F0 / (2 m2 d)."""
-NUMBERS = 10
-
-
-@dataclass(frozen=True)
-class ContactSystem:
-    """How one variant of the model moves during the contact.
-
-    The state is positions, velocities, and the force's constant, cosine and sine.
-
-    Attributes
-    ----------
-    moving : slice
-        The bodies in the state, of hammer and sample.
-    size : int
-        Of the state, d.
-    entries : ndarray, shape (10, (d + 3) d)
-        A model's numbers times these are A, below it the readout of the accelerations of hammer
-        and sample, and the state at the start.
-    """
-
-    moving: slice
-    size: int
-    entries: FloatArray
-
-    @staticmethod
-    def make(moving: slice, readout: FloatArray) -> "ContactSystem":
-        """Complete A, of which accelerations are rows, shape (10, 2, d)."""
-        size = readout.shape[2]
-        bodies = (size - 3) // 2
-        entries = np.zeros((NUMBERS, size + 3, size))
-        for body in range(bodies):
-            entries[ANGLE, body, bodies + body] = 1.0
-        entries[:, bodies : 2 * bodies] = readout[:, moving]
-        entries[ANGLE, size - 2, size - 1], entries[ANGLE, size - 1, size - 2] = -1.0, 1.0
-        entries[:, size:-1] = readout
-        entries[SPEED, -1, bodies] = entries[FORCE, -1, -3] = entries[FORCE, -1, -2] = 1.0
-        return ContactSystem(moving, size, entries.reshape(NUMBERS, -1))
-
-
-def _make_printed() -> ContactSystem:
-    """Couple both bodies, with the force on the second and a minus before it: equation (1)."""
-    readout = np.zeros((NUMBERS, 2, 7))
-    for on_first, on_second, own, places in ((K1, K12, K2, (0, 1)), (C1, C12, C2, (2, 3))):
-        readout[on_first, 0, places] = -1.0, 1.0
-        readout[on_second, 1, places] = 1.0, -1.0
-        readout[own, 1, places[1]] = -1.0
-    readout[ANGLE, 1, 4:6] = -1.0, 1.0
-    return ContactSystem.make(slice(0, 2), readout)
-
-
-def _make_driven() -> ContactSystem:
-    """Let the hammer show the force, and rest afterwards; the sample alone is driven by it."""
-    readout = np.zeros((NUMBERS, 2, 5))
-    readout[MASSES, 0, 2:4] = -1.0, 1.0
-    readout[K2, 1, 0] = readout[C2, 1, 1] = -1.0
-    readout[ANGLE, 1, 2:4] = 1.0, -1.0
-    return ContactSystem.make(slice(1, 2), readout)
-
-
-PRINTED, DRIVEN = _make_printed(), _make_driven()
-
-
-OSCILLATORS = ((K1, C1), (K2, C2))
-"""Which numbers of a model are those of hammer and sample left alone."""
+FULL_TURN = 2.0 * math.pi
+"""w tau_p [rad]."""
 
 
 class ModelVariant(Enum):
@@ -279,57 +205,169 @@ def simulate_impacts(
     starts = start.tolist() if isinstance(start, np.ndarray) else [start] * len(models)
     if not all(map(math.isfinite, starts)):
         raise ParameterError("the start of a time grid must be a finite number")
-    is_printed = variant is ModelVariant.PRINTED
-    system = PRINTED if is_printed else DRIVEN
     spans = [
         find_contact(start, model.contact_time, sampling_rate, count)
         for model, start in zip(models, starts, strict=True)
     ]
-    numbers = [_describe(each, sampling_rate, is_printed=is_printed) for each in models]
-    moments = [
-        Moments(span.begin * sampling_rate, model.contact_time * sampling_rate)
-        for model, span in zip(models, spans, strict=True)
-    ]
-    size = system.size
-    entries = (np.array(numbers) @ system.entries).reshape(-1, size + 3, size)
-    contact, ends = simulate_linear_systems(
-        entries[:, :size],
-        entries[:, -1],
-        entries[:, size:-1],
-        moments,
+    systems = [_describe(model, sampling_rate, variant) for model in models]
+    during, ends = _follow(
+        np.array([matrix for matrix, _ in systems]),
+        np.array([state for _, state in systems]),
+        np.array([span.begin * sampling_rate for span in spans]),
+        np.array([model.contact_time * sampling_rate for model in models]),
         max(1, *(span.free - span.first for span in spans)),
+        sampling_rate,
     )
-    bodies = (size - 3) // 2
-    oscillators = [
-        FreeOscillator(
-            own[ANGLE] * own[stiffness],
-            own[damping],
-            end[body] / own[ANGLE],
-            end[body + bodies],
-            span.late * sampling_rate,
+    # The driven hammer rests after the contact.
+    moving = slice(0, 2) if variant is ModelVariant.PRINTED else slice(1, 2)
+    decays = [
+        _find_decays(
+            body, position * model.contact_time / FULL_TURN, speed, span.late, sampling_rate
         )
-        for own, end, span in zip(numbers, ends.tolist(), spans, strict=True)
-        for body, (stiffness, damping) in enumerate(OSCILLATORS[-bodies:])
+        for model, span, end in zip(models, spans, ends.tolist(), strict=True)
+        for body, position, speed in [
+            (model.hammer, end[0], end[2]),
+            (model.specimen, end[1], end[3]),
+        ][moving]
     ]
     longest = max(1, *(count - span.free for span in spans))
-    free = simulate_free_oscillators(oscillators, longest).reshape(len(models), bodies, -1)
+    free = _let_decay(decays, longest).reshape(len(models), -1, longest)
     result = np.zeros((len(models), 2, count))
     for number, span in enumerate(spans):
-        result[number, :, span.first : span.free] = contact[number, :, : span.free - span.first]
-        result[number, system.moving, span.free :] = free[number, :, : count - span.free]
+        contact = during[number, :, : span.free - span.first]
+        result[number, :, span.first : span.free] = contact
+        result[number, moving, span.free :] = free[number, :, : count - span.free]
     return result
 
 
-def _describe(model: ImpactModel, sampling_rate: float, *, is_printed: bool) -> tuple[float, ...]:
-    """Return a model's numbers, `K1` to `FORCE`."""
+def _describe(
+    model: ImpactModel, sampling_rate: float, variant: ModelVariant
+) -> tuple[Sequence[Sequence[float]], Sequence[float]]:
+    """Return A of y' = A y during the contact, its time counted in points, and y at the start.
+
+    The state y is the positions of both bodies times w = 2 pi / tau_p, their velocities, and 1,
+    cos(w t) and sin(w t), which make the force.
+    """
     first, second = model.hammer, model.specimen
-    m1, m2, rate = first.mass, second.mass, FULL_TURN / model.contact_time
-    angle = rate / sampling_rate
-    k1, k2 = first.stiffness * angle / rate**2, second.stiffness * angle / rate**2
-    c1 = first.damping_coefficient / sampling_rate
-    c2 = second.damping_coefficient / sampling_rate
-    return (
-        *(k1 / m1, k1 / m2, k2 / m2, c1 / m1, c1 / m2, c2 / m2, angle * m2 / m1, angle),
-        model.impact_speed * sampling_rate if is_printed else 0.0,
-        model.peak_force / (2.0 * m2 * angle),
+    m1, m2, rate = first.mass, second.mass, sampling_rate
+    turn = FULL_TURN / model.contact_time / rate
+    force = model.peak_force / (2.0 * rate)
+    k1, c1, speed, f1, f2 = 0.0, 0.0, 0.0, -force / m1, force / m2
+    if variant is ModelVariant.PRINTED:
+        k1, c1, speed = first.stiffness, first.damping_coefficient, model.impact_speed
+        f1, f2 = 0.0, -force / m2
+    k1, k2 = (stiffness / (turn * rate**2) for stiffness in (k1, second.stiffness))
+    c1, c2 = c1 / rate, second.damping_coefficient / rate
+    matrix = (
+        (0.0, 0.0, turn, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, turn, 0.0, 0.0, 0.0),
+        (-k1 / m1, k1 / m1, -c1 / m1, c1 / m1, f1, -f1, 0.0),
+        (k1 / m2, -(k1 + k2) / m2, c1 / m2, -(c1 + c2) / m2, f2, -f2, 0.0),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -turn),
+        (0.0, 0.0, 0.0, 0.0, 0.0, turn, 0.0),
     )
+    return matrix, (0.0, 0.0, speed, 0.0, 1.0, 1.0, 0.0)
+
+
+DIRECT = 32
+"""Points that are exponentials of the start [-], measured; the others are made of them."""
+ORDER = 16
+"""Of the exponential's series [-]: what it leaves out, 1 / 17!, is below 3e-15."""
+
+
+def _follow(
+    matrices: FloatArray,
+    states: FloatArray,
+    first: FloatArray,
+    end: FloatArray,
+    count: int,
+    rate: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return both accelerations at points from `first` on, and the states at `end`.
+
+    Of shapes (systems, 2, count) and (systems, 7); by doubling, since e^(2 A t) = (e^(A t))^2.
+    """
+    last = np.minimum((end - first).astype(np.int_), count - 1)
+    times = np.empty((len(first), DIRECT + 2))
+    times[:, :-1] = np.arange(DIRECT + 1)
+    times[:, :DIRECT] += first[:, np.newaxis]
+    times[:, -1] = end - first - last
+    jumps = _exponentiate(matrices, times)
+    path = np.empty((len(first), max(count, DIRECT), states.shape[1]))
+    path[:, :DIRECT] = (jumps[:, :DIRECT] @ states[:, np.newaxis, :, np.newaxis])[..., 0]
+    done, power = DIRECT, jumps[:, DIRECT].swapaxes(1, 2)
+    while done < count:
+        power = power @ power if done > DIRECT else power
+        more = min(done, count - done)
+        np.matmul(path[:, :more], power, out=path[:, done : done + more])
+        done += more
+    ends = jumps[:, -1] @ path[np.arange(len(path)), last, :, np.newaxis]
+    return (rate * matrices[:, 2:4]) @ path.swapaxes(1, 2), ends[..., 0]
+
+
+def _exponentiate(matrices: FloatArray, times: FloatArray) -> FloatArray:
+    """Return e^(A t) of each system at its own times, shape (systems, times, d, d)."""
+    count, size, _ = matrices.shape
+    identity = np.eye(size)
+    norm = float(np.abs(matrices).sum(axis=1).max() * times.max())
+    squarings = max(math.frexp(norm)[1], 0)
+    powers = np.empty((count, ORDER, size, size))
+    powers[:, 0] = matrices
+    for done in (1, 2, 4, 8):
+        np.matmul(
+            powers[:, :done], powers[:, done - 1, np.newaxis], out=powers[:, done : 2 * done]
+        )
+    terms = (0.5**squarings * times[..., np.newaxis]) / np.arange(1.0, ORDER + 1)
+    series = np.multiply.accumulate(terms, axis=2)
+    result: FloatArray = series @ powers.reshape(count, ORDER, -1)
+    result = result.reshape(count, -1, size, size)
+    # e^A - 1 is squared, which keeps the digits of small matrices beside large ones.
+    for _ in range(squarings):
+        result = result @ (result + 2.0 * identity)
+    return result + identity
+
+
+NEARLY_CRITICAL = 1e-5
+"""Distance of both decay rates from their mean, over it, at least [-]: nearer ones count as so far
+apart, which changes a trace by 1e-10, and keeps the digits of their difference."""
+
+
+def _find_decays(
+    body: Body, position: float, speed: float, late: float, rate: float
+) -> tuple[tuple[complex, complex], tuple[complex, complex]]:
+    """Return the two decays whose sum is the acceleration of a body left alone.
+
+    First values, at a time `late` after the state, and rates per point.
+    """
+    stiffness = body.stiffness / body.mass
+    half = body.damping_coefficient / body.mass / 2.0
+    root = cmath.sqrt(half * half - stiffness)
+    if abs(root) < NEARLY_CRITICAL * half:
+        root = complex(NEARLY_CRITICAL * half)
+    fast = -half - root
+    # Their product is k / m: -c / 2m + root would lose its digits to a large c.
+    slow = stiffness / fast
+    values = (
+        slow**2 * (speed - fast * position) / (slow - fast) * cmath.exp(slow * late),
+        fast**2 * (slow * position - speed) / (slow - fast) * cmath.exp(fast * late),
+    )
+    return values, (slow / rate, fast / rate)
+
+
+def _let_decay(
+    decays: Sequence[tuple[tuple[complex, complex], tuple[complex, complex]]], count: int
+) -> FloatArray:
+    """Return sums of two decays each, of first values and rates per point, shape (n, count)."""
+    block = math.isqrt(count - 1) + 1
+    powers = np.empty((len(decays), block, 4), dtype=np.complex128)
+    powers[:, 0] = [(*values, 1.0, 1.0) for values, _ in decays]
+    powers[:, 1:] = [
+        [[cmath.exp(part * each) for part in (block, 1.0) for each in rates]]
+        for _, rates in decays
+    ]
+    np.multiply.accumulate(powers, axis=1, out=powers)
+    far, near = np.conj(powers[..., :2]), powers[..., 2:].copy()
+    # The real parts of all products.
+    sums: FloatArray = far.view(np.float64) @ near.view(np.float64).swapaxes(1, 2)
+    return sums.reshape(len(sums), -1)[:, :count]
