@@ -160,9 +160,9 @@ def test_the_core_is_arithmetic_only():
 
 def test_only_the_modules_of_uncertainty_calculate_with_uncertain_numbers():
     loaders = {path.name for path in MODULES if "GTC" in list_libraries(path)}
-    assert loaders == {"arithmetic.py"}
+    assert loaders == {"uncertainty.py"}
     users = {path.name for path in MODULES if "load_gtc(" in path.read_text()}
-    assert users == {"arithmetic.py", "uncertainty.py"}
+    assert users == {"uncertainty.py"}
 
 
 def test_only_nodes_speak_ros():

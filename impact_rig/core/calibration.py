@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from impact_rig.core.arithmetic import UncertainNumber
+from impact_rig.core.equations import UncertainNumber
 from impact_rig.core.errors import (
     NotDeterminedError,
     ParameterError,

@@ -11,7 +11,6 @@ from impact_rig.core.hits import MeanHit
 from impact_rig.core.identification import compute_noise_correlation, compute_raw_noise
 from impact_rig.core.law_pulses import LIMITS as TABLES
 from impact_rig.core.law_pulses import LOSSES, LossForm, compute_pulses
-from impact_rig.core.least_squares import Evaluation
 from impact_rig.core.momenta import (
     check_hit_momenta,
     check_momenta,
@@ -24,6 +23,7 @@ from impact_rig.core.momenta import (
     restore_levels,
 )
 from impact_rig.core.pulse_shape import (
+    Evaluation,
     PulseWindow,
     WindowFit,
     compute_unexplained,

@@ -6,12 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from impact_rig.core.arithmetic import (
-    Number,
-    compute_hypotenuse,
-    compute_square_root,
-    get_value,
-)
 from impact_rig.core.errors import NotDeterminedError, check_not_negative, check_positive
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.pulse_width import measure_pulse
@@ -93,40 +87,6 @@ def estimate_log_decrement(trace: FloatArray, noise: float) -> LogDecrement:
         first_index=first,
         second_index=second,
     )
-
-
-def estimate_damping_ratio(log_decrement: Number) -> Number:
-    """Return zeta = Delta / sqrt(4 pi^2 + Delta^2) [-].
-
-    Equation (7b) prints a minus under the root; the plus is the exact relation of a damped
-    oscillator. Of a float or an uncertain number.
-    """
-    check_positive("log decrement", get_value(log_decrement), "")
-    return log_decrement / compute_hypotenuse(2.0 * math.pi, log_decrement)
-
-
-def estimate_damping_coefficient(damping_ratio: Number, stiffness: Number, mass: Number) -> Number:
-    """Return c = 2 zeta sqrt(k m) [N s/m], equation (8), from N/m and kg.
-
-    Of floats or of uncertain numbers.
-    """
-    check_not_negative("damping ratio", get_value(damping_ratio), "")
-    check_positive("stiffness", get_value(stiffness), "N/m")
-    check_positive("mass", get_value(mass), "kg")
-    return 2.0 * damping_ratio * compute_square_root(stiffness * mass)
-
-
-def estimate_damping_ratio_from_coefficient(
-    damping_coefficient: Number, stiffness: Number, mass: Number
-) -> Number:
-    """Return zeta = c / (2 sqrt(k m)) [-], equation (8), from N s/m, N/m and kg.
-
-    Of floats or of uncertain numbers.
-    """
-    check_not_negative("damping coefficient", get_value(damping_coefficient), "N s/m")
-    check_positive("stiffness", get_value(stiffness), "N/m")
-    check_positive("mass", get_value(mass), "kg")
-    return damping_coefficient / (2.0 * compute_square_root(stiffness * mass))
 
 
 TRIED_DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)

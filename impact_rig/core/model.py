@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from impact_rig.core.equations import estimate_equivalent_mass
 from impact_rig.core.errors import ParameterError, check_not_negative, check_positive
 from impact_rig.core.records import FloatArray
-from impact_rig.core.stiffness import estimate_equivalent_mass
 
 
 class ContactSpan(NamedTuple):

@@ -6,13 +6,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from impact_rig.core.arithmetic import UncertainNumber
 from impact_rig.core.contact_law import NO_LAW, ContactLaw, look_at_law
-from impact_rig.core.damping import (
-    LogDecrement,
+from impact_rig.core.damping import LogDecrement, estimate_log_decrement
+from impact_rig.core.equations import (
     estimate_damping_coefficient,
     estimate_damping_ratio,
-    estimate_log_decrement,
+    estimate_equivalent_mass,
+    estimate_equivalent_stiffness,
+    estimate_hammer_stiffness,
+    estimate_sample_stiffness,
 )
 from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.hits import MeanHit
@@ -23,20 +25,13 @@ from impact_rig.core.pulse_shape import (
     compute_unexplained,
     estimate_pulse_shape,
 )
-from impact_rig.core.pulse_width import PulseWidth, compute_quantisation_error, measure_pulse
+from impact_rig.core.pulse_width import compute_quantisation_error, measure_pulse
 from impact_rig.core.pulses import PULSE_SHAPES
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
 from impact_rig.core.setup import RigSetup
-from impact_rig.core.stiffness import (
-    estimate_equivalent_mass,
-    estimate_equivalent_stiffness,
-    estimate_hammer_stiffness,
-    estimate_sample_stiffness,
-)
 from impact_rig.core.uncertainty import (
-    ContactNumbers,
+    Known,
     RigNumbers,
-    compute_quantity,
     estimate_contact_numbers,
     make_input,
     make_rig_numbers,
@@ -50,37 +45,6 @@ no decay of the body's own, our choice: noise makes a quarter of the least peak.
 LEAST_SWING = 0.5
 """Of the trace between both peaks to the other side, over sqrt(U1 U2) [-], our choice: 1 for a
 free decay; a sensor that rings with 5 % of the pulse makes a quarter."""
-
-
-@dataclass(frozen=True)
-class MeanReading:
-    """A mean hit, read once: pulse, peaks of its traces, and what is known of their uncertainty.
-
-    Attributes
-    ----------
-    mean : MeanHit
-        What was read.
-    pulse : PulseWidth
-        Of the hammer.
-    decrements : mapping of int to LogDecrement
-        By channel, where determined.
-    notes : mapping of int to str
-        By channel, where not: why.
-    rig : RigNumbers
-        Masses and clock.
-    numbers : ContactNumbers or None
-        None: the uncertainty is not determined.
-    reason : str
-        Why not.
-    """
-
-    mean: MeanHit
-    pulse: PulseWidth
-    decrements: Mapping[int, LogDecrement]
-    notes: Mapping[int, str]
-    rig: RigNumbers
-    numbers: ContactNumbers | None
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -156,6 +120,18 @@ def compute_shape_error(
     return near / math.sqrt(3.0), own
 
 
+@dataclass(frozen=True)
+class MeanReading:
+    """A mean hit, read once; its numbers are uncertain, and of one and the same hits."""
+
+    width: float  # w50 [s]
+    width_ratio: float
+    rig: RigNumbers
+    contact_time: Known  # tau_p [s]
+    decrements: Mapping[int, tuple[LogDecrement, Known]]  # by channel, where determined
+    notes: Mapping[int, str]  # by channel, where not: why
+
+
 def read_mean_hit(
     mean: MeanHit, setup: RigSetup, sample: str, form: HammerPulse | None = None
 ) -> MeanReading:
@@ -174,7 +150,7 @@ def read_mean_hit(
     # The hits on the control sample say something of both bodies, correlated; those on another
     # sample are asked for that sample alone.
     channels = (0, 1) if sample == setup.samples.control_sample else (1,)
-    decrements: dict[int, LogDecrement] = {}
+    peaks: dict[int, LogDecrement] = {}
     notes: dict[int, str] = {}
     for channel in channels:
         if channel >= mean.traces.shape[0]:
@@ -186,33 +162,35 @@ def read_mean_hit(
             float(mean.least_noise[channel]),
         )
         try:
-            peaks = estimate_log_decrement(
+            found = estimate_log_decrement(
                 mean.traces[channel], max(float(mean.noise[channel]), step)
             )
-            _check_own_decay(mean, channel, peaks)
-            decrements[channel] = peaks
+            _check_own_decay(mean, channel, found)
+            peaks[channel] = found
         except RigError as error:
             notes[channel] = f"{DAMPING_NAMES[channel]}: {error}"
-    numbers, reason = None, ""
     width = pulse.half_amplitude_width / mean.sampling_rate
     noise = float(mean.noise[0]) / abs(pulse.peak)
     form = form or look_at_pulse(mean, setup, sample)
-    try:
-        if form is UNSEEN:
-            raise NotDeterminedError("the pulse's shape, and with it the uncertainty, comes later")
-        numbers = estimate_contact_numbers(
-            mean,
-            pulse,
-            decrements,
-            setup.analysis,
-            setup.clock_uncertainty,
-            sample,
-            compute_shape_error(form, noise, width, setup.analysis.pulse_factor * width),
-        )
-    except NotDeterminedError as error:
-        reason = str(error)
-    rig = make_rig_numbers(setup, sample)
-    return MeanReading(mean, pulse, decrements, notes, rig, numbers, reason)
+    contact_time, changes = estimate_contact_numbers(
+        mean,
+        pulse,
+        peaks,
+        setup,
+        sample,
+        compute_shape_error(form, noise, width, setup.analysis.pulse_factor * width),
+        reason="the pulse's shape, and with it the uncertainty, comes later"
+        if form is UNSEEN
+        else "",
+    )
+    return MeanReading(
+        width,
+        pulse.width_ratio,
+        make_rig_numbers(setup, sample),
+        contact_time,
+        {channel: (peaks[channel], change) for channel, change in changes.items()},
+        notes,
+    )
 
 
 def _check_own_decay(mean: MeanHit, channel: int, peaks: LogDecrement) -> None:
@@ -271,9 +249,9 @@ class BodyEstimate(Comparable):
         What could not be determined, and why.
     peaks : LogDecrement or None
         U1 and U2 in the mean trace; None: not determined.
-    stiffness_number : UncertainNumber or None
-        The stiffness with all that it depends on, for what is calculated from it; None: its
-        uncertainty is not determined, or none was stated.
+    known_stiffness : Known or None
+        The stiffness with all that it depends on, for what is calculated from it; None: it is
+        not determined, or was stated without uncertainty.
     """
 
     stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
@@ -282,7 +260,7 @@ class BodyEstimate(Comparable):
     log_decrement: float = field(default=NAN, metadata=describe("", "Δ", "log decrement"))
     notes: tuple[str, ...] = ()
     peaks: LogDecrement | None = field(default=None, metadata=INTERNAL)
-    stiffness_number: UncertainNumber | None = field(
+    known_stiffness: Known | None = field(
         default=None, compare=False, repr=False, metadata=INTERNAL
     )
 
@@ -314,7 +292,7 @@ class ContactEstimate(Comparable):
         tau_p [s].
     equivalent_stiffness : Quantity
         k_eq [N/m]; not known without both masses.
-    equivalent_stiffness_number : UncertainNumber or None
+    known_stiffness : Known or None
         k_eq with all that it depends on; None: its uncertainty is not determined.
     """
 
@@ -322,87 +300,49 @@ class ContactEstimate(Comparable):
     width_ratio: float = NAN
     contact_time: Quantity = UNKNOWN
     equivalent_stiffness: Quantity = UNKNOWN
-    equivalent_stiffness_number: UncertainNumber | None = field(
-        default=None, compare=False, repr=False
-    )
-
-
-def _state(
-    value: float,
-    number: UncertainNumber | None,
-    reasons: tuple[str, ...],
-    notes: tuple[str, ...] = (),
-) -> Quantity:
-    """Return a value with the uncertainty of a number; without a number, why there is none."""
-    if number is None:
-        return Quantity(value, notes=reasons)
-    return compute_quantity(value, number, notes)
+    known_stiffness: Known | None = field(default=None, compare=False, repr=False)
 
 
 def _estimate_contact(series: MeanReading, setup: RigSetup, sample: str) -> ContactEstimate:
-    rig, reasons = series.rig, (series.reason,)
-    time_number = None if series.numbers is None else series.numbers.contact_time
-    width = series.pulse.half_amplitude_width / series.mean.sampling_rate
-    contact_time = setup.analysis.pulse_factor * width
     contact = ContactEstimate(
-        half_amplitude_width=width,
-        width_ratio=series.pulse.width_ratio,
-        contact_time=_state(contact_time, time_number, reasons),
+        half_amplitude_width=series.width,
+        width_ratio=series.width_ratio,
+        contact_time=series.contact_time.state(),
     )
     if setup.find_unknown_masses(sample):
         return contact
-    stiffness = estimate_equivalent_stiffness(
-        estimate_equivalent_mass(setup.hammer_mass, setup.samples.get_moving_mass(sample)),
-        contact_time,
+    mass = estimate_equivalent_mass(series.rig.hammer_mass, series.rig.moving_mass)
+    known = replace(
+        series.contact_time,
+        number=estimate_equivalent_stiffness(mass, series.contact_time.number),
     )
-    number = None
-    if time_number is not None:
-        mass_number = estimate_equivalent_mass(rig.hammer_mass, rig.moving_mass)
-        number = estimate_equivalent_stiffness(mass_number, time_number)
     return replace(
-        contact,
-        equivalent_stiffness=_state(stiffness, number, reasons, rig.notes),
-        equivalent_stiffness_number=number,
+        contact, equivalent_stiffness=known.state(series.rig.notes), known_stiffness=known
     )
 
 
-def _estimate_body(
-    series: MeanReading,
-    channel: int,
-    mass: float,
-    stiffness: Quantity,
-    number: UncertainNumber | None,
-) -> BodyEstimate:
-    """Estimate damping of one body (0: hammer, 1: sample) from its mean trace, given stiffness.
-
-    Parameters
-    ----------
-    mass : float
-        Of the body [kg].
-    stiffness : Quantity
-        Of the body; not determined: the damping coefficient is neither.
-    number : UncertainNumber or None
-        The stiffness with all that it depends on; None: the uncertainty is not determined, and
-        that of the damping coefficient is neither.
-    """
+def _estimate_body(series: MeanReading, channel: int, known: Known | None) -> BodyEstimate:
+    """Estimate damping of one body (0: hammer, 1: sample), given its stiffness, if it is known."""
+    rig = series.rig
+    stiffness = UNKNOWN if known is None else known.state(rig.notes)
     if channel in series.notes:
-        return BodyEstimate(stiffness, notes=(series.notes[channel],), stiffness_number=number)
-    peaks, rig, numbers = series.decrements[channel], series.rig, series.numbers
-    ratio = estimate_damping_ratio(peaks.log_decrement)
-    coefficient = (
-        estimate_damping_coefficient(ratio, stiffness.value, mass) if stiffness.is_known else NAN
-    )
-    reason = series.reason if numbers is None else numbers.notes.get(channel, "")
-    uncertain, damping = None, None
-    if numbers is not None and not reason:
-        uncertain = estimate_damping_ratio(numbers.log_decrements[channel])
-        if number is not None:
-            moving = rig.moving_mass if channel else rig.hammer_mass
-            damping = estimate_damping_coefficient(uncertain, number, moving)
-    reasons = (reason,) if reason else stiffness.notes
-    found = _state(ratio, uncertain, reasons), _state(coefficient, damping, reasons, rig.notes)
+        return BodyEstimate(stiffness, notes=(series.notes[channel],), known_stiffness=known)
+    peaks, change = series.decrements[channel]
+    ratio = replace(change, number=estimate_damping_ratio(change.number))
+    coefficient = UNKNOWN
+    if known is not None:
+        moving = rig.moving_mass if channel else rig.hammer_mass
+        coefficient = Known(
+            estimate_damping_coefficient(ratio.number, known.number, moving),
+            ratio.reasons or known.reasons,
+        ).state(rig.notes)
     return BodyEstimate(
-        stiffness, *found, peaks.log_decrement, peaks=peaks, stiffness_number=number
+        stiffness,
+        ratio.state(),
+        coefficient,
+        peaks.log_decrement,
+        peaks=peaks,
+        known_stiffness=known,
     )
 
 
@@ -411,17 +351,15 @@ def estimate_hammer(
 ) -> HammerEstimate:
     """Estimate k1 and c1 from the control experiment: hammer and sample alike, k1 = 2 k_eq.
 
-    For the pulse's form see `read_mean_hit`.
+    For the pulse's form see `read_mean_hit`. The masses are known.
     """
     sample = setup.samples.control_sample
     series = read_mean_hit(control, setup, sample, form)
-    contact = _estimate_contact(series, setup, sample)
-    stiffness = estimate_hammer_stiffness(contact.equivalent_stiffness.value)
-    number = contact.equivalent_stiffness_number
-    number = None if number is None else estimate_hammer_stiffness(number)
-    known = _state(stiffness, number, (f"k1: {series.reason}",), series.rig.notes)
-    body = _estimate_body(series, 0, setup.hammer_mass, known, number)
-    return HammerEstimate(**vars(body), control_sample=sample)
+    known = _estimate_contact(series, setup, sample).known_stiffness
+    if known is not None:
+        reasons = tuple(f"k1: {reason}" for reason in known.reasons)
+        known = Known(estimate_hammer_stiffness(known.number), reasons)
+    return HammerEstimate(**vars(_estimate_body(series, 0, known)), control_sample=sample)
 
 
 def estimate_bodies(
@@ -450,36 +388,24 @@ def estimate_bodies(
     """
     series = read_mean_hit(mean, setup, sample, form)
     contact = _estimate_contact(series, setup, sample)
-    notes = hammer.notes
-    number: UncertainNumber | None = None
-    if not contact.equivalent_stiffness.is_known:
+    equivalent, known, notes = contact.known_stiffness, None, hammer.notes
+    if equivalent is None:
         # Whose mass is not known is all that there is to say.
-        stiffness, notes = UNKNOWN, ()
+        notes = ()
     elif not hammer.stiffness.is_known:
-        stiffness = Quantity(notes=("k2: not determined without k1",))
-        notes += stiffness.notes
+        notes += ("k2: not determined without k1",)
     else:
-        try:
-            stiffness, number = _estimate_stiffness(contact, hammer, series.rig.notes)
-        except NotDeterminedError as error:
-            stiffness = Quantity(notes=(str(error),))
-            notes += stiffness.notes
-    body = _estimate_body(series, 1, setup.samples.get_moving_mass(sample), stiffness, number)
-    return contact, replace(body, notes=notes + body.notes)
-
-
-def _estimate_stiffness(
-    contact: ContactEstimate, hammer: BodyEstimate, notes: tuple[str, ...]
-) -> tuple[Quantity, UncertainNumber | None]:
-    """Return k2, with all that it depends on if its uncertainty is determined."""
-    value = estimate_sample_stiffness(contact.equivalent_stiffness.value, hammer.stiffness.value)
-    if contact.equivalent_stiffness_number is None:
-        return Quantity(value, notes=contact.equivalent_stiffness.notes), None
-    hammer_number = hammer.stiffness_number
-    if hammer_number is None:
-        if hammer.stiffness.notes:
-            return Quantity(value, notes=hammer.stiffness.notes), None
         # Given as a plain figure, not measured here: taken as exact.
-        hammer_number = make_input("stiffness of the hammer", hammer.stiffness.value, 0.0)
-    number = estimate_sample_stiffness(contact.equivalent_stiffness_number, hammer_number)
-    return compute_quantity(value, number, notes), number
+        k1 = hammer.known_stiffness or Known(
+            make_input("stiffness of the hammer", hammer.stiffness.value, 0.0),
+            hammer.stiffness.notes,
+        )
+        try:
+            known = Known(
+                estimate_sample_stiffness(equivalent.number, k1.number),
+                equivalent.reasons or k1.reasons,
+            )
+        except NotDeterminedError as error:
+            notes += (str(error),)
+    body = _estimate_body(series, 1, known)
+    return contact, replace(body, notes=notes + body.notes)

@@ -155,9 +155,7 @@ def _estimate_decay(
         owner=f"{sample}, free decay",
     )
     return FreeDecayEstimate(
-        stiffness=body.stiffness,
-        damping_ratio=body.damping_ratio,
-        damping_coefficient=body.damping_coefficient,
+        **body,
         frequency=decay.frequency,
         periods=decay.periods,
         r_squared=decay.r_squared,
@@ -185,14 +183,19 @@ def fit_model(mean: MeanHit, setup: RigSetup, sample: str) -> FittedModel:
         owner=f"{sample}, driven model",
     )
     is_open = set(found.undetermined)
+    for name, parameters in (
+        ("contact_time", {"tau_p"}),
+        ("stiffness", {"k2"}),
+        ("damping_coefficient", {"c2"}),
+        ("damping_ratio", {"k2", "c2"}),
+    ):
+        if is_open & parameters:
+            body[name] = UNKNOWN
     return FittedModel(
         model=ModelVariant.DRIVEN.value,
         is_preferred=True,
         criterion=found.criterion,
-        contact_time=UNKNOWN if "tau_p" in is_open else body.contact_time,
-        stiffness=UNKNOWN if "k2" in is_open else body.stiffness,
-        damping_coefficient=UNKNOWN if "c2" in is_open else body.damping_coefficient,
-        damping_ratio=UNKNOWN if is_open & {"k2", "c2"} else body.damping_ratio,
+        **body,
         force_balance=found.force_balance,
         residual_hammer_percent=found.residual_percent[0],
         residual_sample_percent=found.residual_percent[1],

@@ -3,17 +3,14 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache, lru_cache
+from typing import Any
 
 import numpy as np
 
-from impact_rig.core.arithmetic import (
-    UncertainNumber,
-    compute_square_root,
-    load_gtc,
-)
-from impact_rig.core.damping import LogDecrement, estimate_damping_ratio_from_coefficient
-from impact_rig.core.errors import NotDeterminedError, ParameterError, check_not_negative
+from impact_rig.core.damping import LogDecrement
+from impact_rig.core.equations import UncertainNumber, estimate_damping_ratio_from_coefficient
+from impact_rig.core.errors import ParameterError, check_not_negative
 from impact_rig.core.hits import FilteredHit, MeanHit
 from impact_rig.core.pulse_width import (
     PulseErrors,
@@ -24,7 +21,7 @@ from impact_rig.core.pulse_width import (
     compute_trend,
     estimate_pulse_errors,
 )
-from impact_rig.core.quantity import UNKNOWN, BudgetLine, Quantity
+from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.records import FloatArray
 from impact_rig.core.sensors import CHANNELS
 from impact_rig.core.setup import AnalysisSettings, RigSetup
@@ -43,6 +40,14 @@ contribution would be less than the rounding of the last digit that anyone print
 SINGULAR_PART = 1e-14
 """Part of the largest variance below which a combination of parameters does not scatter [-], our
 choice: rounding."""
+
+
+@cache
+def load_gtc() -> Any:
+    """Return the library GTC: it loads for a third of a second, and most processes need none."""
+    import GTC
+
+    return GTC
 
 
 @lru_cache(maxsize=REMEMBERED_INPUTS)
@@ -281,31 +286,9 @@ def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
     )
 
 
-@dataclass(frozen=True)
-class FittedBody:
-    """What was fitted to one body.
-
-    Attributes
-    ----------
-    damping_ratio : Quantity
-        zeta [-].
-    damping_coefficient : Quantity
-        c [N s/m].
-    stiffness : Quantity
-        k [N/m].
-    contact_time : Quantity
-        tau_p [s], where it was fitted too.
-    """
-
-    damping_ratio: Quantity
-    damping_coefficient: Quantity
-    stiffness: Quantity
-    contact_time: Quantity = UNKNOWN
-
-
-Formula = Callable[[Sequence[UncertainNumber], RigNumbers], Sequence[UncertainNumber]]
-"""Fitted parameters, masses and clock to the fields of `FittedBody`; written with + - * / ** and
-`core.arithmetic` alone. The clock is the formula's to apply: times times it, rates over it."""
+Formula = Callable[[Sequence[UncertainNumber], RigNumbers], Mapping[str, UncertainNumber]]
+"""Fitted parameters, masses and clock to results by their names; the clock is the formula's to
+apply: times times it, rates over it."""
 
 
 def propagate_fit(
@@ -317,7 +300,7 @@ def propagate_fit(
     estimates: Sequence[float],
     averaged: int,
     owner: str,
-) -> FittedBody:
+) -> dict[str, Quantity]:
     """Propagate the scatter of fitted parameters, masses and clock to results.
 
     The covariance of the estimates is that of the hits over their number, n - 1 degrees of
@@ -341,38 +324,39 @@ def propagate_fit(
 
     Returns
     -------
-    FittedBody
-        Of one hit only, its uncertainties are not determined.
+    dict of str to Quantity
+        Of one hit only, their uncertainties are not determined.
     """
     hits, count = per_hit.shape
-    if hits < LEAST_HITS:
-        exact = make_ensemble(source, estimates, np.zeros((count, count)), np.inf, owner)
-        return FittedBody(
-            *(Quantity(float(number.x), notes=(ONE_HIT,)) for number in formula(exact, rig))
-        )
-    scatter = np.atleast_2d(np.cov(per_hit, rowvar=False, ddof=1)) / averaged
-    numbers = formula(make_ensemble(source, estimates, scatter, hits - 1, owner), rig)
-    return FittedBody(
-        *(compute_quantity(float(number.x), number, rig.notes) for number in numbers)
-    )
+    has_scatter = hits >= LEAST_HITS
+    scatter = np.zeros((count, count))
+    if has_scatter:
+        scatter += np.cov(per_hit, rowvar=False, ddof=1) / averaged
+    numbers = formula(make_ensemble(source, estimates, scatter, max(hits - 1, 1), owner), rig)
+    return {
+        name: compute_quantity(float(number.x), number, rig.notes)
+        if has_scatter
+        else Quantity(float(number.x), notes=(ONE_HIT,))
+        for name, number in numbers.items()
+    }
 
 
 def find_decaying_body(
     parameters: Sequence[UncertainNumber], rig: RigNumbers
-) -> tuple[UncertainNumber, ...]:
+) -> dict[str, UncertainNumber]:
     """Return zeta, c = 2 m a and k = m (a^2 + omega^2) of a decay's a [1/s] and omega [rad/s]."""
     decay, frequency = (rate / rig.clock for rate in parameters)
     square = decay * decay + frequency * frequency
-    return (
-        decay / compute_square_root(square),
-        2.0 * rig.moving_mass * decay,
-        rig.moving_mass * square,
-    )
+    return {
+        "damping_ratio": decay / square**0.5,
+        "damping_coefficient": 2.0 * rig.moving_mass * decay,
+        "stiffness": rig.moving_mass * square,
+    }
 
 
 def find_identified_body(
     parameters: Sequence[UncertainNumber], rig: RigNumbers
-) -> tuple[UncertainNumber, ...]:
+) -> dict[str, UncertainNumber]:
     """Return zeta, c2, k2 and tau_p of identified tau_p [s], k2 [N/m] and c2 [N s/m].
 
     Traces of accelerations determine k2 / m2 and c2 / m2, so that both go with the mass that was
@@ -383,7 +367,12 @@ def find_identified_body(
     stiffness = stiffness * part / (rig.clock * rig.clock)
     damping = damping * part / rig.clock
     ratio = estimate_damping_ratio_from_coefficient(damping, stiffness, rig.moving_mass)
-    return ratio, damping, stiffness, contact_time * rig.clock
+    return {
+        "damping_ratio": ratio,
+        "damping_coefficient": damping,
+        "stiffness": stiffness,
+        "contact_time": contact_time * rig.clock,
+    }
 
 
 LEAST_HITS = 2
@@ -400,63 +389,56 @@ LARGEST_STEP = 0.1
 
 
 @dataclass(frozen=True)
-class ContactNumbers:
-    """What the hits of one series say, as uncertain numbers with their correlation.
+class Known:
+    """An uncertain number, and why its uncertainty is not determined, if it is not."""
 
-    Attributes
-    ----------
-    contact_time : UncertainNumber
-        tau_p [s], clock included.
-    log_decrements : mapping of int to UncertainNumber
-        Delta [-] by channel, where its uncertainty is determined.
-    notes : mapping of int to str
-        By channel, where not: why.
-    """
+    number: UncertainNumber
+    reasons: tuple[str, ...] = ()
 
-    contact_time: UncertainNumber
-    log_decrements: Mapping[int, UncertainNumber] = field(default_factory=dict)
-    notes: Mapping[int, str] = field(default_factory=dict)
+    def state(self, notes: tuple[str, ...] = ()) -> Quantity:
+        """Return it with its uncertainty, or with why there is none."""
+        if self.reasons:
+            return Quantity(float(self.number.x), notes=self.reasons)
+        return compute_quantity(float(self.number.x), self.number, notes)
 
 
 def estimate_contact_numbers(
     mean: MeanHit,
     pulse: PulseWidth,
     decrements: Mapping[int, LogDecrement],
-    settings: AnalysisSettings,
-    clock_uncertainty: float,
+    setup: RigSetup,
     sample: str,
-    shape_error: tuple[float, float] = (0.0, 0.0),
-) -> ContactNumbers:
-    """Estimate tau_p and log decrements of a mean hit with their uncertainties.
+    shape_error: tuple[float, float],
+    reason: str = "",
+) -> tuple[Known, dict[int, Known]]:
+    """Estimate tau_p [s] and, by channel, log decrements of a mean hit with their uncertainties.
 
     Parameters
     ----------
     decrements : mapping of int to LogDecrement
         Peaks of the mean traces by channel.
-    settings : AnalysisSettings
-        `pulse_factor` and `cutoff_frequency` are used.
-    clock_uncertainty : float
-        Relative standard uncertainty of the sampling rate [-].
     shape_error : tuple of float
         Standard uncertainty of tau_p by the shapes that the pulse may have, signed, and that of
         this sample's own contact [s].
-
-    Raises
-    ------
-    NotDeterminedError
-        If there is one hit only.
+    reason : str
+        Why no uncertainty is determined; empty: it may be.
     """
-    if len(mean.hits) < LEAST_HITS:
-        raise NotDeterminedError(ONE_HIT)
-    factor = settings.pulse_factor / mean.sampling_rate
-    channels = sorted(decrements)
-    estimates = [factor * pulse.half_amplitude_width]
+    reason = reason if len(mean.hits) >= LEAST_HITS else ONE_HIT
+    settings, channels = setup.analysis, sorted(decrements)
+    estimates = [settings.pulse_factor * (pulse.half_amplitude_width / mean.sampling_rate)]
     estimates += [decrements[channel].log_decrement for channel in channels]
-    rows = [[factor * hit.pulse.half_amplitude_width for hit in mean.hits]]
-    rows += _read_decrements(mean, decrements)
-    scatter = np.atleast_2d(np.cov(np.array(rows), ddof=1)) / mean.count
+    factor = settings.pulse_factor / mean.sampling_rate
+    scatter = np.zeros((len(estimates), len(estimates)))
+    if len(mean.hits) >= LEAST_HITS:
+        rows = [[factor * hit.pulse.half_amplitude_width for hit in mean.hits]]
+        rows += _read_decrements(mean, decrements)
+        scatter += np.cov(np.array(rows), ddof=1) / mean.count
     contact_time, *changes = make_ensemble(
-        f"scatter of the hits on {sample}", estimates, scatter, len(rows[0]) - 1, owner=sample
+        f"scatter of the hits on {sample}",
+        estimates,
+        scatter,
+        max(len(mean.hits) - 1, 1),
+        owner=sample,
     )
     errors = estimate_pulse_errors(
         mean.traces[0], pulse, _describe_mean(mean, 0, settings.cutoff_frequency)
@@ -466,18 +448,16 @@ def estimate_contact_numbers(
         # The same law on all samples makes the same error on all.
         contact_time = contact_time + shape_error[0] * make_input(PULSE_SHAPE, 0.0, 1.0)
         contact_time = contact_time + make_input(PULSE_SHAPE, 0.0, shape_error[1], sample)
-    clock = make_input("sampling clock", 1.0, clock_uncertainty)
-    numbers: dict[int, UncertainNumber] = {}
-    notes: dict[int, str] = {}
+    clock = make_input("sampling clock", 1.0, setup.clock_uncertainty)
+    numbers: dict[int, Known] = {}
     for channel, change in zip(channels, changes, strict=True):
         quality = _describe_mean(mean, channel, settings.cutoff_frequency)
-        try:
-            numbers[channel] = change + _make_decrement_errors(
-                mean.traces[channel], decrements[channel], quality, f"{sample} {channel}"
-            )
-        except NotDeterminedError as error:
-            notes[channel] = str(error)
-    return ContactNumbers(contact_time * clock, numbers, notes)
+        errors_of_peaks, why = _make_decrement_errors(
+            mean.traces[channel], decrements[channel], quality, f"{sample} {channel}"
+        )
+        why = reason or why
+        numbers[channel] = Known(change + errors_of_peaks, (why,) if why else ())
+    return Known(contact_time * clock, (reason,) if reason else ()), numbers
 
 
 def estimate_hit_contact_time(
@@ -563,11 +543,11 @@ def _read_decrements(mean: MeanHit, decrements: Mapping[int, LogDecrement]) -> l
 
 def _make_decrement_errors(
     trace: FloatArray, peaks: LogDecrement, quality: TraceQuality, owner: str
-) -> UncertainNumber:
-    """Return what is wrong with Delta in all hits alike [-]."""
-    step = compute_quantisation_error(quality.resolution, quality.dither)
+) -> tuple[UncertainNumber, str]:
+    """Return what is wrong with Delta in all hits alike [-], and why that is not known."""
+    step, reason = compute_quantisation_error(quality.resolution, quality.dither), ""
     if step > LARGEST_STEP * peaks.second_peak:
-        raise NotDeterminedError(
+        reason = (
             "uncertainty of zeta and c: not determined, since the second peak is"
             f" {peaks.second_peak / quality.resolution:.2g} counts high and no noise smooths the"
             " converter's steps; use a smaller full scale"
@@ -583,4 +563,5 @@ def _make_decrement_errors(
     excess = compute_peak_excess(quality.noise, curvature, quality.relative_cutoff)
     total = make_input("quantisation of the peaks", 0.0, quantisation, owner)
     total = total + make_input("trend of the baseline", 0.0, trend, owner)
-    return total + make_input("second peak reading", 0.0, excess / peaks.second_peak, owner)
+    total = total + make_input("second peak reading", 0.0, excess / peaks.second_peak, owner)
+    return total, reason

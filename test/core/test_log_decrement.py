@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import StateSpace, impulse
 
-from impact_rig.core.damping import (
+from impact_rig.core.damping import estimate_log_decrement
+from impact_rig.core.equations import (
     estimate_damping_coefficient,
     estimate_damping_ratio,
-    estimate_log_decrement,
 )
 from impact_rig.core.errors import NotDeterminedError
 

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
-from impact_rig.core.damping import (
+from impact_rig.core.equations import (
     estimate_damping_ratio,
     estimate_damping_ratio_from_coefficient,
+    estimate_equivalent_mass,
+    estimate_equivalent_stiffness,
+    estimate_hammer_stiffness,
+    estimate_sample_stiffness,
 )
 from impact_rig.core.setup import (
     ACCELEROMETER_MASS,
@@ -17,12 +21,6 @@ from impact_rig.core.setup import (
     HAMMER_MASS,
     HAMMER_STIFFNESS,
     PUBLISHED_SAMPLES,
-)
-from impact_rig.core.stiffness import (
-    estimate_equivalent_mass,
-    estimate_equivalent_stiffness,
-    estimate_hammer_stiffness,
-    estimate_sample_stiffness,
 )
 
 CELLS = {cell.name: cell for cell in PUBLISHED_SAMPLES}

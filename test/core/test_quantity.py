@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from impact_rig.core.arithmetic import UncertainNumber
+from impact_rig.core.equations import UncertainNumber
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.uncertainty import compute_quantity, make_ensemble, make_input

@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from scipy.signal import StateSpace, impulse
 
 from impact_rig.core import hits
-from impact_rig.core.damping import estimate_damping_coefficient
+from impact_rig.core.equations import (
+    estimate_damping_coefficient,
+)
 from impact_rig.core.hits import FilteredHit, MeanHit
 from impact_rig.core.paper_method import UNSEEN, BodyEstimate, estimate_hammer
 from impact_rig.core.pulse_width import measure_pulse

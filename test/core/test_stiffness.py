@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.stiffness import (
+from impact_rig.core.equations import (
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
     estimate_sample_stiffness,
 )
+from impact_rig.core.errors import NotDeterminedError
 
 from .contacts import strike_body
 

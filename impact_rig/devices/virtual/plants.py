@@ -11,7 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from impact_rig.core.damping import estimate_damping_ratio_from_coefficient
+from impact_rig.core.equations import (
+    estimate_damping_ratio_from_coefficient,
+    estimate_equivalent_mass,
+    estimate_equivalent_stiffness,
+    estimate_hammer_stiffness,
+)
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.model import (
     Body,
@@ -23,11 +28,6 @@ from impact_rig.core.model import (
 from impact_rig.core.pulses import compute_pulse
 from impact_rig.core.records import FloatArray
 from impact_rig.core.setup import HAMMER_DAMPING_COEFFICIENT, RigSetup
-from impact_rig.core.stiffness import (
-    estimate_equivalent_mass,
-    estimate_equivalent_stiffness,
-    estimate_hammer_stiffness,
-)
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.contact import Contact
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from impact_rig.core.equations import estimate_equivalent_mass
 from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.stiffness import estimate_equivalent_mass
 from impact_rig.present.figures.picture import Picture, make_panel, make_picture, shorten_name
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import MICRO, format_error
