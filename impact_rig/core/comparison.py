@@ -13,10 +13,6 @@ from impact_rig.core.model import ImpactModel, ModelVariant, simulate_impact
 from impact_rig.core.records import FloatArray, make_read_only
 from impact_rig.core.sensors import FLAT, SensorResponse
 
-LARGEST_SHIFT = 1.0
-"""Largest shift of the model, in contact times [-], our choice: beyond it another oscillation
-would be laid onto the measured one."""
-
 
 @dataclass(frozen=True)
 class TraceComparison:
@@ -191,7 +187,8 @@ def compare_with_model(
     first = max(0, int(np.ceil(-start_time * rate)))
     last = min(count, int(np.floor((model.contact_time - start_time) * rate)) + 1)
     contact = slice(first, last)
-    largest = round(LARGEST_SHIFT * model.contact_time * rate)
+    # Beyond one contact time another oscillation would be laid onto the measured one.
+    largest = round(model.contact_time * rate)
     hammer, specimen = (
         compare_trace(mean.traces[i], filtered[i], rate, contact, largest) for i in (0, 1)
     )

@@ -57,21 +57,13 @@ class Limits:
 
     start: tuple[float, float] = (0.1, 1.5)  # B and n [-] metal on metal
     shorter: float = 0.8  # [-] T of a second start over that of the first
-    width: float = 0.55  # [-] w50 of such a pulse over its duration
     step: float = 1e-4  # [-] of n and B, relative of what else there is, for derivatives
-    near: float = 1.5  # [-] of the first form's residual: another that leaves more is given up
-    shortest_time: float = 0.05  # [w50] T: no pulse of the family is so wide
     finest: float = 1.0 / 64.0  # [w50] over which the force is averaged
     margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
     points: float = 6.0  # [-] in w50: a dozen in the contact for six parameters
     residual: float = 5e-4  # [-] of the peak: what hits that differ by 2 % in speed leave at most
-    residual_over_noise: float = 3.0  # [-] more than that is no noise
     versed_residual: float = 0.003  # [-] what a versed-sine leaves of a Hertz contact is 0.006
-    table: float = 1e-5  # [-] of the peak: below, the tables of pulses tell no difference
-    criterion: float = 10.0  # [-] difference of BIC: very strong evidence (Kass and Raftery 1995)
     correlation: float = 0.95  # [-] of n and B: fixing one makes the other thrice as certain
-    crushed: float = 0.01  # [-] e above 1 from which the pulse clearly falls faster than it rises
-    elastic: float = 1e-3  # [-] what e may lie above 1 by the fit's own error
 
 
 LIMITS = Limits()
@@ -82,7 +74,8 @@ def _estimate_start(exponent: float) -> FloatArray:
     loss = LIMITS.start[0]
     pulse = compute_pulses(np.array([exponent]), np.array([loss]), LossForm.PROPORTIONAL)
     duration, peak = float(pulse.duration[0]), float(pulse.compute_peak_force()[0])
-    time = 1.0 / (LIMITS.width * duration)
+    # Such a pulse has a w50 of 0.55 durations.
+    time = 1.0 / (0.55 * duration)
     return np.array([-duration * time / 2.0, time, 1.0 / peak, 0.0, loss, exponent])
 
 
@@ -152,7 +145,8 @@ def fit_forms(
     def fit(starts: FloatArray, *forms: LossForm, most: float = math.inf) -> list[WindowFit]:
         bounds = np.empty((2, len(starts), COUNT))
         bounds[0], bounds[1] = -np.inf, np.inf
-        bounds[0, :, TIME] = LIMITS.shortest_time
+        # T over w50: no pulse of the family is so wide.
+        bounds[0, :, TIME] = 0.05
         bounds[..., LOSS] = np.transpose([LOSSES[form] for form in forms])
         bounds[..., EXPONENT] = (
             [[limit] for limit in TABLES.exponents] if exponent is None else exponent
@@ -173,12 +167,13 @@ def fit_forms(
     # The others begin with about the same e.
     begin = np.tile(fits[first].parameters, (len(others), 1))
     begin[:, LOSS] *= [LOSSES[form][1] / LOSSES[first][1] for form in others]
-    fits |= dict(
-        zip(others, fit(begin, *others, most=LIMITS.near * fits[first].residual), strict=True)
-    )
+    # A form that leaves half as much again as the first is given up.
+    fits |= dict(zip(others, fit(begin, *others, most=1.5 * fits[first].residual), strict=True))
     best = min(fits.values(), key=judge)
     level = white / math.sqrt(window.step) * max(1.0, best.residual / noise) if noise else 0.0
-    allowed = LIMITS.criterion * max(level, LIMITS.table) ** 2
+    # A difference of 10 in BIC is very strong evidence (Kass and Raftery 1995); the tables of
+    # pulses tell no difference below 1e-5 of the peak.
+    allowed = 10.0 * max(level, 1e-5) ** 2
     return {
         form: fit
         for form, fit in fits.items()
@@ -187,8 +182,6 @@ def fit_forms(
     }
 
 
-FORM_OF_LOSS = "form of the loss"
-"""Source of what another form that describes the pulse as well makes of a result."""
 LEAST_HITS = 2
 """Hits that have a scatter [-]."""
 
@@ -265,8 +258,6 @@ _QUANTITIES = tuple(item.name for item in fields(ContactLaw) if item.type is Qua
 
 LIKE_CONTACT = "no law of contact describes the pulse"
 CRUSHED = "; the pulse falls faster than it rises, as of a body that is crushed"
-ODD_RESIDUAL = 0.01
-"""Of the peak [-], our choice: what a hit leaves more than the others."""
 SCALED = ("impact_speed", "duration", "peak_force", "restitution")
 """What goes with the impact speed, itself first."""
 
@@ -338,7 +329,8 @@ def estimate_contact_law(
     )
     is_worse, excludes_versed_sine = _compare_with_versed_sine(fit, window, white, noise)
     changes = _change_sensor(mean, pulse, (form, fit), sensors[0], seen[:2])
-    largest = max(LIMITS.residual, LIMITS.residual_over_noise * noise)
+    # Three times the noise is no noise.
+    largest = max(LIMITS.residual, 3.0 * noise)
     largest += 2.0 * max((fit.find_rest(change) for _, change in changes), default=0.0)
     reason = _find_misfit(form, fit, largest, is_worse=is_worse)
     if reason is not None:
@@ -367,7 +359,8 @@ def estimate_contact_law(
     points = [(one, each.parameters * scales) for one, each in fits.items()]
     quantities, own = _compute_quantities(points, np.diag(scales), sources, masses)
     restitution = quantities["restitution"]
-    if restitution.value - 1.0 > max(restitution.expanded, LIMITS.elastic):
+    # The fit itself may be wrong by 1e-3.
+    if restitution.value - 1.0 > max(restitution.expanded, 1e-3):
         reason = (
             f"{LIKE_CONTACT}: e would be {restitution.value:.3f} ± {restitution.expanded:.3f},"
             f" above 1, and free bodies gain no energy{CRUSHED}"
@@ -404,7 +397,7 @@ def _find_misfit(form: LossForm, fit: WindowFit, largest: float, *, is_worse: bo
     """
     loss, exponent = fit.parameters[LOSS:, np.newaxis]
     e = compute_pulses(exponent, loss, form).restitution[0]
-    crushed = CRUSHED if e > 1.0 + LIMITS.crushed else ""
+    crushed = CRUSHED if e > 1.0 + 0.01 else ""
     if not fit.is_inside:
         return f"{LIKE_CONTACT}: no fit ends{crushed}"
     if fit.residual > largest:
@@ -545,7 +538,8 @@ def _compute_scatter(
 
 def _check_hits(mean: MeanHit, leaves: FloatArray) -> tuple[str, ...]:
     """Warn of hits whose pulse is of another contact than the others'."""
-    odd = find_odd_hits(mean, leaves, ODD_RESIDUAL)
+    # A hundredth of the peak more than the others leave.
+    odd = find_odd_hits(mean, leaves, 0.01)
     if not odd:
         return ()
     return (f"the pulse of {name_hits(odd)} is of another contact than the others': look at it",)
@@ -596,7 +590,7 @@ def _compute_quantities(
     if others:
         # Anywhere between the best and the farthest, evenly distributed.
         spread = np.abs(np.nan_to_num(np.array(others) - values)).max(axis=0)
-        parts.append((make_label(FORM_OF_LOSS, math.inf), spread**2 / 3.0))
+        parts.append((make_label("form of the loss", math.inf), spread**2 / 3.0))
     inputs = [(TIME, float(point[TIME]), masses.clock)]
     inputs += [(HEIGHT, float(point[HEIGHT]), masses.gains[0])]
     inputs += [

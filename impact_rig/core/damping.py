@@ -11,11 +11,6 @@ from impact_rig.core.hits import MeanHit
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import FloatArray
 
-PEAK_PROMINENCE = 5.0
-"""How far U2 must stand out of the noise, in its standard deviations [-], our choice: the baseline
-tells them within a sixth, and of some 5000 filtered points fewer than one in a hundred records
-exceeds four."""
-
 
 @dataclass(frozen=True)
 class LogDecrement:
@@ -69,7 +64,9 @@ def estimate_log_decrement(trace: FloatArray, noise: float) -> LogDecrement:
     first = pulse.peak_index
     tail_start = math.ceil(pulse.fall)
     tail = upright[tail_start:]
-    needed = max(PEAK_PROMINENCE * noise, np.finfo(float).eps * abs(pulse.peak))
+    # Of some 5000 filtered points fewer than one in a hundred records exceeds four standard
+    # deviations, which the baseline tells within a sixth.
+    needed = max(5.0 * noise, np.finfo(float).eps * abs(pulse.peak))
     candidates, _ = scipy.signal.find_peaks(tail, height=needed, prominence=needed)
     if candidates.size == 0:
         raise NotDeterminedError(
@@ -89,19 +86,11 @@ def estimate_log_decrement(trace: FloatArray, noise: float) -> LogDecrement:
     )
 
 
-TRIED_DECAYS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
-"""Decay over the whole tail, a T, of the spectrum's weights [-], our choice: from nearly undamped
-to gone after a few per cent of it."""
 PADDING = 2
 """Length of the spectrum over that of the tail [-], our choice: half a line is near enough."""
-LEAST_PERIODS = 0.5
-"""Slowest oscillation looked for in the spectrum, in periods of the tail [-]: slower ones are
-offset."""
 TOLERANCE = 1e-6
 """Relative change of sum of squares and of parameters that ends the fit [-], our choice: of some
 hundred points, a hundredth of what noise makes of the parameters."""
-MOST_EVALUATIONS = 50
-"""Of the model [-], our choice: a decay needs fewer than ten, noise never comes to rest."""
 
 
 @dataclass(frozen=True)
@@ -150,6 +139,7 @@ def fit_decay(measured: FloatArray, relative_cutoff: float) -> tuple[FloatArray,
     candidates = _search_spectrum(measured, relative_cutoff or 0.5)
     fits = [fit_amplitudes(measured, candidate).residual for candidate in candidates]
     scale = candidates[int(np.argmin([float(left @ left) for left in fits]))]
+    # Of the model [-], our choice: a decay needs fewer than ten, noise never comes to rest.
     found = scipy.optimize.least_squares(
         lambda factors: fit_amplitudes(measured, factors * scale).residual,
         np.ones(2),
@@ -157,7 +147,7 @@ def fit_decay(measured: FloatArray, relative_cutoff: float) -> tuple[FloatArray,
         method="lm",
         ftol=TOLERANCE,
         xtol=TOLERANCE,
-        max_nfev=MOST_EVALUATIONS,
+        max_nfev=50,
     ).x
     solution = np.array([1.0, np.sign(found[1])]) * found * scale
     return solution, fit_amplitudes(measured, solution)
@@ -168,25 +158,18 @@ def _search_spectrum(tail: FloatArray, highest: float) -> FloatArray:
     count = tail.size
     # What the oscillation has come down to is the offset.
     signal = tail - tail[count // 2 :].mean()
-    decays = np.array(TRIED_DECAYS) / count
+    # From nearly undamped to gone after a few per cent of the tail.
+    decays = np.array((0.3, 1.0, 3.0, 10.0, 30.0, 100.0)) / count
     weights = np.exp(-decays[:, np.newaxis] * np.arange(count))
     length = scipy.fft.next_fast_len(PADDING * count, real=True)
-    first = int(LEAST_PERIODS * length / count)
+    # What takes longer than two tails is offset.
+    first = int(0.5 * length / count)
     last = max(first + 1, int(min(highest, 0.5) * length))
     spectra = np.abs(scipy.fft.rfft(weights * signal, length))
     lines = np.argmax(spectra[:, first:last], axis=1) + first
     return np.stack((decays, 2.0 * np.pi * lines / length), axis=1)
 
 
-FILTER_GUARD = 1.0
-"""What is left out beside the contact's end and the record's, in periods of the cutoff [-]: five
-time constants of the low-pass, after which it smears less than 1 % of a step."""
-CONTACT_GUARD = 0.05
-"""Left out after the contact besides, in contact times [-], our choice: tau_p is read from a
-width, and a pulse that falls up to half as long again as it rises ends so much later."""
-POINTS_PER_CUTOFF = 5.0
-"""Sampling rate of the decimated tail over the cutoff [-], our choice: what folds back into the
-pass band has been damped by the low-pass to a hundredth and less."""
 FITTED = 5
 """Parameters of the fit: a, omega, C, S and the offset."""
 MINIMUM_POINTS = 4 * FITTED
@@ -196,8 +179,6 @@ MINIMUM_PERIODS = 1.0
 and frequency stand in for each other."""
 LARGEST_DAMPING_RATIO = 0.9
 """Above it the second half-wave is below 0.2 % of the first [-], our choice: critical."""
-SMALLEST_FREQUENCY = 3.0
-"""How far omega must be from zero, in its standard uncertainties [-], our choice."""
 LARGEST_RELATIVE_UNCERTAINTY = 0.25
 """Of the damping ratio, standard [-], our choice: beyond it the 95 % interval is wider than the
 value."""
@@ -211,15 +192,11 @@ SMALLEST_R_SQUARED = 0.99
 """Where the fit leaves twice `MISFIT` and more, it must explain this part of the tail's variance
 [-], our choice: otherwise it is no single damped oscillation."""
 MISFIT_BAND = 2.0
-MISFIT_LINES = 4
-"""What a wrong model leaves lies near the oscillation: it is measured from zero up to this many
-times its frequency, over so many spectral lines at least [-], our choice."""
+"""What a wrong model leaves lies near the oscillation: it is measured up to so many times
+its frequency [-], our choice."""
 DECAYED = 3.0
 """a times the tail's length beyond which a tail without one whole period counts as over-critical
 rather than as too short [-], our choice: 5 % is left."""
-ENVELOPE_OVER_NOISE = 2.0
-"""Periods count as above the noise while the envelope exceeds this many standard deviations [-],
-our choice."""
 
 
 @dataclass(frozen=True)
@@ -313,7 +290,8 @@ def estimate_free_decay(
     hits = np.stack([hit[channel, tail] for hit in mean.cut_hits()])
     duration = (measured.size - 1) / rate
     decay, frequency = (float(value) * rate for value in solution)
-    floor = ENVELOPE_OVER_NOISE * max(noise, np.finfo(float).eps * fit.amplitude)
+    # Periods count while the envelope exceeds two standard deviations of the noise.
+    floor = 2.0 * max(noise, np.finfo(float).eps * fit.amplitude)
     lasting = math.log(max(fit.amplitude / floor, 1.0)) / decay
     return FreeDecay(
         decay_rate=decay,
@@ -330,9 +308,12 @@ def _find_tail(mean: MeanHit, contact_time: float, cutoff_frequency: float) -> s
     rate = mean.sampling_rate
     guard, step = 0, 1
     if cutoff_frequency > 0.0:
-        guard = math.ceil(FILTER_GUARD / cutoff_frequency * rate)
-        step = max(1, int(rate / (POINTS_PER_CUTOFF * cutoff_frequency)))
-    first = mean.origin + math.ceil((0.5 + CONTACT_GUARD) * contact_time * rate) + guard
+        # After five time constants the low-pass smears less than 1 % of a step.
+        guard = math.ceil(1.0 / cutoff_frequency * rate)
+        # What folds back into the pass band has been damped to a hundredth and less.
+        step = max(1, int(rate / (5.0 * cutoff_frequency)))
+    # A pulse that falls half as long again as it rises ends a twentieth later than tau_p says.
+    first = mean.origin + math.ceil(0.55 * contact_time * rate) + guard
     last = mean.traces.shape[1] - guard
     points = max(0, math.ceil((last - first) / step))
     if points < MINIMUM_POINTS:
@@ -346,7 +327,7 @@ def _find_tail(mean: MeanHit, contact_time: float, cutoff_frequency: float) -> s
 def _estimate_misfit_level(residual: FloatArray, frequency: float) -> float:
     """Return the standard deviation of the white noise that is as strong near `frequency`."""
     lines = math.ceil(MISFIT_BAND * frequency / (2.0 * math.pi) * residual.size)
-    power = np.abs(np.fft.rfft(residual))[: max(lines, MISFIT_LINES)] ** 2 / residual.size
+    power = np.abs(np.fft.rfft(residual))[: max(lines, 4)] ** 2 / residual.size
     # Two real numbers a line, of which the fit has taken all parameters but the offset.
     return math.sqrt(2.0 * float(power.sum()) / (2 * power.size - (FITTED - 1)))
 
@@ -374,7 +355,7 @@ def _check_decay(parameters: FloatArray, covariance: FloatArray, points: int) ->
     if (
         ratio > LARGEST_DAMPING_RATIO
         or periods < MINIMUM_PERIODS
-        or frequency < SMALLEST_FREQUENCY * math.sqrt(covariance[1, 1])
+        or frequency < 3.0 * math.sqrt(covariance[1, 1])
     ):
         raise NotDeterminedError(
             f"free decay: damping is critical or nearly so (ratio {ratio:.2f}), and the tail does"

@@ -125,7 +125,8 @@ class Segment:
             # A constant trace has no pulse, and no noise to stand out of.
             largest = float(np.abs(output - baseline.level).max(initial=0.0))
             level = RELATIVE_LEVEL * largest or math.inf
-        level = max(level, PULSE_NOISE * baseline.noise, channel.resolution / abs(channel.scale))
+        # Noise alone reaches six standard deviations in one record of 100 000.
+        level = max(level, 6.0 * baseline.noise, channel.resolution / abs(channel.scale))
         for block in self._blocks:
             start = block.first_sample
             first = max(self.searched, start)
@@ -149,9 +150,6 @@ class Segment:
 RELATIVE_LEVEL = 0.1
 """Where full scale is unknown, the part of the largest deviation that starts a pulse [-], our
 choice: a hit recorded as a whole always has one."""
-PULSE_NOISE = 6.0
-"""Least height of a pulse, in standard deviations of the noise [-], our choice: noise alone
-reaches it in one record of 100 000."""
 QUIET_END, LEAST_END = 0.05, 8
 """Part of a record, and points at least, that tell its baseline and noise, our choice: half the
 default pre-trigger."""

@@ -30,23 +30,10 @@ class Limits:
     """Of the search and of what is said of it; all are our choices."""
 
     frequencies: tuple[float, ...] = (0.8, 1.5, 2.6, 3.5, 4.8, 8.7, 16.0)  # [rad / tau_p] tried
-    damping_ratios: tuple[float, ...] = (0.1, 0.3, 0.6)  # [-] tried
-    ringing_damping_ratios: tuple[float, ...] = (0.01, 0.05, 0.2)  # [-] where the sample rings
     shortest_tail: int = 8  # [points] after the contact that show a ringing
-    coarse_points: int = 40  # [-] in a contact, on which the search begins
-    evaluations: int = 60  # [-] of the model in one search
-    rough: float = 1e-4  # [-] change of cost or parameters that ends the search on few points
-    tolerance: float = 1e-5  # [-] the same on all points: Gauss-Newton's next step is its square
     step: float = 2.0**-25  # [-] of derivatives: rounding and curvature are then some 3e-8 each
-    edge: float = 1.5  # [1 / cutoff] at the record's ends, where the low-pass is not right: e^-8
-    edge_part: float = 0.1  # [-] of the record at most
-    oversampling: float = 3.0  # [2 cutoff] rate of the fitted points: nothing is lost
     least_noise: float = 1e-5  # [-] of the peak: a trace without noise would weigh infinitely
-    duration_range: float = 5.0  # [-] of tau_p, either way
     stiffness_range: float = 1e6  # [-] of k over m (pi / tau_p)^2, either way
-    damping_range: float = 1e3  # [-] of c over 2 m pi / tau_p
-    correlation_reach: float = 5.0  # [1 / cutoff] of filtered noise: beyond, less than e^-20
-    dependent: float = 1e-6  # [-] of the largest singular value: derivatives are good to 1e-7
 
 
 LIMITS = Limits()
@@ -133,9 +120,10 @@ def identify_model(mean: MeanHit, setup: RigSetup, sample: str) -> Identificatio
         responses=setup.responses,
     )
     coarse = problem.thin()
-    found = coarse.solve(coarse.find_start(), LIMITS.rough)
+    found = coarse.solve(coarse.find_start(), 1e-4)
     if coarse is not problem:
-        found = problem.solve(found, LIMITS.tolerance)
+        # Gauss-Newton's next step is the square of that.
+        found = problem.solve(found, 1e-5)
     return _report(problem, found, mean)
 
 
@@ -162,8 +150,10 @@ class FitProblem:
         rate, cutoff, count = self.sampling_rate, self.cutoff_frequency, self.traces.shape[1]
         if cutoff == 0.0:
             return slice(0, count, 1)
-        step = max(int(rate / (2.0 * cutoff * LIMITS.oversampling)), 1)
-        edge = min(math.ceil(LIMITS.edge * rate / cutoff), int(LIMITS.edge_part * count))
+        # Three times as many points as the low-pass leaves: nothing is lost.
+        step = max(int(rate / (2.0 * cutoff * 3.0)), 1)
+        # The low-pass is not right at the record's ends; e^-8 of that is left so far inside.
+        edge = min(math.ceil(1.5 * rate / cutoff), int(0.1 * count))
         # Points that the thinned problem has as well: both then end at the same values.
         edge = math.ceil(edge / step) * step
         return slice(edge, count - edge, step)
@@ -171,7 +161,8 @@ class FitProblem:
     def thin(self) -> "FitProblem":
         """Return the same problem on every few points: quick to solve, and nearly as good."""
         width = measure_pulse(self.traces[0]).half_amplitude_width
-        step = int(VERSED_SINE.pulse_factor * width / LIMITS.coarse_points)
+        # The search begins on 40 points of a contact.
+        step = int(VERSED_SINE.pulse_factor * width / 40)
         if self.cutoff_frequency > 0.0:
             step = min(step, self.points.step)
         if step <= 1:
@@ -275,7 +266,7 @@ class FitProblem:
             ftol=tolerance,
             xtol=tolerance,
             gtol=1e-12,
-            max_nfev=LIMITS.evaluations,
+            max_nfev=60,
         )
         values = np.asarray(found.x * scales)
         if found.status <= 0 or np.any(self.compute_residual_rms(values) > LARGEST_RESIDUAL):
@@ -287,12 +278,13 @@ class FitProblem:
         contact_time, begin, _, _, force, gain, _, _ = start.tolist()
         stiffness = self.moving_mass * (math.pi / contact_time) ** 2
         damping = 2.0 * self.moving_mass * math.pi / contact_time
-        reach = LIMITS.duration_range
+        # tau_p, and how far the start may be off in it, either way.
+        reach = 5.0
         ranges = [
             (contact_time, contact_time / reach, contact_time * reach),
             (contact_time, begin - reach * contact_time, begin + reach * contact_time),
             (stiffness, stiffness / LIMITS.stiffness_range, stiffness * LIMITS.stiffness_range),
-            (damping, 0.0, damping * LIMITS.damping_range),
+            (damping, 0.0, damping * 1e3),
         ]
         amplitudes = abs(force) or 1.0, abs(gain) or 1.0, *self.peaks.tolist()
         ranges += [(size, -math.inf, math.inf) for size in amplitudes]
@@ -311,9 +303,10 @@ class FitProblem:
         contact_time = VERSED_SINE.pulse_factor * pulse.half_amplitude_width / self.sampling_rate
         begin = pulse.middle / self.sampling_rate - contact_time / 2.0
         ringing = self._find_ringing(contact_time, begin)
+        # Damping ratios, lower ones where the sample rings.
         pairs = [
-            *product(LIMITS.frequencies, LIMITS.damping_ratios),
-            *product((ringing,), LIMITS.ringing_damping_ratios),
+            *product(LIMITS.frequencies, (0.1, 0.3, 0.6)),
+            *product((ringing,), (0.01, 0.05, 0.2)),
         ]
         frequencies, ratios = np.array(pairs).T / [[contact_time], [1.0]]
         rows = np.zeros((len(pairs), len(NAMES)))
@@ -351,7 +344,8 @@ class FitProblem:
         joined = scaled.reshape(len(lengths), -1)
         is_finite = np.all(np.isfinite(lengths))
         singular = np.linalg.svd(joined, compute_uv=False) if is_finite else np.zeros(1)
-        if singular[-1] <= LIMITS.dependent * singular[0]:
+        # Derivatives are good to 1e-7.
+        if singular[-1] <= 1e-6 * singular[0]:
             raise NotDeterminedError(
                 "identification: not determined, since the traces do not tell its parameters apart"
             )
@@ -383,7 +377,8 @@ def compute_noise_correlation(
     """
     if cutoff_frequency == 0.0:
         return make_read_only(np.ones(1))
-    reach = math.ceil(LIMITS.correlation_reach * sampling_rate / cutoff_frequency)
+    # Beyond, less than e^-20 of the correlation is left.
+    reach = math.ceil(5.0 * sampling_rate / cutoff_frequency)
     impulse = np.zeros(4 * reach + 1)
     impulse[2 * reach] = 1.0
     # The low-pass is symmetric in time, so that its autocorrelation is to apply it twice.

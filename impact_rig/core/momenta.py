@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from impact_rig.core.detection import SPREAD_OF_MEDIAN
 from impact_rig.core.filtering import restore_level
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.quantity import UNKNOWN, Quantity
@@ -30,8 +31,6 @@ class Limits:
     """Of what is said of momenta; all are our choices but the scale."""
 
     hits: int = 5  # [-] that tell an odd one among them
-    deviations: float = 6.0  # [-] standard deviations from the median from which a hit is odd
-    scale: float = 1.4826  # [-] standard over median deviation of normal values
     balanced: float = 0.01  # [-] from 1: gains are hardly known better
     slip: float = 0.05  # [-] from the ratio of a usual slip
     speed: float = 0.01  # [-] standard uncertainty of a stated speed, which no rig file gives
@@ -182,7 +181,7 @@ def find_odd_hits(mean: MeanHit, values: FloatArray, least: float) -> list[str]:
     if values.size < LIMITS.hits:
         return []
     away = np.abs(values - np.median(values))
-    odd = away > max(LIMITS.deviations * LIMITS.scale * float(np.median(away)), least)
+    odd = away > max(6.0 * SPREAD_OF_MEDIAN * float(np.median(away)), least)
     labels = [mean.hits[place].label for place in np.flatnonzero(odd)]
     return [f"{label.impact}.{label.attempt}" for label in labels if label is not None]
 

@@ -39,12 +39,6 @@ from impact_rig.core.uncertainty import (
 
 DAMPING_NAMES = ("c1", "c2")
 """Of hammer and sample, for what is said about them."""
-LARGEST_OWN_PART = 0.5
-"""Of a second peak that the other body's trace does not have in proportion [-], up to which it is
-no decay of the body's own, our choice: noise makes a quarter of the least peak."""
-LEAST_SWING = 0.5
-"""Of the trace between both peaks to the other side, over sqrt(U1 U2) [-], our choice: 1 for a
-free decay; a sensor that rings with 5 % of the pulse makes a quarter."""
 
 
 @dataclass(frozen=True)
@@ -210,13 +204,15 @@ def _check_own_decay(mean: MeanHit, channel: int, peaks: LogDecrement) -> None:
     ours, other = mean.traces[channel], mean.traces[1 - channel]
     first, second = peaks.first_index, peaks.second_index
     shared = ours[first] / other[first] * other[second]
-    if abs(ours[second] - shared) < LARGEST_OWN_PART * peaks.second_peak:
+    # Noise makes a quarter of the least peak.
+    if abs(ours[second] - shared) < 0.5 * peaks.second_peak:
         raise NotDeterminedError(
             "no log decrement, since the second peak is no decay of the body: the force on both"
             " bodies has it, as at the end of a contact or by a second one"
         )
     swing = -float(np.min(ours[first:second] * np.sign(ours[first])))
-    if channel and swing < LEAST_SWING * math.sqrt(peaks.first_peak * peaks.second_peak):
+    # The swing is 1 for a free decay; a sensor that rings with 5 % of the pulse makes a quarter.
+    if channel and swing < 0.5 * math.sqrt(peaks.first_peak * peaks.second_peak):
         raise NotDeterminedError(
             "no log decrement, since the second peak is no decay of the body, which would swing"
             " to the other side before it: noise, a second contact or a sensor that rings"

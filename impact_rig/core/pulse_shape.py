@@ -33,18 +33,10 @@ class Limits:
     # 0.2, the rest holds the offset; ringing behind the pulse stays out
     margins: tuple[float, float] = (0.5, 0.1)
     points_per_width: int = 96  # [-] of the model in w50; every second is compared
-    # [1 / cutoff] half length of the low-pass's kernel: 1e-5 of it lies outside, and a law's n is
-    # off by less than noise of 0.02 % makes it
-    kernel: float = 2.0
-    deviations: float = 2.0  # [-] by which sums of squares differ beyond chance: 95 %
-    residual_over_noise: float = 3.0  # [-] more than that is doubted, if another leaves less
     # [-] of the peak, the same: a versed-sine leaves 0.6 % of a Hertz pulse and makes k 17 % too
     # low, of a half-sine 3.2 % and 44 %
     residual: float = 0.005
     search_damping: float = 1e-3  # [-] of the first step, over the squared length of a derivative
-    search_step: float = 3e-3  # [-] over what noise makes of the parameters: a smaller one ends it
-    evaluations: int = 50  # [-] at most: a pulse needs four to seven, noise never ends
-    chance: float = 2.0  # [-] square of a residual over that of the noise, up to which it is noise
 
 
 LIMITS = Limits()
@@ -163,7 +155,8 @@ def _compute_reach(relative_cutoff: float) -> int:
     """Return how far the low-pass reaches to either side [points]."""
     if not relative_cutoff:
         return 0
-    return max(math.ceil(LIMITS.kernel / relative_cutoff), MINIMUM_POINTS)
+    # 1e-5 of the kernel lies outside: a law's n is off by less than noise of 0.02 % makes it.
+    return max(math.ceil(2.0 / relative_cutoff), MINIMUM_POINTS)
 
 
 @lru_cache(maxsize=8)
@@ -209,7 +202,8 @@ class WindowFit:
         """
         excess = (self.residual**2 - best.residual**2) * self.fitted.size
         chance = 2.0 * level * float(np.linalg.norm(self.fitted - best.fitted))
-        return excess > LIMITS.deviations * chance
+        # Beyond chance: 95 %.
+        return excess > 2.0 * chance
 
     def project(self, changes: FloatArray) -> FloatArray:
         """Return what changes of the trace, shape (n, ...), do to the parameters."""
@@ -274,7 +268,8 @@ def minimise(
         np.full(len(found), LIMITS.search_damping),
         np.zeros(len(found), dtype=bool),
     )
-    for _ in range(LIMITS.evaluations):
+    # A pulse needs four to seven, noise never ends.
+    for _ in range(50):
         gradient = np.sum(jacobian * residual[:, np.newaxis], axis=-1)
         # A parameter stays at its bound where less would be left beyond it.
         is_held = np.where(gradient > 0.0, found <= bounds[0], found >= bounds[1])
@@ -291,7 +286,8 @@ def minimise(
         gain = -2.0 * np.sum(gradient * step, axis=1) - np.sum(change**2, axis=1)
         # A bound in the way of a step says nothing: the next one is shorter, and then along it.
         is_whole = np.all(moved == wanted, axis=1)
-        is_found |= is_whole & (gain <= LIMITS.search_step**2 * squares / residual.shape[1])
+        # A step that is small beside what noise makes of the parameters is the last.
+        is_found |= is_whole & (gain <= 3e-3**2 * squares / residual.shape[1])
         is_done = is_found | (is_whole & (squares - 2.0 * gain > most))
         if is_done.all():
             break
@@ -489,11 +485,12 @@ def estimate_pulse_shape(
 
 def compute_unexplained(residual: float, noise: float) -> float:
     """Return what is left of a pulse beyond the noise, both over its peak [-]."""
-    return math.sqrt(max(residual**2 - LIMITS.chance * noise**2, 0.0))
+    # Noise alone leaves up to twice its own square.
+    return math.sqrt(max(residual**2 - 2.0 * noise**2, 0.0))
 
 
 def _find_warning(best: ShapeFit, versed: ShapeFit, noise: float, *, told_apart: bool) -> str:
-    doubtful = max(LIMITS.residual, LIMITS.residual_over_noise * noise)
+    doubtful = max(LIMITS.residual, 3.0 * noise)
     if best.residual_percent > 100.0 * doubtful:
         return (
             f"no known shape describes the pulse: the best, {best.shape}, leaves"

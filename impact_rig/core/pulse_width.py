@@ -132,17 +132,12 @@ BASELINE_POINTS = 3
 FLANK_LEVELS = (0.4, 0.6)
 """Between which parts of the peak a flank's slope is taken [-], our choice: near the crossing,
 far enough apart that noise does not matter."""
-TREND_SIGNIFICANCE = 2.0
-"""A baseline's slope counts as real above this many of its standard uncertainties [-], our
-choice: noise alone passes it in one case of twenty."""
 PEAK_LOSS = math.sqrt(1.0 / 320.0)
 """Root mean square of d^2 / 2 for d uniform in +-1/2 [-]: what the highest point misses of a
 parabola's top, over its curvature."""
 CHORD_ERROR = math.sqrt(1.0 / 120.0)
 """Root mean square of f (1 - f) / 2 for f uniform in 0 to 1 [-]: what a chord misses of a
 parabola, over its curvature."""
-HARMONICS = 30
-"""Of the quantisation error [-], our choice: without noise 1 % is missing."""
 FILTER_POINTS = 400
 """Points per contact time of the pulse on which the low-pass is tried [-], our choice."""
 FILTER_RECORD = 6
@@ -246,7 +241,8 @@ def compute_trend(trace: FloatArray, quality: TraceQuality) -> float:
     points = np.arange(count) - (count - 1) / 2.0
     slope = float(points @ trace[:count]) / float(points @ points)
     own = quality.raw_noise * math.sqrt(12.0 / (count * (count**2 - 1.0)))
-    if abs(slope) <= TREND_SIGNIFICANCE * own:
+    # Noise alone passes two standard uncertainties in one case of twenty.
+    if abs(slope) <= 2.0 * own:
         return 0.0
     distance = trace.size - count
     level = abs(float(trace[-count:].mean())) + quality.raw_noise * math.sqrt(2.0 / count)
@@ -270,7 +266,8 @@ def compute_quantisation_error(resolution: float, dither: float) -> float:
     if resolution <= 0.0:
         return 0.0
     variance = max((dither / resolution) ** 2 - 1.0 / 12.0, 0.0)
-    orders = np.arange(1, HARMONICS + 1)
+    # Without noise 1 % is missing beyond 30 harmonics.
+    orders = np.arange(1, 31)
     harmonics = np.exp(-2.0 * (math.pi * orders) ** 2 * variance) / (math.pi * orders)
     return resolution * math.sqrt(float(harmonics @ harmonics) / 2.0)
 

@@ -13,8 +13,6 @@ from impact_rig.core.setup import PULSE_NAME
 
 LARGEST_ASYMMETRY = 0.9
 """Either way [-], our choice: a twentieth of the duration is left for the shorter side."""
-HERTZ_NODES = 513
-"""Points of the table of a Hertz pulse's rise [-], our choice: good to 1e-11 of the peak."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,8 @@ HERTZ_DURATION = 2.9432751843247047  # in those units: 0.8 B(2/5, 1/2)
 
 @cache
 def _tabulate_compression() -> "scipy.interpolate.CubicHermiteSpline":
-    phase = np.linspace(0.0, 0.5, HERTZ_NODES)
+    # So many points are good to 1e-11 of the peak.
+    phase = np.linspace(0.0, 0.5, 513)
     compression = scipy.special.betaincinv(0.4, 0.5, 2.0 * phase) ** 0.4
     speed = HERTZ_DURATION * np.sqrt(np.maximum(1.0 - compression**2.5, 0.0))
     return scipy.interpolate.CubicHermiteSpline(phase, compression, speed)

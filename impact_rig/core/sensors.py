@@ -14,13 +14,11 @@ from impact_rig.core.quantity import Comparable, describe
 
 STANDARD_GRAVITY = 9.80665
 """[m/s^2], by definition."""
-POUND_FORCE = 4.4482216152605
-"""[N], by definition."""
 
 ACCELERATIONS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "kgn": 1e3 * STANDARD_GRAVITY}
 """Units of acceleration [m/s^2]; kgn: a thousand g."""
-FORCES = {"N": 1.0, "kN": 1e3, "lbf": POUND_FORCE, "kgf": STANDARD_GRAVITY}
-"""Units of force [N]."""
+FORCES = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605, "kgf": STANDARD_GRAVITY}
+"""Units of force [N]; the pound by definition."""
 VOLTAGES = {"V": 1.0, "mV": 1e-3}
 """Units of voltage [V]."""
 UNITS = (*ACCELERATIONS, *FORCES, *VOLTAGES)

@@ -133,17 +133,10 @@ def _compute_medians(figures: FloatArray) -> FloatArray:
     return np.asarray(0.5 * (low + high))
 
 
-SCATTER_HITS = 128
-"""Hits of a mean that show the scatter at most [-], our choice: more than the 120 of a
-whole published campaign."""
-
 DOUBTS = (Reason.RINGING, Reason.UNSTEADY_ZERO)
 """Findings that are not corrected: they cannot be told from what is harmless."""
 LEFT_AS_IT_IS = (Reason.SMOOTHED, Reason.TRUNCATED)
 """Findings that are worth a warning and are not corrected."""
-LEAST_LIKENESS = 0.5
-"""Correlation with the hits before over the contact, signs apart, from which on a channel tells
-its polarity [-], our choice: good hits have 0.95 and more."""
 
 
 @dataclass(frozen=True)
@@ -245,7 +238,8 @@ class HitSeries:
         if self._mean is None and self._sum is not None:
             kept = [self._traces[place] for place in self._list_kept()]
             # Every one, every other, every fourth ...: a new hit seldom changes the others.
-            step = 1 << max(math.ceil(len(kept) / SCATTER_HITS) - 1, 0).bit_length()
+            # 128 hits show the scatter at most: more than the 120 of a whole published campaign.
+            step = 1 << max(math.ceil(len(kept) / 128) - 1, 0).bit_length()
             self._mean = make_mean(self._sum, kept, step, self._alone)
         return self._mean
 
@@ -310,6 +304,7 @@ def _find_turned(hit: FilteredHit, before: TraceSum) -> list[int]:
         one = ours[middle - reach : middle + reach]
         other = theirs[before.origin - reach : before.origin + reach]
         scale = math.sqrt(float(one @ one) * float(other @ other))
-        if float(one @ other) < -LEAST_LIKENESS * scale:
+        # Good hits correlate by 0.95 and more, signs apart.
+        if float(one @ other) < -0.5 * scale:
             turned.append(channel)
     return turned

@@ -19,8 +19,6 @@ ALL_SAMPLES = "all"
 """Name of the fit to all samples together, each with its own constant."""
 HERTZ_SPEED_EXPONENTS = {"duration": -1.0 / 5.0, "peak_force": 6.0 / 5.0}
 SPRING_SPEED_EXPONENTS = {"duration": 0.0, "peak_force": 1.0}
-ROUNDING = 1e-9
-"""Of an exponent [-]."""
 LEFT = "what the power law leaves"
 BY_HITS = "A"
 """Kind of a contribution that comes from the hits."""
@@ -153,7 +151,8 @@ def _fit_exponent(
                 variances[label] += weight**2 * variance
     if freedom:
         excess = float(left @ left) / freedom / spread - math.fsum(variances.values())
-        variances[make_label(LEFT, freedom)] = excess if excess > ROUNDING**2 else 0.0
+        # An exponent is rounded to 1e-9.
+        variances[make_label(LEFT, freedom)] = excess if excess > 1e-9**2 else 0.0
     return make_quantity(exponent, dict(variances)) if variances else Quantity(exponent)
 
 

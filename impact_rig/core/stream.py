@@ -55,10 +55,6 @@ BASELINE_RECORDS = 100
 for what drifts with the temperature and not with the hits."""
 
 
-ZERO_POINTS = 100_000
-"""Points at least that the zero of a long record is read from [-], our choice."""
-
-
 @dataclass
 class StreamFlow:
     """Counts of what has come."""
@@ -80,7 +76,7 @@ def cut_impacts(block: Block, settings: AnalysisSettings) -> list[tuple[int, Blo
     full_scale = hammer.full_scale
     if not full_scale > 0.0:
         # Every so many points give the zero: a file may have more points than memory.
-        zero = np.median(hammer.output[:: 1 + hammer.output.size // ZERO_POINTS])
+        zero = np.median(hammer.output[:: 1 + hammer.output.size // 100_000])
         height = float(max(hammer.output.max() - zero, zero - hammer.output.min()))
         full_scale = RELATIVE_LEVEL * height * abs(hammer.scale) / settings.detection_level
         if not 0.0 < full_scale < np.inf:

@@ -27,19 +27,11 @@ from impact_rig.core.sensors import CHANNELS
 from impact_rig.core.setup import AnalysisSettings, RigSetup
 from impact_rig.core.tail import ZERO_AFTER
 
-COVERAGE_PERCENT = 95.0
-"""Coverage probability of the expanded uncertainty [%], the usual one (GUM 6.3)."""
 REMEMBERED_INPUTS = 512
 """Inputs that are told apart by name and value [-], our choice: those that two results of a
 campaign share are asked for within some dozen others. Each hit brings ten, which stay so long."""
 REMEMBERED_ENSEMBLES = 64
 """The same of ensembles [-], which are larger: each hit brings two."""
-NEGLIGIBLE_SHARE = 1e-9
-"""Share of the variance below which an input is left out of the budget [-], our choice: its
-contribution would be less than the rounding of the last digit that anyone prints."""
-SINGULAR_PART = 1e-14
-"""Part of the largest variance below which a combination of parameters does not scatter [-], our
-choice: rounding."""
 
 
 @cache
@@ -120,7 +112,8 @@ def make_ensemble(
     scale = np.sqrt(np.clip(np.diag(matrix), 0.0, None))
     divisor = np.where(scale > 0.0, scale, 1.0)
     values, vectors = np.linalg.eigh(matrix / np.outer(divisor, divisor))
-    kept = values > SINGULAR_PART * max(len(estimates), 1)
+    # Smaller variances are rounding.
+    kept = values > 1e-14 * max(len(estimates), 1)
     factors = scale[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept])
     errors = _make_errors(source, int(kept.sum()), degrees_of_freedom, factors.tobytes(), owner)
     numbers = []
@@ -183,7 +176,8 @@ def make_quantity(
         return Quantity(value, 0.0, 0.0, math.inf, (), notes)
     standard = math.sqrt(total)
     freedom = _compute_effective_freedom(variances, total)
-    factor = float(load_gtc().reporting.k_factor(freedom, COVERAGE_PERCENT))
+    # 95 % is the usual coverage probability (GUM 6.3).
+    factor = float(load_gtc().reporting.k_factor(freedom, 95.0))
     return Quantity(value, standard, factor * standard, freedom, _make_budget(variances), notes)
 
 
@@ -199,11 +193,8 @@ def _compute_effective_freedom(variances: dict[str, float], total: float) -> flo
 
 def _make_budget(variances: dict[str, float]) -> tuple[BudgetLine, ...]:
     largest = max(variances.values())
-    kept = {
-        label: variance
-        for label, variance in variances.items()
-        if variance > NEGLIGIBLE_SHARE * largest
-    }
+    # Less is the rounding of the last digit that anyone prints.
+    kept = {label: variance for label, variance in variances.items() if variance > 1e-9 * largest}
     total = math.fsum(kept.values())
     lines = []
     for label, variance in sorted(kept.items(), key=lambda item: (-item[1], item[0])):
@@ -383,9 +374,6 @@ ONE_HIT = (
 )
 PULSE_SHAPE = "shape of the pulse"
 """Source of what another shape than the paper's makes of tau_p."""
-LARGEST_STEP = 0.1
-"""Quantisation error of the second peak, part of it, up to which its logarithm is taken as linear
-[-], our choice: without noise to smooth the converter's steps, a peak of three counts."""
 
 
 @dataclass(frozen=True)
@@ -546,7 +534,8 @@ def _make_decrement_errors(
 ) -> tuple[UncertainNumber, str]:
     """Return what is wrong with Delta in all hits alike [-], and why that is not known."""
     step, reason = compute_quantisation_error(quality.resolution, quality.dither), ""
-    if step > LARGEST_STEP * peaks.second_peak:
+    # Beyond a tenth, as of a peak of three counts, the logarithm is not linear any more.
+    if step > 0.1 * peaks.second_peak:
         reason = (
             "uncertainty of zeta and c: not determined, since the second peak is"
             f" {peaks.second_peak / quality.resolution:.2g} counts high and no noise smooths the"
