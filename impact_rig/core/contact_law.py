@@ -8,7 +8,11 @@ import numpy as np
 
 from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.hits import MeanHit
-from impact_rig.core.identification import compute_noise_correlation, compute_raw_noise
+from impact_rig.core.identification import (
+    compute_noise_correlation,
+    compute_raw_noise,
+    find_largest_residual,
+)
 from impact_rig.core.law_pulses import LIMITS as TABLES
 from impact_rig.core.law_pulses import LOSSES, LossForm, compute_pulses
 from impact_rig.core.momenta import (
@@ -61,7 +65,6 @@ class Limits:
     finest: float = 1.0 / 64.0  # [w50] over which the force is averaged
     margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
     points: float = 6.0  # [-] in w50: a dozen in the contact for six parameters
-    residual: float = 5e-4  # [-] of the peak: what hits that differ by 2 % in speed leave at most
     versed_residual: float = 0.003  # [-] what a versed-sine leaves of a Hertz contact is 0.006
     correlation: float = 0.95  # [-] of n and B: fixing one makes the other thrice as certain
 
@@ -243,6 +246,7 @@ class ContactLaw(Comparable):
         default=(), compare=False, repr=False, metadata=INTERNAL
     )
     warnings: tuple[str, ...] = field(default=(), metadata=INTERNAL)
+    separation: float = field(default=0.0, metadata=INTERNAL)  # from the pulse's middle [s]
     excludes_versed_sine: bool = field(default=False, metadata=INTERNAL)  # the data allow none
 
     @property
@@ -329,8 +333,7 @@ def estimate_contact_law(
     )
     is_worse, excludes_versed_sine = _compare_with_versed_sine(fit, window, white, noise)
     changes = _change_sensor(mean, pulse, (form, fit), sensors[0], seen[:2])
-    # Three times the noise is no noise.
-    largest = max(LIMITS.residual, 3.0 * noise)
+    largest = find_largest_residual(noise)
     largest += 2.0 * max((fit.find_rest(change) for _, change in changes), default=0.0)
     reason = _find_misfit(form, fit, largest, is_worse=is_worse)
     if reason is not None:
@@ -378,6 +381,7 @@ def estimate_contact_law(
         loss=float(fit.parameters[LOSS]),
         correlation=told,
         own_covariances=own,
+        separation=(touch - pulse.middle) / mean.sampling_rate + quantities["duration"].value,
         notes=_list_notes(told, exponent, masses) + _describe_rest(fits, noise),
         warnings=check_momenta(ratio) + check_hit_momenta(restored, contact) + without.warnings,
         excludes_versed_sine=excludes_versed_sine,

@@ -175,10 +175,8 @@ FITTED = 5
 MINIMUM_POINTS = 4 * FITTED
 """Fewest points of a tail [-], our choice."""
 MINIMUM_PERIODS = 1.0
-"""Shortest tail, in periods of the oscillation found [-], our choice: in less, offset, damping
-and frequency stand in for each other."""
-LARGEST_DAMPING_RATIO = 0.9
-"""Above it the second half-wave is below 0.2 % of the first [-], our choice: critical."""
+"""That stand out of the noise, in the tail [-], our choice: in less, offset, damping and frequency
+stand in for each other, and damping is critical or nearly so."""
 LARGEST_RELATIVE_UNCERTAINTY = 0.25
 """Of the damping ratio, standard [-], our choice: beyond it the 95 % interval is wider than the
 value."""
@@ -194,9 +192,6 @@ SMALLEST_R_SQUARED = 0.99
 MISFIT_BAND = 2.0
 """What a wrong model leaves lies near the oscillation: it is measured up to so many times
 its frequency [-], our choice."""
-DECAYED = 3.0
-"""a times the tail's length beyond which a tail without one whole period counts as over-critical
-rather than as too short [-], our choice: 5 % is left."""
 
 
 @dataclass(frozen=True)
@@ -234,7 +229,7 @@ class FreeDecay:
 
 
 def estimate_free_decay(
-    mean: MeanHit, channel: int, contact_time: float, cutoff_frequency: float
+    mean: MeanHit, channel: int, contact_end: float, cutoff_frequency: float
 ) -> FreeDecay:
     """Fit a damped oscillation to the tail of one channel.
 
@@ -242,8 +237,8 @@ def estimate_free_decay(
     ----------
     channel : int
         0: hammer, 1: sample.
-    contact_time : float
-        tau_p [s]: the tail starts behind it.
+    contact_end : float
+        When the bodies have parted, from the middle of the hammer's pulse [s].
     cutoff_frequency : float
         Of the low-pass that the traces went through [Hz]; 0: none.
 
@@ -257,11 +252,11 @@ def estimate_free_decay(
         If the tail is too short, in the noise, not a decaying oscillation, or too near critical
         damping; the sentence says which.
     """
-    check_positive("contact time", contact_time, "s")
+    check_positive("end of the contact", contact_end, "s")
     check_not_negative("cutoff frequency", cutoff_frequency, "Hz")
     if channel >= mean.traces.shape[0]:
         raise NotDeterminedError("free decay: this channel was not measured")
-    tail = _find_tail(mean, contact_time, cutoff_frequency)
+    tail = _find_tail(mean, contact_end, cutoff_frequency)
     measured = mean.traces[channel, tail]
     rate = mean.sampling_rate / tail.step
     spread = float(measured.std())
@@ -281,18 +276,21 @@ def estimate_free_decay(
     covariance = np.asarray(white**2 * np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64)
     r_squared = 1.0 - float(np.sum(fit.residual**2)) / (measured.size * spread**2)
     _check_signal(fit.oscillation, white)
-    _check_decay(solution, covariance, measured.size)
+    duration = (measured.size - 1) / rate
+    decay, frequency = (float(value) * rate for value in solution)
+    if decay <= 0.0:
+        raise NotDeterminedError("free decay: the tail after the contact does not decay")
+    # Periods count while the envelope exceeds two standard deviations of the noise.
+    floor = 2.0 * max(noise, np.finfo(float).eps * fit.amplitude)
+    lasting = math.log(max(fit.amplitude / floor, 1.0)) / decay
+    periods = min(lasting, duration) * frequency / (2.0 * math.pi)
+    _check_decay(solution, covariance, periods)
     if excess > 2.0 * MISFIT and r_squared < SMALLEST_R_SQUARED:
         raise NotDeterminedError(
             f"free decay: one damped oscillation explains only {100.0 * r_squared:.0f} % of the"
             f" tail; it must explain {100.0 * SMALLEST_R_SQUARED:.0f} %"
         )
     hits = np.stack([hit[channel, tail] for hit in mean.cut_hits()])
-    duration = (measured.size - 1) / rate
-    decay, frequency = (float(value) * rate for value in solution)
-    # Periods count while the envelope exceeds two standard deviations of the noise.
-    floor = 2.0 * max(noise, np.finfo(float).eps * fit.amplitude)
-    lasting = math.log(max(fit.amplitude / floor, 1.0)) / decay
     return FreeDecay(
         decay_rate=decay,
         angular_frequency=frequency,
@@ -300,11 +298,11 @@ def estimate_free_decay(
         hit_values=rate * (solution - hits @ np.linalg.pinv(jacobian).T),
         r_squared=r_squared,
         residual_over_noise=excess,
-        periods=min(lasting, duration) * frequency / (2.0 * math.pi),
+        periods=periods,
     )
 
 
-def _find_tail(mean: MeanHit, contact_time: float, cutoff_frequency: float) -> slice:
+def _find_tail(mean: MeanHit, contact_end: float, cutoff_frequency: float) -> slice:
     rate = mean.sampling_rate
     guard, step = 0, 1
     if cutoff_frequency > 0.0:
@@ -312,8 +310,7 @@ def _find_tail(mean: MeanHit, contact_time: float, cutoff_frequency: float) -> s
         guard = math.ceil(1.0 / cutoff_frequency * rate)
         # What folds back into the pass band has been damped to a hundredth and less.
         step = max(1, int(rate / (5.0 * cutoff_frequency)))
-    # A pulse that falls half as long again as it rises ends a twentieth later than tau_p says.
-    first = mean.origin + math.ceil(0.55 * contact_time * rate) + guard
+    first = mean.origin + math.ceil(contact_end * rate) + guard
     last = mean.traces.shape[1] - guard
     points = max(0, math.ceil((last - first) / step))
     if points < MINIMUM_POINTS:
@@ -341,25 +338,13 @@ def _check_signal(oscillation: FloatArray, white_noise: float) -> None:
         )
 
 
-def _check_decay(parameters: FloatArray, covariance: FloatArray, points: int) -> None:
+def _check_decay(parameters: FloatArray, covariance: FloatArray, periods: float) -> None:
     decay, frequency = (float(value) for value in parameters)
-    periods = points * frequency / (2.0 * math.pi)
     ratio = decay / math.hypot(decay, frequency)
-    if periods < MINIMUM_PERIODS and decay * points < DECAYED:
+    if periods < MINIMUM_PERIODS:
         raise NotDeterminedError(
-            f"free decay: a tail of {periods:.2g} periods is too short for a damping ratio; it"
-            f" needs {MINIMUM_PERIODS:g}: record longer"
-        )
-    if decay <= 0.0:
-        raise NotDeterminedError("free decay: the tail after the contact does not decay")
-    if (
-        ratio > LARGEST_DAMPING_RATIO
-        or periods < MINIMUM_PERIODS
-        or frequency < 3.0 * math.sqrt(covariance[1, 1])
-    ):
-        raise NotDeterminedError(
-            f"free decay: damping is critical or nearly so (ratio {ratio:.2f}), and the tail does"
-            " not tell stiffness and damping apart"
+            f"free decay: {periods:.2g} periods of the tail, of damping ratio {ratio:.2f}, stand"
+            f" out of the noise; it needs {MINIMUM_PERIODS:g}"
         )
     # Of the damping ratio a over the root of a^2 + omega^2, in a and omega.
     slope = np.array([frequency**2, -decay * frequency]) / math.hypot(decay, frequency) ** 3

@@ -87,7 +87,8 @@ def estimate_damping_ratio(log_decrement: Number) -> Number:
     oscillator. Of a float or an uncertain number.
     """
     check_positive("log decrement", get_value(log_decrement), "")
-    return log_decrement / (4.0 * math.pi**2 + log_decrement * log_decrement) ** 0.5
+    ratio: Number = log_decrement / (4.0 * math.pi**2 + log_decrement * log_decrement) ** 0.5
+    return ratio
 
 
 def estimate_damping_coefficient(damping_ratio: Number, stiffness: Number, mass: Number) -> Number:
@@ -98,7 +99,8 @@ def estimate_damping_coefficient(damping_ratio: Number, stiffness: Number, mass:
     check_not_negative("damping ratio", get_value(damping_ratio), "")
     check_positive("stiffness", get_value(stiffness), "N/m")
     check_positive("mass", get_value(mass), "kg")
-    return 2.0 * damping_ratio * (stiffness * mass) ** 0.5
+    coefficient: Number = 2.0 * damping_ratio * (stiffness * mass) ** 0.5
+    return coefficient
 
 
 def estimate_damping_ratio_from_coefficient(
@@ -111,4 +113,5 @@ def estimate_damping_ratio_from_coefficient(
     check_not_negative("damping coefficient", get_value(damping_coefficient), "N s/m")
     check_positive("stiffness", get_value(stiffness), "N/m")
     check_positive("mass", get_value(mass), "kg")
-    return damping_coefficient / (2.0 * (stiffness * mass) ** 0.5)
+    ratio: Number = damping_coefficient / (2.0 * (stiffness * mass) ** 0.5)
+    return ratio

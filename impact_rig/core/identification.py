@@ -17,6 +17,7 @@ from impact_rig.core.pulses import VERSED_SINE
 from impact_rig.core.records import FloatArray, make_read_only
 from impact_rig.core.sensors import FLAT, SensorResponse
 from impact_rig.core.setup import RigSetup
+from impact_rig.core.verdict import CHANNELS
 
 MODEL_PARAMETERS = ("tau_p", "t0", "k2", "c2", "F0")
 OFFSETS = ("hammer offset", "sample offset")
@@ -40,16 +41,14 @@ LIMITS = Limits()
 LARGEST_RELATIVE_UNCERTAINTY = 0.5
 """Standard uncertainty over the value above which a parameter is not determined [-], our choice:
 beyond it the 95 % interval reaches zero."""
-LARGEST_RESIDUAL = 0.05
-"""RMS residual over the peak above which the model does not describe a trace [-], our choice: over
-a record of ten contacts it means some 15 % during the contact."""
-GOOD_CHI_SQUARE = 2.0
-"""Reduced chi-square below which a residual counts as noise [-], our choice: noise alone does not
-reach it."""
-NO_MODEL = (
-    "identification: not determined, since the two-body model does not describe both traces; it"
-    f" must leave {100.0 * LARGEST_RESIDUAL:g} % of the peak or less"
-)
+
+
+def find_largest_residual(noise: float) -> float:
+    """Return the RMS that a model may leave of a trace that it describes, both over the peak [-].
+
+    Three times the noise, or what hits that differ by 2 % in speed leave at most.
+    """
+    return max(5e-4, 3.0 * noise)
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,6 @@ class Identification:
     # Bayesian information criterion [-]: the sum of N ln(mean square over peak^2) over both traces
     # and p ln(2 N), of N independent points.
     criterion: float
-    notes: tuple[str, ...] = ()
 
     def find(self, name: str) -> float:
         """Return the value of one parameter [its SI unit]."""
@@ -234,19 +232,13 @@ class FitProblem:
         """Return rows of both traces over the noise and joined: (..., 2, m) to (..., 2 m)."""
         return (rows / self.noise[:, np.newaxis]).reshape(*rows.shape[:-2], -1)
 
-    def compute_residual_rms(self, values: FloatArray) -> FloatArray:
-        """Return what the model leaves of both traces over their peaks [-], shape (2,)."""
-        traces, _ = self.evaluate(values, self.points)
-        squares = np.mean((self.traces[:, self.points] - traces) ** 2, axis=1)
-        return np.asarray(np.sqrt(squares) / self.peaks)
-
     def solve(self, start: FloatArray, tolerance: float) -> FloatArray:
         """Return the parameters with the least sum of squares next to `start`.
 
         Raises
         ------
         NotDeterminedError
-            If the search does not end, or the model does not come near the traces.
+            If the search does not end.
         """
         scales, low, high = self.find_bounds(start)
 
@@ -268,10 +260,9 @@ class FitProblem:
             gtol=1e-12,
             max_nfev=60,
         )
-        values = np.asarray(found.x * scales)
-        if found.status <= 0 or np.any(self.compute_residual_rms(values) > LARGEST_RESIDUAL):
-            raise NotDeterminedError(NO_MODEL)
-        return values
+        if found.status <= 0:
+            raise NotDeterminedError("identification: not determined, since no search ends")
+        return np.asarray(found.x * scales)
 
     def find_bounds(self, start: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the size of each parameter, and between which values it is looked for."""
@@ -396,6 +387,14 @@ def _report(problem: FitProblem, values: FloatArray, mean: MeanHit) -> Identific
     rms = np.sqrt(np.mean(residual**2, axis=1))
     variance = compute_noise_correlation(problem.cutoff_frequency, problem.sampling_rate)
     filtered_noise = noise * math.sqrt(variance[variance.size // 2])
+    left = rms / problem.peaks
+    for name, part, level in zip(CHANNELS, left, filtered_noise / problem.peaks, strict=True):
+        if part > (largest := find_largest_residual(float(level))):
+            raise NotDeterminedError(
+                "identification: not determined, since the two-body model does not describe both"
+                f" traces: it leaves {100.0 * part:.2g} % of the {name}'s peak, where"
+                f" {100.0 * largest:.2g} % would be noise"
+            )
     independent = points.stop - points.start
     if problem.cutoff_frequency:
         independent *= min(2.0 * problem.cutoff_frequency / problem.sampling_rate, 1.0)
@@ -403,7 +402,6 @@ def _report(problem: FitProblem, values: FloatArray, mean: MeanHit) -> Identific
     squares = (rms / filtered_noise) ** 2 * total / max(total - len(NAMES), 1.0)
     factors = np.sqrt(np.maximum(squares, 1.0))
     covariance = problem.compute_covariance(jacobian, factors)
-    left = rms / problem.peaks
     # One Gauss-Newton step from the mean's solution to every hit.
     joined = jacobian.reshape(len(NAMES), -1).T
     lengths = np.linalg.norm(joined, axis=0)
@@ -418,15 +416,4 @@ def _report(problem: FitProblem, values: FloatArray, mean: MeanHit) -> Identific
         residual_percent=(100.0 * float(left[0]), 100.0 * float(left[1])),
         chi_square=float(np.mean(squares)),
         criterion=independent * float(by_peak.sum()) + len(NAMES) * math.log(total),
-        notes=_explain_covariance(left, factors),
-    )
-
-
-def _explain_covariance(left: FloatArray, factors: FloatArray) -> tuple[str, ...]:
-    """Say which traces the covariance was scaled up for, noticeably."""
-    return tuple(
-        f"the driven model leaves {100.0 * part:.2g} % of the {trace}'s peak,"
-        f" {factor:.2g} times its noise: the covariance is scaled up by the square of that"
-        for trace, part, factor in zip(("hammer", "sample"), left, factors, strict=True)
-        if factor**2 > GOOD_CHI_SQUARE
     )

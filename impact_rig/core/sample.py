@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -132,7 +133,7 @@ class FittedModel(Comparable):
 
 
 def _estimate_decay(
-    mean: MeanHit, setup: RigSetup, sample: str, contact_time: float
+    mean: MeanHit, setup: RigSetup, sample: str, contact_end: float
 ) -> FreeDecayEstimate:
     """Estimate stiffness and damping of a sample from the decay after the contact.
 
@@ -142,7 +143,7 @@ def _estimate_decay(
         If the tail does not show the sample's oscillation.
     """
     cutoff = setup.analysis.cutoff_frequency
-    decay = estimate_free_decay(mean, 1, contact_time, cutoff)
+    decay = estimate_free_decay(mean, 1, contact_end, cutoff)
     if ringing := explain_ringing(decay.frequency, setup):
         raise NotDeterminedError(f"free decay: {ringing}")
     body = propagate_fit(
@@ -173,7 +174,7 @@ def fit_model(mean: MeanHit, setup: RigSetup, sample: str) -> FittedModel:
     """
     found = identify_model(mean, setup, sample)
     columns = [NAMES.index(name) for name in ("tau_p", "k2", "c2")]
-    body = propagate_fit(
+    body: dict[str, Any] = propagate_fit(
         f"scatter of the hits on {sample}",
         found.hit_values[:, columns],
         find_identified_body,
@@ -209,7 +210,6 @@ def fit_model(mean: MeanHit, setup: RigSetup, sample: str) -> FittedModel:
         undetermined=tuple(
             f"{name}: not determined by these traces" for name in found.undetermined
         ),
-        notes=found.notes,
         identification=found,
     )
 
@@ -238,13 +238,14 @@ def estimate_traces(name: str, mean: MeanHit, setup: RigSetup) -> TraceEstimates
         If the hammer's mean trace has no whole pulse.
     """
     width = measure_pulse(mean.traces[0]).half_amplitude_width / mean.sampling_rate
-    contact_time = setup.analysis.pulse_factor * width
     pulse = look_at_pulse(mean, setup, name)
+    # A pulse that falls half as long again as it rises ends a twentieth later than tau_p says.
+    contact_end = max(0.55 * setup.analysis.pulse_factor * width, pulse.law.separation)
     notes = pulse.notes + (() if pulse.law.is_known else pulse.law.notes)
     decay = NO_DECAY
     if mean.traces.shape[0] > 1:
         try:
-            decay = _estimate_decay(mean, setup, name, contact_time)
+            decay = _estimate_decay(mean, setup, name, contact_end)
         except RigError as error:
             notes = (*notes, str(error))
     return TraceEstimates(pulse, decay, tuple(dict.fromkeys(notes)))

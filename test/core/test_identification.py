@@ -89,11 +89,6 @@ def check_found(
         assert found.find(name) == pytest.approx(truth[name], rel=rel), name
 
 
-def standard(found: Identification, name: str) -> float:
-    index = NAMES.index(name)
-    return float(np.sqrt(found.covariance[index, index]))
-
-
 def test_traces_of_an_integrator_give_the_integrated_parameters():
     # An oracle that has nothing of the closed form.
     tau, mass, k, c, force = 200e-6, 0.17, 45e6, 1500.0, 90.0
@@ -181,14 +176,13 @@ def test_each_hit_gets_its_own_values():
     np.testing.assert_allclose(found.hit_values.mean(axis=0)[:6], found.values[:6], rtol=1e-6)
 
 
-def test_what_the_model_does_not_describe_enlarges_the_covariance():
+def test_what_the_model_does_not_describe_has_no_parameters():
     mean = strike_mean(find_truth(SAMPLE), 1e-3, 4)
     time = np.arange(mean.traces.shape[1]) / RATE
     ringing = 30.0 * np.sin(2 * np.pi * 25e3 * time)
     disturbed = replace(mean, traces=mean.traces + np.stack([np.zeros_like(ringing), ringing]))
-    clean, found = (identify_model(item, PAPER_SETUP, SAMPLE) for item in (mean, disturbed))
-    assert standard(found, "k2") > 5 * standard(clean, "k2")
-    assert any("the sample's peak" in note and "scaled up" in note for note in found.notes)
+    with pytest.raises(NotDeterminedError, match=r"it leaves .* % of the sample's peak, where"):
+        identify_model(disturbed, PAPER_SETUP, SAMPLE)
 
 
 def test_traces_that_say_nothing_are_named():
@@ -237,5 +231,5 @@ def test_through_sensors_that_are_described_the_model_is_found_as_without():
     mean = average_hits([judged.filtered])
     found = identify_model(mean, replace(PAPER_SETUP, sensors=sensors), SAMPLE)
     check_found(found, model, 2e-3)
-    blind = identify_model(mean, PAPER_SETUP, SAMPLE)
-    assert found.residual_percent[1] < blind.residual_percent[1] / 5.0
+    with pytest.raises(NotDeterminedError, match="does not describe both traces"):
+        identify_model(mean, PAPER_SETUP, SAMPLE)

@@ -147,9 +147,13 @@ def test_a_channel_that_is_late_is_named(late):
 
 def test_what_is_not_determined_has_no_number():
     (estimate,) = judge(repeat(SOUND))[0].estimate_all().samples
-    # Bodies that no spring holds: the model describes the traces, and says nothing of k2.
-    (model,) = [item for item in estimate.identifications if item.model == "driven"]
-    assert "k2: not determined by these traces" in model.undetermined
-    assert not model.stiffness.is_known
-    assert not model.damping_ratio.is_known
-    assert np.isnan(model.values[model.parameters.index("k2")])
+    # Bodies that no spring holds, and a pulse that is no versed-sine.
+    assert estimate.identifications == ()
+    assert not estimate.free_decay.is_known
+    assert any("the two-body model does not describe both" in note for note in estimate.notes)
+
+
+@pytest.mark.parametrize("restitution", [0.6, 0.5])
+def test_the_foot_of_a_contact_is_no_free_decay(restitution):
+    session = judge(repeat(replace(SOUND, restitution=restitution), 10))[0]
+    assert not session.estimate_sample("struck").free_decay.is_known
