@@ -30,4 +30,4 @@ def test_rejections_come_by_record_with_reasons_and_injected_faults():
 
 def test_traces_stay_in_the_core(results):
     assert all(sample.comparisons == () for sample in results.samples)
-    assert results.hammer.stiffness_number is None
+    assert results.hammer.known_stiffness is None
