@@ -8,7 +8,7 @@ from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import IMPORTED, SIMULATED, Origin
+from impact_rig.core.records import SIMULATED, Origin
 from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
@@ -150,9 +150,3 @@ def test_a_plant_without_damping_lacks_nothing():
     hit = HitResults("tin", 1, 1, 1, accepted=True, origin=origin)
     assert not select_attention(gather(sample, hits=(hit,)))
     assert select_attention(gather(sample))
-
-
-def test_of_many_files_the_first_is_named():
-    origins = [Origin(IMPORTED, "npy file", f"lab/{name}.npy") for name in "abc"]
-    told = describe_origin(origins)
-    assert told == "Origin: imported (npy file) of 3 files: a.npy and 2 more."

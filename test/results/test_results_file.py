@@ -115,7 +115,6 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
             "three",
             "impacts_accepted is .three.: it must be a whole",
         ),
-        (("samples", 0, "impacts_rejected"), -1, "is -1: it must be a whole number, 0 or more"),
         (("samples", 0, "contact_time_u_s"), -1e-9, "u_s is -1e-09: an uncertainty must not be"),
         (("format", "version"), 7, "version 7; this program reads version 8"),
         (("format", "name"), "a cake recipe", "is not a results file"),
@@ -150,12 +149,11 @@ def test_other_text_is_refused(tmp_path, text):
         ('"record": 5', f'"record": {"9" * 5000}', "is not JSON"),
         ('"record": 5', f'"record": {"[" * 100_000}', "nested too deep"),
         ('"record": 5', '"record": NaN', "NaN is no number"),
-        ('"record": 5', '"record": -Infinity', "-Infinity is no number"),
         ('"record": 5', '"record": 1e999', "1e999 is beyond double precision"),
         ('"record": 5', '"record": 5, "record": 6', "the key 'record' is there twice"),
         ('"k2: unknown"', '"k\\ud800"', "holds half a letter"),
     ],
-    ids=["digits", "more digits", "deep", "NaN", "infinity", "overflow", "twice", "half a letter"],
+    ids=["digits", "more digits", "deep", "NaN", "overflow", "twice", "half a letter"],
 )
 def test_what_no_number_text_or_nesting_can_be_is_refused(tmp_path, found, written, told):
     path = tmp_path / "results.json"

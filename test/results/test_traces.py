@@ -1,6 +1,5 @@
 """Traces of a record, of a sample and of a contact law, where the estimates say that they are."""
 
-import math
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -9,7 +8,6 @@ import pytest
 
 from impact_rig.core.contact_law import NO_LAW
 from impact_rig.core.hits import JudgedHit
-from impact_rig.core.quantity import UNKNOWN
 from impact_rig.core.records import Block, ChannelBlock, HitLabel
 from impact_rig.core.session import Session
 from impact_rig.core.setup import PAPER_SETUP
@@ -104,13 +102,6 @@ def test_a_hit_lies_in_its_sample_s_time():
     inside = aligned.time[hammer >= hammer.max() / 2.0]
     assert (inside[0] + inside[-1]) / 2.0 == pytest.approx(0.0, abs=1.0 / aligned.sampling_rate)
     assert hammer.max() == pytest.approx(hit.hammer_peak, rel=1e-3)
-
-
-def test_what_has_no_contact_has_no_traces():
-    session, _ = strike(Plant.PUBLISHED)
-    estimate, mean = session.estimate_sample(CONTROL), session.compute_mean(CONTROL)
-    assert sample_traces_from_estimate(replace(estimate, contact_time=UNKNOWN), mean) is None
-    assert math.isfinite(estimate.first_peak_time)
 
 
 RATE = 2.5e6

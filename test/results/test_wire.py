@@ -11,7 +11,7 @@ from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
-from impact_rig.results.wire import WireError, from_json, to_json, to_row
+from impact_rig.results.wire import WireError, from_json, to_json
 
 STIFFNESS = Quantity(3e6, 4e4, 9e4, budget=(BudgetLine("mass", "B", 4e4, 1.0),))
 ESTIMATE = SampleEstimate(
@@ -31,21 +31,7 @@ SETUP = replace(
     hammer_mass_uncertainty=3e-4,
     analysis=AnalysisSettings(cutoff_frequency=7e4, keep_hits=12),
     sensors=(
-        Sensor(
-            "hammer",
-            "force",
-            "N",
-            2.25e-3,
-            2200.0,
-            "SN 7",
-            "2026-03-01",
-            0.01,
-            7e4,
-            2e3,
-            0.03,
-            0.5,
-            0.1,
-        ),
+        Sensor("hammer", "force", "N", 2.25e-3, 2200.0, "SN 7", "2026-03-01", 0.01, resonance=7e4),
     ),
 )
 
@@ -73,12 +59,3 @@ def test_a_set_up_that_cannot_be_meant_is_refused_with_its_place():
     content = {**to_json(SETUP), "samples": []}
     with pytest.raises(WireError, match="setup: the sample set is empty"):
         from_json(RigSetup, content, "setup")
-
-
-def test_a_row_has_numbers_and_texts_and_leaves_empty_what_is_not_determined():
-    row = to_row(ESTIMATE, "x_")
-    assert (row["x_name"], row["x_impacts_accepted"]) == ("tin", "3")
-    assert (row["x_stiffness_n_per_m"], row["x_contact_time_u_s"]) == ("3000000.0", "")
-    assert row["x_notes"] == "one; two"
-    assert "x_budget" not in row
-    assert "x_free_decay" not in row
