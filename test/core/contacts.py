@@ -7,6 +7,7 @@ by DOP853 from first touch to separation.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ from scipy.optimize import brentq
 FloatArray = NDArray[np.float64]
 Force = Callable[[float, float], float]
 """Of indentation and its rate, in units of the speed and of T."""
+Slope = Callable[[float, FloatArray], Any]
+"""Of time and state."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,19 @@ class Motion:
     """Acceleration of what was struck, where it is no free body."""
 
 
+def _follow(slope: Slope, is_over: Slope) -> Any:
+    """Integrate to where a number falls to zero."""
+
+    def part(time: float, state: FloatArray) -> float:
+        return float(is_over(time, state))
+
+    part.terminal, part.direction = True, -1  # type: ignore[attr-defined]
+    return solve_ivp(
+        slope, (0.0, 60.0), (0.0, 1.0), method="DOP853", rtol=1e-10, atol=1e-12,
+        events=part, dense_output=True, max_step=0.02,
+    )  # fmt: skip
+
+
 def integrate(force: Force, *, sticks: bool = False) -> Motion:
     """Integrate x'' = -F(x, x') until the bodies part; those that stick part in tension."""
 
@@ -38,18 +54,7 @@ def integrate(force: Force, *, sticks: bool = False) -> Motion:
             return 1.0
         return float(state[0] if sticks else force(state[0], state[1]))
 
-    part.terminal, part.direction = True, -1  # type: ignore[attr-defined]
-    found = solve_ivp(
-        lambda _time, x: (x[1], -force(x[0], x[1])),
-        (0.0, 60.0),
-        (0.0, 1.0),
-        method="DOP853",
-        rtol=1e-10,
-        atol=1e-12,
-        events=part,
-        dense_output=True,
-        max_step=0.02,
-    )
+    found = _follow(lambda _time, x: (x[1], -force(x[0], x[1])), part)
     time = np.linspace(0.0, found.t[-1], 4001)
     pressed = np.array([force(*state) for state in found.sol(time).T])
     return Motion(time, pressed, -float(found.y[1, -1]))
@@ -116,20 +121,14 @@ def strike_plate(restitution: float) -> Motion:
     """Strike a large plate by Hertz: it yields at the speed F / Z, and its waves do not return."""
 
     def collide(loss: float) -> Motion:
-        # x: indentation, y: the hammer's speed.
-        def part(_time: float, state: FloatArray) -> float:
-            return 1.0 if state[1] > 0.9 else float(state[0])
-
-        part.terminal, part.direction = True, -1  # type: ignore[attr-defined]
-
         def press(x: float) -> float:
             return float(max(x, 0.0) ** 1.5)
 
-        found = solve_ivp(
+        # Of indentation and the hammer's speed.
+        found = _follow(
             lambda _time, s: (s[1] - loss * press(s[0]), -press(s[0])),
-            (0.0, 60.0), (0.0, 1.0), method="DOP853", rtol=1e-10, atol=1e-12,
-            events=part, dense_output=True, max_step=0.02,
-        )  # fmt: skip
+            lambda _time, s: 1.0 if s[1] > 0.9 else s[0],
+        )
         time = np.linspace(0.0, found.t[-1], 4001)
         force = np.maximum(found.sol(time)[0], 0.0) ** 1.5
         speed = float(found.y[1, -1])

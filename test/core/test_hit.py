@@ -1,4 +1,4 @@
-"""From raw record to verdict: what is measured of a hit, and what never reaches measuring."""
+"""From raw record to verdict: the low-pass, what is measured of a hit, and a person's word."""
 
 from pathlib import Path
 from typing import Any, ClassVar
@@ -7,12 +7,23 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import butter, sosfiltfilt
 
 from impact_rig.core.detection import find_pulse_start
-from impact_rig.core.hits import judge_hit
-from impact_rig.core.records import Block, ChannelBlock
+from impact_rig.core.errors import ParameterError, SignalError
+from impact_rig.core.filtering import check_cutoff, low_pass
+from impact_rig.core.hits import (
+    FilteredHit,
+    JudgedHit,
+    Overrules,
+    describe_overruled,
+    find_label,
+    judge_hit,
+    overrule_hit,
+)
+from impact_rig.core.records import Block, ChannelBlock, HitLabel
 from impact_rig.core.setup import AnalysisSettings
-from impact_rig.core.verdict import Reason
+from impact_rig.core.verdict import Finding, Reason
 
 from .blocks import make_record
 
@@ -174,3 +185,119 @@ class TestRealHits:
         assert hit.hammer_peak == pytest.approx(table.max() - table[-20:].mean(), rel=1e-9)
         # The zero before the impact lies between that and the foot, 2.3 % of the peak above it.
         assert hit.filtered.zero_uncertainty[0] > 0.006 * hit.hammer_peak
+
+
+RATE = 2.5e6
+CUTOFF = 50e3
+
+
+def find_response(frequency: float) -> complex:
+    """Return the gain at a frequency, from the answer to an impulse amid a long record."""
+    impulse = np.zeros(20001)
+    impulse[10000] = 1.0
+    answer = low_pass(impulse, CUTOFF, RATE)
+    time = (np.arange(20001) - 10000) / RATE
+    return complex(np.sum(answer * np.exp(-2j * np.pi * frequency * time)))
+
+
+def test_gain_at_the_cutoff_is_minus_3_db():
+    # Both passes together; the bilinear transform bends 50 kHz of 2.5 MHz by less than 0.5 %.
+    assert abs(find_response(CUTOFF)) == pytest.approx(np.sqrt(0.5), rel=5e-3)
+
+
+@given(count=st.integers(16, 1200), channels=st.integers(1, 3), seed=st.integers(0, 100))
+def test_is_what_scipy_makes_of_the_same_filter_and_padding(count, channels, seed):
+    traces = np.random.default_rng(seed).standard_normal((channels, count))
+    one_pass = CUTOFF / (np.sqrt(2) - 1) ** 0.25
+    sections = butter(2, one_pass, fs=RATE, output="sos")
+    expected = sosfiltfilt(sections, traces, padtype="even", padlen=min(count - 1, 150))
+    np.testing.assert_allclose(low_pass(traces, CUTOFF, RATE), expected, rtol=0, atol=1e-12)
+
+
+def test_a_sampling_rate_that_is_too_low_is_named_with_what_would_do():
+    with pytest.raises(ParameterError) as error:
+        check_cutoff(50e3, 51.2e3)
+    message = str(error.value)
+    assert "sampling rate of 51.2 kHz is too low for the 50 kHz low-pass" in message
+    assert "sample at 125 kHz or more" in message
+    assert "cutoff of 20.48 kHz or less" in message
+    check_cutoff(50e3, 125e3)
+
+
+def test_a_trace_that_is_too_short_is_named():
+    with pytest.raises(SignalError, match=r"a trace of 15 points is too short .* it needs 16"):
+        low_pass(np.zeros(15), CUTOFF, RATE)
+    assert low_pass(np.zeros(16), CUTOFF, RATE).size == 16
+
+
+FIRST = HitLabel("steel small", 17, 3, 1)
+SECOND = HitLabel("steel small", 18, 3, 2)
+OTHER = HitLabel("brass", 3, 1, 1)
+LABELS = (FIRST, SECOND, OTHER)
+WEAK = Finding(Reason.WEAK, "too weak")
+
+
+def make_hit(label: HitLabel, *rejections: Finding, pulse: bool = True) -> JudgedHit:
+    filtered: Any = object.__new__(FilteredHit) if pulse else None
+    return JudgedHit(label, rejections, filtered=filtered)
+
+
+@pytest.mark.parametrize(
+    ("name", "label"),
+    [
+        ("17", FIRST),
+        ("3", OTHER),
+        ("steel small/3.1", FIRST),
+        ("steel small/3.2", SECOND),
+        ("brass/1", OTHER),
+        ("brass/1.1", OTHER),
+    ],
+)
+def test_a_hit_is_called_by_record_or_by_place(name, label):
+    assert find_label(name, LABELS) == label
+
+
+@pytest.mark.parametrize("name", ["19", "steel", "brass/2", "brass/1.2", "", "17.1"])
+def test_an_unknown_hit_is_named(name):
+    with pytest.raises(ParameterError, match=f"there is no hit '{name}'") as error:
+        find_label(name, LABELS)
+    assert "records 3 to 18" in str(error.value)
+
+
+def test_a_place_with_several_attempts_is_not_guessed():
+    with pytest.raises(ParameterError) as error:
+        find_label("steel small/3", LABELS)
+    assert "17 (steel small/3.1), 18 (steel small/3.2)" in str(error.value)
+
+
+def test_a_hit_named_in_both_is_refused():
+    with pytest.raises(ParameterError, match=r"hit 17 \(steel small/3\.1\) is both"):
+        Overrules(frozenset({FIRST}), frozenset({FIRST}))
+
+
+def test_a_hit_rejected_by_hand_keeps_its_other_reasons():
+    hit = overrule_hit(make_hit(FIRST, WEAK), Overrules(rejected=frozenset({FIRST})))
+    assert [str(item) for item in hit.rejections] == [
+        "weak: too weak",
+        "operator: left out by hand",
+    ]
+
+
+def test_a_hit_accepted_by_hand_remembers_what_was_against_it():
+    hit = overrule_hit(make_hit(FIRST, WEAK), Overrules(accepted=frozenset({FIRST})))
+    assert hit.accepted
+    assert describe_overruled(hit, "hit 17") == (
+        "hit 17 accepted by hand, although weak: too weak"
+    )
+
+
+@pytest.mark.parametrize(
+    ("hit", "told"),
+    [
+        (make_hit(FIRST, WEAK, pulse=False), r"no pulse that could be measured \(weak: too weak"),
+        (make_hit(FIRST, Finding(Reason.POLARITY, "")), "a mean of both signs is of neither"),
+    ],
+)
+def test_what_no_mean_can_hold_cannot_be_accepted_by_hand(hit, told):
+    with pytest.raises(ParameterError, match=rf"hit 17 .* cannot be accepted by hand: .*{told}"):
+        overrule_hit(hit, Overrules(accepted=frozenset({FIRST})))

@@ -1,4 +1,4 @@
-"""Contact pulses against their differential equation, quadrature and root finding."""
+"""Contact pulses, of shapes and of laws, against integration and root finding."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
+from impact_rig.core.law_pulses import LossForm, ScaledPulses, compute_pulses
 from impact_rig.core.pulses import (
     HALF_SINE,
     HERTZ,
@@ -14,7 +15,7 @@ from impact_rig.core.pulses import (
     compute_pulse,
 )
 
-from .contacts import strike_body
+from .contacts import integrate, make_viscous, strike_body, strike_plate
 
 every_shape = pytest.mark.parametrize("shape", PULSE_SHAPES, ids=lambda shape: shape.name)
 
@@ -63,3 +64,39 @@ def test_an_asymmetric_pulse_keeps_height_impulse_and_width(shape, duration, asy
     assert width == pytest.approx(duration / shape.pulse_factor, abs=2 * step)
     symmetric = compute_pulse(time, duration, shape)
     assert pulse.sum() == pytest.approx(symmetric.sum(), rel=1e-3)
+
+
+POWERS = {LossForm.ROOT: 0.5, LossForm.FOURTH_ROOT: 0.25, LossForm.DASHPOT: 0.0}
+VISCOUS = [form for form in LossForm if form is not LossForm.PLATE]
+
+
+def compute_one(form: LossForm, exponent: float, loss: float) -> ScaledPulses:
+    return compute_pulses(np.array([exponent]), np.array([loss]), form)
+
+
+@pytest.mark.parametrize("form", VISCOUS)
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0, 3.0])
+@pytest.mark.parametrize("loss", [0.0, 0.1, 0.5])
+def test_a_pulse_is_that_of_the_differential_equation(form, exponent, loss):
+    motion = integrate(make_viscous(exponent, POWERS.get(form, exponent))(loss))
+    pulse = compute_one(form, exponent, loss)
+    if form is not LossForm.PROPORTIONAL and loss:
+        assert pulse.duration[0] == pytest.approx(motion.time[-1], rel=1e-5)
+    assert pulse.restitution[0] == pytest.approx(motion.restitution, abs=1e-6)
+    inside = slice(1, -1)
+    force = pulse.compute_force(motion.time[inside])[0]
+    assert force == pytest.approx(motion.force[inside], abs=1e-5)
+    assert pulse.compute_peak_force()[0] == pytest.approx(motion.force.max(), rel=1e-5)
+
+
+@pytest.mark.parametrize("restitution", [0.9, 0.525])
+def test_a_plate_yields_to_the_force(restitution):
+    motion = strike_plate(restitution)
+    losses = np.linspace(0.01, 0.8, 400)
+    pulses = compute_pulses(np.full(400, 1.5), losses, LossForm.PLATE)
+    loss = float(np.interp(-restitution, -pulses.restitution, losses))
+    pulse = compute_one(LossForm.PLATE, 1.5, loss)
+    assert pulse.duration[0] == pytest.approx(motion.time[-1], rel=1e-4)
+    inside = slice(1, -1)
+    force = pulse.compute_force(motion.time[inside])[0]
+    assert force == pytest.approx(motion.force[inside], abs=1e-4)

@@ -46,9 +46,7 @@ def test_counts_that_would_be_bent_are_refused(counts):
     ("changes", "message"),
     [
         ({"scale": 0.0}, "scale is 0.0 m/s^2 per unit: it must not be zero"),
-        ({"scale": np.nan}, "scale is nan"),
         ({"offset": np.inf}, "offset is inf"),
-        ({"full_scale": -1.0}, "full scale is -1.0 m/s^2"),
     ],
 )
 def test_an_impossible_calibration_is_refused(changes, message):

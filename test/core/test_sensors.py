@@ -1,4 +1,4 @@
-"""Sensors: the age of a calibration, what units stand for, plans that cannot be."""
+"""Sensors: calibrations, units, plans, responses, and what they do to results."""
 
 from dataclasses import replace
 
@@ -6,15 +6,25 @@ import numpy as np
 import pytest
 
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.filtering import respond, restore_level
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.sample import (
+    FreeDecayEstimate,
+    SampleEstimate,
+    check_sensors,
+    explain_ringing,
+    withdraw_shared_ringing,
+)
 from impact_rig.core.sensors import (
     ChannelPlan,
     ChannelUse,
     Sensitivity,
     Sensor,
+    SensorResponse,
     compute_scale,
     normalize_unit,
 )
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.setup import PAPER_SETUP, RigSetup
 
 
 @pytest.mark.parametrize(
@@ -31,16 +41,6 @@ def test_a_calibration_holds_for_a_year(calibrated, today, told):
     warning = Sensor("hammer", calibration_date=calibrated).describe_age(today)
     assert told in warning
     assert bool(told) == bool(warning)
-
-
-def test_each_sensor_is_told_of_with_its_serial_number():
-    sensors = (
-        Sensor("hammer", serial_number="LW1", calibration_date="2020-01-01"),
-        Sensor("specimen", serial_number="LW2", calibration_date="2026-01-01"),
-    )
-    (told,) = replace(PAPER_SETUP, sensors=sensors).list_calibration_warnings("2026-11-21")
-    assert told.startswith("the hammer sensor LW1 was calibrated on 2020-01-01")
-    assert PAPER_SETUP.list_calibration_warnings("2026-11-21") == ()
 
 
 @pytest.mark.parametrize(
@@ -100,3 +100,107 @@ def test_units_that_give_no_acceleration_are_refused(unit, mass, told):
 def test_what_cannot_be_meant_is_refused(make, told):
     with pytest.raises(ParameterError, match=told):
         make()
+
+
+RATE = 1e6
+TIME = np.arange(4000) / RATE
+RAMP = np.clip(TIME * 1e4, 0.0, 1.0)
+
+
+def test_a_resonance_answers_to_a_ramp_as_a_mass_on_a_spring():
+    natural, damping = 2.0 * np.pi * 20e3, 0.1
+    shown = respond(1e4 * TIME, SensorResponse(20e3, damping), RATE)
+    damped = natural * np.sqrt(1.0 - damping**2)
+    # Of x'' + 2 z w x' + w^2 x = w^2 b t from rest.
+    turn = np.exp(-damping * natural * TIME) * (
+        2.0 * damping / natural * np.cos(damped * TIME)
+        - (1.0 - 2.0 * damping**2) / damped * np.sin(damped * TIME)
+    )
+    np.testing.assert_allclose(shown, 1e4 * (TIME - 2.0 * damping / natural + turn), atol=1e-9)
+
+
+def test_a_low_corner_lets_a_level_decay_and_can_be_undone():
+    corner = 300.0
+    shown = respond(np.stack([RAMP, 2.0 * RAMP]), SensorResponse(0.0, 0.02, corner), RATE)
+    level = np.exp(-2.0 * np.pi * corner * (TIME[-1] - TIME[2000]))
+    assert shown[0, -1] == pytest.approx(shown[0, 2000] * level, rel=1e-9)
+    np.testing.assert_allclose(
+        restore_level(shown, corner, RATE), np.stack([RAMP, 2.0 * RAMP]), atol=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("stated", "told"),
+    [
+        ({"resonance": -1.0}, "resonance of the hammer sensor is -1"),
+        ({"resonance_damping": 0.0}, "resonance damping of the hammer sensor is 0.0"),
+        ({"resonance": 10.0, "low_corner": 20.0}, "low corner of the hammer sensor is 20 Hz"),
+        ({"sensitivity_uncertainty": -0.1}, "uncertainty of the sensitivity of the hammer"),
+    ],
+)
+def test_what_no_sensor_does_is_refused(stated, told):
+    with pytest.raises(ParameterError, match=told):
+        Sensor("hammer", **stated)
+
+
+NAMES = ("aluminium small", "steel medium", "brass large")
+
+
+def describe(channel: str, resonance: float) -> RigSetup:
+    return replace(PAPER_SETUP, sensors=(Sensor(channel, resonance=resonance),))
+
+
+def test_a_resonance_near_the_low_pass_is_warned_of():
+    (warning,) = check_sensors(describe("hammer", 70e3), 212e-6)
+    assert "hammer's sensor, 70 kHz, lies near the low-pass of 50 kHz" in warning
+    assert "a low-pass of 35 kHz" in warning
+    assert check_sensors(describe("hammer", 110e3), 212e-6) == ()
+    assert check_sensors(PAPER_SETUP, 212e-6) == ()
+
+
+def test_a_resonance_near_the_spectrum_of_the_contact_is_warned_of():
+    (warning,) = check_sensors(describe("specimen", 110e3), 40e-6)
+    assert "specimen's sensor, 110 kHz, lies near the spectrum of a contact" in warning
+
+
+@pytest.mark.parametrize(
+    ("frequency", "resonance", "told"),
+    [
+        (55e3, 0.0, "55 kHz, above half the low-pass of 50 kHz"),
+        (20.5e3, 20e3, "20.5 kHz is the sensor, by the resonance that is stated"),
+        (20.5e3, 40e3, None),
+        (4e3, 0.0, None),
+    ],
+)
+def test_which_ringing_is_a_sensors(frequency, resonance, told):
+    text = explain_ringing(frequency, describe("specimen", resonance))
+    assert told in text if told else text is None
+
+
+def ring(name: str, frequency: float) -> SampleEstimate:
+    decay = FreeDecayEstimate(
+        stiffness=Quantity(1e9), damping_ratio=Quantity(0.02), frequency=frequency
+    )
+    return SampleEstimate(
+        name, 5, 0, damping_ratio=Quantity(0.03), log_decrement=0.2, first_peak_time=0.0,
+        second_peak_time=1.0 / frequency, free_decay=decay,
+    )  # fmt: skip
+
+
+def test_what_rings_alike_on_samples_of_other_masses_is_no_samples():
+    found = withdraw_shared_ringing(
+        [ring(name, 20e3 * factor) for name, factor in zip(NAMES, (1.0, 1.01, 0.99), strict=True)],
+        PAPER_SETUP,
+    )
+    for sample in found:
+        assert not sample.free_decay.is_known
+        assert not sample.damping_ratio.is_known
+        assert "20 kHz does so on all samples, though their masses differ" in sample.notes[-1]
+
+
+def test_samples_that_ring_each_in_its_own_way_keep_what_they_have():
+    own = [ring(name, frequency) for name, frequency in zip(NAMES, (4e3, 2.6e3, 2e3), strict=True)]
+    assert withdraw_shared_ringing(own, PAPER_SETUP) == tuple(own)
+    # Two may well be alike by chance.
+    two = [ring(name, 4e3) for name in NAMES[:2]]
+    assert withdraw_shared_ringing(two, PAPER_SETUP) == tuple(two)

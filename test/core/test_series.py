@@ -250,12 +250,6 @@ class TestKeeping:
         reasons = [[item.reason for item in hit.rejections] for hit in selection.left_out]
         assert sorted(reason.value for (reason,) in reasons) == ["inconsistent", "surplus"]
 
-    @given(count=st.integers(0, 20), keep=st.integers(0, 20))
-    def test_never_more_than_asked_for_and_none_is_lost(self, count, keep):
-        selection = select_hits(make_hits(count), keep)
-        assert len(selection.kept) == (min(count, keep) if keep else count)
-        assert len(selection.kept) + len(selection.left_out) == count
-
     def test_one_that_a_person_accepted_stays_and_is_not_held_against_others(self):
         by_hand = replace(make_figures(99, 900e-6), overruled=(Finding(Reason.OPERATOR, "so"),))
         selection = select_hits([*make_hits(11), by_hand], keep=10)

@@ -1,5 +1,7 @@
-"""A session: blocks in, verdicts and estimates out, in whatever order samples come."""
+"""A session: blocks in, verdicts and estimates out, in any order of samples, of any number."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +10,10 @@ import pytest
 from impact_rig.core.quantity import drop_internals
 from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
+from impact_rig.core.uncertainty import REMEMBERED_INPUTS, make_ensemble, make_input
 from impact_rig.core.verdict import Reason
 
-from .blocks import SETUP, strike
+from .blocks import SETUP, strike, strike_series
 from .struck import Impact
 
 
@@ -50,20 +53,6 @@ def test_a_sample_without_an_accepted_hit_says_so():
     assert not estimate.contact_time.is_known
     assert (estimate.impacts_accepted, estimate.impacts_rejected) == (0, 2)
     assert estimate.notes == ("heavy: not determined: 0 of 2 hits accepted",)
-
-
-def test_results_come_in_the_order_of_the_set_and_rejections_in_that_of_arrival():
-    session = Session(SETUP)
-    for record, (sample, height) in enumerate(
-        [("third", 900.0), ("heavy", 150.0), ("alike", 900.0), ("third", 140.0)], start=1
-    ):
-        strike(session, sample, record, height=height)
-    results = session.estimate_all()
-    assert [item.name for item in results.samples] == ["alike", "heavy", "third"]
-    assert session.names == ("alike", "heavy", "third")
-    assert [hit.label.record for hit in results.rejected] == [2, 4]
-    # By their text: what is not determined is NaN, which equals nothing.
-    assert repr(results.hammer) == repr(session.estimate_hammer())
 
 
 def test_neither_the_order_of_samples_nor_the_size_of_blocks_changes_a_bit():
@@ -145,3 +134,50 @@ def test_a_hit_of_the_other_sign_is_named_and_in_no_mean(signs, named):
     assert str(told) == f"polarity: {named} of the other sign than in the hits before"
     ours, theirs = (session.estimate_sample("alike") for session in (mixed, sound))
     assert ours.contact_time.value == theirs.contact_time.value
+
+
+def test_traces_stay_in_single_precision_only():
+    session, traces = Session(SETUP), []
+    for record in range(1, 10):
+        (hit,) = strike(session, SETUP.samples.names[record % 3], record)
+        assert hit.filtered is not None
+        # Views of the same array would keep it alive, too.
+        traces.append(weakref.ref(hit.filtered.traces))
+        del hit
+    gc.collect()
+    assert not [1 for trace in traces[:-1] if trace() is not None]
+
+
+def test_every_hit_counts_although_every_other_shows_the_scatter():
+    # Of 128 hits all show the scatter, of 130 every other.
+    heights = [900.0 + 5.0 * (record % 9) for record in range(130)]
+    session = Session(SETUP)
+    strike_series(session, heights[:128])
+    expected = session.estimate_sample("alike")
+    strike_series(session, heights[128:], first=129)
+    found = session.estimate_sample("alike")
+    said = "scatter of the traces: that of 65 of 130 hits, evenly over the series"
+    assert said in found.notes
+    assert not any("evenly" in note for note in expected.notes)
+    assert (expected.impacts_accepted, found.impacts_accepted) == (128, 130)
+    # Of 65 hits the scatter is known to a tenth; as that of a mean of 65 it would be larger by
+    # half.
+    for uncertainties in (
+        [item.contact_time.standard for item in (found, expected)],
+        [item.damping_ratio.standard for item in (found, expected)],
+    ):
+        assert 0.8 < uncertainties[0] / uncertainties[1] < 1.2
+
+
+def test_results_do_not_depend_on_how_long_ago_the_hammer_was_estimated():
+    asked, quiet = Session(SETUP), Session(SETUP)
+    for session in (asked, quiet):
+        strike_series(session, [900.0, 890.0, 910.0])
+        if session is asked:
+            session.estimate_hammer()
+        strike_series(session, [900.0, 905.0], "heavy", first=4)
+    # What so many hits bring: more uncertain inputs than are told apart by name and value.
+    for number in range(REMEMBERED_INPUTS):
+        make_input("another", float(number), 1.0)
+        make_ensemble("another", (0.0,), np.array([[1.0 + number]]), 5.0)
+    assert repr(asked.estimate_all()) == repr(quiet.estimate_all())

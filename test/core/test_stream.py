@@ -265,20 +265,3 @@ def test_a_hit_that_the_end_of_the_stream_cuts_off_is_judged_at_once(arming_ends
     assert record.label == HIT
     assert record.flaws[0].endswith(f"missing at point {cuts[0].hammer.output.size}")
     assert Reason.GAP in find_reasons(record)
-
-
-def test_the_end_of_an_arming_shows_no_channel_and_changes_none():
-    # The sample is not measured: only a block with points tells that.
-    stream, following = (
-        [
-            replace(item, specimen=replace(item.specimen, output=item.specimen.output[:0]))
-            for item in make_short_stream(make_counts([], 6000), first=first)
-        ]
-        for first in (0, 6000)
-    )
-    following = [replace(item, label=NOT_ARMED) for item in following]
-    cutter = StreamCutter(SETTINGS)
-    blocks = [*stream, end_arming(stream), *following]
-    (block,) = [block for item in blocks for block in cutter.feed(item)]
-    assert not block.triggered
-    assert cutter.flow.gaps == 0

@@ -20,14 +20,6 @@ def find_causes(hits: list[JudgedHit]) -> set[tuple[Reason, ...]]:
     return {tuple(item.reason for item in hit.findings) for hit in hits}
 
 
-def test_a_hit_that_comes_back_to_its_baseline_is_left_as_it_is():
-    session, hits = judge(repeat(replace(SOUND, hum=2e-4)))
-    assert find_causes(hits) == {()}
-    assert session.estimate_sample("struck").contact_law.duration.value == pytest.approx(
-        212e-6, rel=0.002
-    )
-
-
 @pytest.mark.parametrize(
     ("fault", "cause"),
     [
@@ -62,10 +54,8 @@ def test_the_size_and_the_corner_are_told():
 @pytest.mark.parametrize("corner", [30.0, 100.0, 200.0, 400.0])
 @pytest.mark.parametrize("restitution", [1.0, 0.7])
 def test_one_corner_has_one_name_on_all_hits_and_both_channels(corner, restitution):
-    _, hits = judge(
-        repeat(replace(SOUND, corner=corner, restitution=restitution, resonance=70e3), 10)
-    )
-    assert find_causes(hits) == {(Reason.DROOP, Reason.DROOP)}
+    fault = replace(SOUND, corner=corner, restitution=restitution, resonance=70e3)
+    assert find_causes(judge(repeat(fault, 10))[1]) == {(Reason.DROOP, Reason.DROOP)}
 
 
 @pytest.mark.parametrize("channel", ["hammer", "specimen"])
