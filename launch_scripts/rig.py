@@ -60,15 +60,6 @@ def go_on_with_first_python(root: Path) -> None:
         os.execv(str(python), [str(python), *sys.argv])
 
 
-def open_closed_streams() -> None:
-    """Put the null device behind standard streams that are closed."""
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        if getattr(sys, name) is None:
-            number = os.open(os.devnull, os.O_RDWR)  # the lowest that is free
-            os.set_inheritable(number, True)  # by what is called
-            setattr(sys, name, os.fdopen(number, mode))
-
-
 def run_checks(environment: "dict[str, str]", root: str, options: "list[str]") -> int:
     """Run lint, format, types and tests, all of them; return 0 if all passed."""
     results = []
@@ -113,7 +104,6 @@ def become(command: "list[str]", environment: "dict[str, str]") -> int:
 
 def main(arguments: "list[str]") -> int:
     """Run one command of `USAGE`; return its exit code."""
-    open_closed_streams()
     reason = check_python(sys.version_info[:2])
     if reason:
         print(reason, file=sys.stderr)

@@ -157,9 +157,7 @@ def _make_python_environment(workspace: Workspace, runner: _Runner) -> None:
 
 def _install_packages(workspace: Workspace, runner: _Runner) -> None:
     """Install by uv, which takes seconds; where uv fails, by pip, which has other settings."""
-    files = workspace.get_requirements(*LIBRARIES)
-    if not (workspace.is_ros_installed and has_colcon(workspace)):
-        files += workspace.build_requirements
+    files = [*workspace.get_requirements(*LIBRARIES), *workspace.build_requirements]
     uv: Command = [workspace.venv / "bin" / "uv", "pip", "install", "--python", workspace.python]
     # All of them: an interrupted call may have left parts of one.
     uv += ["--reinstall", "--no-deps", "--require-hashes", *_name_files(files)]
@@ -169,12 +167,6 @@ def _install_packages(workspace: Workspace, runner: _Runner) -> None:
         runner.run([*pip, "--force-reinstall"], dict(os.environ), workspace.root)
     if not workspace.is_ros_installed:
         _mend_wheels(workspace)
-
-
-def has_colcon(workspace: Workspace) -> bool:
-    """Return whether the environment's Python has colcon: one on PATH may belong to another."""
-    check: Command = [workspace.python, "-c", "import colcon_core"]
-    return subprocess.run(check, capture_output=True, check=False).returncode == 0
 
 
 def _choose_pip(workspace: Workspace, files: list[Path]) -> Command:

@@ -31,8 +31,7 @@ from impact_rig.results.results_file import (
     read_results,
     results_to_json,
 )
-from impact_rig.simulators.contact import make_contact
-from impact_rig.simulators.engines import ENGINES, format_contact
+from impact_rig.simulators.engines import ENGINES, format_contact, make_contact
 
 RESULTS_SUFFIXES = (".json", ".csv")  # formats of results
 # Columns of text share their time, but hits and means do not.

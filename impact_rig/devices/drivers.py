@@ -41,11 +41,6 @@ class Driver:
         """
         try:
             return self.entry_point.load()
-        except ModuleNotFoundError as error:
-            raise DeviceError(
-                f"driver {self.name!r} of {self.package} needs the Python package"
-                f" {error.name!r}, which is not installed"
-            ) from None
         except (ImportError, AttributeError) as error:
             raise DeviceError(
                 f"driver {self.name!r} of {self.package} cannot be loaded: {error}"

@@ -192,13 +192,6 @@ def test_inputs_that_are_sampled_one_behind_the_other_are_refused(driver, open_s
         source.configure(plan)
 
 
-def test_the_range_is_by_default_what_the_sensor_takes(driver, open_source, hit):
-    source, plan = open_source(change('range = "5 V"', 'full_scale = "90 g"'))
-    source.configure(plan)
-    block = strike(driver, source, hit)
-    assert block.hammer.full_scale == pytest.approx(90 * STANDARD_GRAVITY)
-
-
 def test_a_stream_that_is_read_too_late_loses_samples_and_goes_on(open_source):
     text = change("2.5 MHz", "1 MHz")
     source, plan = open_source(text, continuous=True, block_size=10_000, depth=10)

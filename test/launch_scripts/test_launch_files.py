@@ -2,7 +2,6 @@
 
 import ast
 import importlib
-import importlib.util
 from pathlib import Path
 
 import pytest
@@ -54,24 +53,3 @@ def test_every_argument_is_described_and_used(path):
     arguments = list_arguments(path)
     assert all("description" in keywords for keywords in arguments.values())
     assert list_read_arguments(path) == set(arguments)
-
-
-def test_with_ros_installed_arguments_and_rig_are_those_of_the_command_line(tmp_path):
-    pytest.importorskip("launch_ros", reason="launch is part of a ROS 2 installation")
-    from launch import LaunchContext
-
-    from impact_rig.configuration.processes import list_rig_processes
-
-    path = FOLDER / "rig.launch.py"
-    spec = importlib.util.spec_from_file_location("rig_launch", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    declared = module.generate_launch_description().get_launch_arguments()
-    assert {item.name for item in declared} == set(list_arguments(path))
-    context = LaunchContext()
-    for argument in module.ARGUMENTS:
-        argument.visit(context)
-    context.launch_configurations["output"] = str(tmp_path)
-    actions = module.make_rig(context)
-    executables = [item.node_executable for item in actions if hasattr(item, "node_executable")]
-    assert executables == [process.name for process in list_rig_processes(tmp_path)]

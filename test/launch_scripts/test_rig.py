@@ -2,7 +2,6 @@
 
 import ast
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -42,12 +41,6 @@ def test_the_help_names_every_command(arguments, capsys):
 def test_a_wrong_command_gets_the_usage(arguments, capsys):
     assert rig.main(arguments) == 2
     assert capsys.readouterr().err.startswith("usage: ")
-
-
-def test_what_is_meant_for_a_closed_stream_is_lost():
-    words = ["sh", "-c", '"$@" 2>&-', "sh", sys.executable, SCRIPT, "nonsense"]
-    done = subprocess.run(words, stdout=subprocess.PIPE, check=False)
-    assert (done.returncode, done.stdout) == (2, b"")
 
 
 def test_the_command_takes_the_place_of_rig_py(fresh, run_rig):

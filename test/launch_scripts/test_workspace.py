@@ -7,7 +7,6 @@ import signal
 import venv
 
 import pytest
-import workspace_setup
 from workspace import SetupError, Workspace, find_stale, find_workspace, make_environment
 
 ALL = ["python", "packages", "messages", "nodes"]
@@ -51,11 +50,9 @@ def test_a_changed_file_makes_stale_what_is_made_from_it(fresh, name, stale):
 
 def test_an_interface_may_come_go_and_change_its_name(fresh):
     message = fresh.root / "msg_config" / "msg" / "Impact.msg"
-    message.rename(message.with_name("Blow.msg"))
-    assert look_again(fresh) == ["messages"]
-    message.with_name("Blow.msg").rename(message)
-    assert look_again(fresh) == []
     shutil.copy(message, message.with_name("Blow.msg"))
+    assert look_again(fresh) == ["messages"]
+    message.unlink()
     assert look_again(fresh) == ["messages"]
 
 
@@ -120,20 +117,6 @@ def test_a_missing_compiler_is_said_before_anything_is_made(copy, run_rig, tmp_p
     assert "build-essential" in done.errors
     assert len(done.errors.splitlines()) == 1
     assert not copy.venv.exists()
-
-
-def test_a_colcon_on_path_counts_only_if_the_environment_s_python_has_it(
-    copy, tmp_path, monkeypatch
-):
-    command = tmp_path / "colcon"
-    command.write_text("#!/bin/sh\n")
-    command.chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.delenv("PYTHONPATH", raising=False)
-    venv.create(copy.venv)
-    assert not workspace_setup.has_colcon(copy)
-    (copy.site_packages / "colcon_core").mkdir()
-    assert workspace_setup.has_colcon(copy)
 
 
 def test_a_step_that_fails_is_named_with_its_log_and_begins_the_next_call(fresh, run_rig):

@@ -13,8 +13,7 @@ from impact_rig.core.contact_law import NO_LAW
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.quantity import UNKNOWN
 from impact_rig.devices.virtual.choices import Plant
-from impact_rig.simulators.contact import make_contact
-from impact_rig.simulators.engines import ENGINES, format_contact
+from impact_rig.simulators.engines import ENGINES, format_contact, make_contact
 
 SAMPLE = "steel small"
 STEP = 1e-7  # [s], at which an engine of the first order errs by a few thousandths

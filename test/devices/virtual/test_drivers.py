@@ -144,6 +144,8 @@ def test_an_empty_table_is_the_virtual_rig_by_default():
         ('plant = "jelly"', r"plant of \[source\] is 'jelly': it must be one of published, "),
         ("noise = 2", "noise is 2.0: it must lie between 0 and 1"),
         ('scheduled_faults = "3"', "scheduled fault '3': write IMPACT:FAULT"),
+        ('scheduled_faults = "0:overload"', "impact number of a fault is 0: it must lie between"),
+        ('scheduled_faults = "3:quake"', "unknown fault 'quake': the virtual rig knows"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_with_its_line(line, words):

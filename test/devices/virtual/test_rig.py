@@ -25,7 +25,6 @@ from impact_rig.devices.virtual.rig import (
     compute_scale,
     couple,
     digitize,
-    scheduled_fault_from_text,
 )
 
 
@@ -124,32 +123,6 @@ def test_an_ordered_fault_comes_once(sample, impact, attempt, comes):
     assert draw(plan, label) == ((Fault.WEAK_HIT,) if comes else ())
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("3:double_hit", ScheduledFault(Fault.DOUBLE_HIT, 3)),
-        ("steel small/12:weak_hit", ScheduledFault(Fault.WEAK_HIT, 12, "steel small")),
-        ("a/b:c/1:overload", ScheduledFault(Fault.OVERLOAD, 1, "a/b:c")),
-    ],
-)
-def test_orders_are_read_from_text(text, expected):
-    assert scheduled_fault_from_text(text) == expected
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("double_hit", "'double_hit': write .*for example 3:double_hit"),
-        ("1.5:weak", "for example 3:double_hit"),
-        ("0:overload", "impact number of a fault is 0: it must lie between"),
-        ("3:earthquake", "unknown fault 'earthquake': the virtual rig knows"),
-    ],
-)
-def test_an_order_that_cannot_be_meant_is_refused(text, message):
-    with pytest.raises(ParameterError, match=message):
-        scheduled_fault_from_text(text)
-
-
 BLOCK_SIZE = 1000
 NAMES = PAPER_SETUP.samples.names
 labels = st.builds(
@@ -206,27 +179,10 @@ class TestHit:
         assert faulty.model == plain.model
 
 
-class TestStream:
-    """A hit as blocks."""
-
-    @given(size=st.integers(1, 6000))
-    @settings(max_examples=30)
-    def test_joins_to_the_record(self, size):
-        hit = strike(HitLabel("steel small"))
-        blocks = hit.split(size, stamp=1_000)
-        assert [block.last for block in blocks] == [False] * (len(blocks) - 1) + [True]
-        assert [block.first_sample for block in blocks] == list(range(0, 5000, size))
-        assert [block.stamp - 1_000 for block in blocks] == [
-            block.first_sample * 400 for block in blocks
-        ]
-        for name in ("hammer", "specimen"):
-            joined = np.concatenate([getattr(block, name).output for block in blocks])
-            np.testing.assert_array_equal(joined, getattr(hit, name).output)
-
-    def test_lacks_a_lost_block(self):
-        lossy = strike(LABEL, faults=FaultPlan(1.0, (Fault.LOST_BLOCK,))).split(1000, stamp=0)
-        assert [block.first_sample for block in lossy] == [0, 1000, 3000, 4000]
-        assert lossy[-1].last
+def test_a_lost_block_is_missing_in_the_middle():
+    lossy = strike(LABEL, faults=FaultPlan(1.0, (Fault.LOST_BLOCK,))).split(1000, stamp=0)
+    assert [block.first_sample for block in lossy] == [0, 1000, 3000, 4000]
+    assert lossy[-1].last
 
 
 REASONS = {
