@@ -43,11 +43,8 @@ LONGEST_CALL = 3.0  # [s]: half a second, by the protocol, and a busy computer
 class Bench:
     """A device to test a driver with; subclasses override what they can do."""
 
+    driver: Any  # its class
     patience: ClassVar[float] = 20.0  # [s], before a test fails
-
-    def get_driver(self) -> Any:
-        """Return the driver's class."""
-        raise NotImplementedError
 
     def unplug(self) -> None:
         """Let the device vanish as if its cable was pulled."""
@@ -132,7 +129,7 @@ class DriverContract:
     group: ClassVar[str]  # of entry points
 
     def test_it_takes_its_own_example_and_no_other_key(self, bench: Bench) -> None:
-        driver = bench.get_driver()
+        driver = bench.driver
         assert driver.description
         name = "source" if self.group == SOURCES else "holder"
         table = parse_toml_table(driver.example).take_table(name)

@@ -25,9 +25,6 @@ class VirtualBench(SourceBench):
     def __init__(self, driver):
         self.driver = driver
 
-    def get_driver(self):
-        return self.driver
-
     def make_source(self):
         source = self.driver(OPTIONS)
         source.take_setup(PAPER_SETUP)
@@ -56,7 +53,9 @@ class Late(VirtualSource):
     """Its pulse lies at the wrong place: the trigger's delay was forgotten."""
 
     def configure(self, plan):
-        return super().configure(replace(plan, pre_trigger=1e-3))
+        late = replace(self._settings.digitizer, pre_trigger=1e-3)
+        self._settings = replace(self._settings, digitizer=late)
+        return super().configure(plan)
 
 
 class Lossy(VirtualSource):

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
-from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.errors import DeviceError
 from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, FoundDevice, SourceChannel
 from impact_rig.devices.streaming import StreamedSource
 
@@ -46,10 +46,6 @@ def compute_count_scale(channel: SourceChannel) -> ChannelScale:
         )
     return ChannelScale(full_scale / FULL_COUNT, full_scale, RAIL_COUNT)
 
-
-NO_SUCH_CHANNELS = -9998
-NO_SUCH_RATE = -9997
-"""Codes of PortAudio's errors that a setting is to blame for."""
 
 _streams: set[Any] = set()
 """Those of this process that are open: PortAudio looks for devices only while there is none."""
@@ -157,9 +153,9 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
         Raises
         ------
         DeviceError
-            If it is not there, or another program has it.
+            If it is not there, has no such rate, or another program has it.
         ParameterError
-            If it has no such channel or rate, or the scale of its counts is unknown.
+            If it has no such channel, or the scale of its counts is unknown.
         """
         device = self._choose(list_inputs())
         self._columns = [_parse_column(channel, device) for channel in plan.channels]
@@ -181,15 +177,10 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
             self.sampling_rate = float(self._stream.samplerate)
             self._stream.start()
         except sound.PortAudioError as error:
-            code = error.args[1] if len(error.args) > 1 else 0
-            if code in (NO_SUCH_RATE, NO_SUCH_CHANNELS):
-                raise ParameterError(
-                    f"{self.name} cannot record {channels} channels at {plan.sampling_rate:g} Hz:"
-                    f" {describe(error)}; it prefers {device['default_samplerate']:g} Hz"
-                ) from None
             raise DeviceError(
-                f"{self.name} cannot be opened, because it is gone or another program has it:"
-                f" {describe(error)}"
+                f"{self.name} does not record {channels} channels at {plan.sampling_rate:g} Hz:"
+                f" {describe(error)}; it prefers {device['default_samplerate']:g} Hz, and no other"
+                " program may have it"
             ) from None
 
     def close(self) -> None:

@@ -49,5 +49,5 @@ class TestHoldersWithoutADevice(DriverContract):
     @pytest.fixture(params=[ManualHolder, VirtualHolder])
     def bench(self, request):
         bench = HolderBench()
-        bench.get_driver = lambda: request.param
+        bench.driver = request.param
         return bench

@@ -317,13 +317,12 @@ def test_a_line_that_another_program_holds_is_not_touched(driver):
 
 
 class NiSourceBench(SourceBench):
+    driver = NidaqmxSource
+
     def __init__(self, driver, open_source, hit):
         self.open_source = open_source
         self.strike = lambda source: driver.feed(hit)
         self.unplug, self.plug = driver.unplug, driver.plug
-
-    def get_driver(self):
-        return NidaqmxSource
 
     def make_source(self):
         return self.open_source()[0]
@@ -334,13 +333,12 @@ class NiSourceBench(SourceBench):
 
 
 class NiHolderBench(HolderBench):
+    driver = NidaqmxHolder
+
     def __init__(self, driver):
         self.is_holding = lambda: driver.levels[LINE]
         self.count_releases = lambda: driver.falls[LINE]
         self.unplug, self.plug = driver.unplug, driver.plug
-
-    def get_driver(self):
-        return NidaqmxHolder
 
     def make_holder(self):
         return make_holder()

@@ -32,15 +32,14 @@ SAMPLE = "aluminium large"
 class ScpiRig(SourceBench):
     """An instrument and what is around it."""
 
+    driver = ScpiSource
+
     def __init__(self) -> None:
         self.digitizer = ScpiDigitizer(*SENSITIVITIES.values())
         self.unplug, self.plug = self.digitizer.unplug, self.digitizer.plug
         self._rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
         self._impacts = count(1)
         self.sources = []
-
-    def get_driver(self) -> type[ScpiSource]:
-        return ScpiSource
 
     def make_hit(self) -> VirtualHit:
         return self._rig.strike(HitLabel(SAMPLE, impact=next(self._impacts)))

@@ -39,6 +39,8 @@ def test_a_key_that_cannot_be_meant_is_named_with_its_line(keys, word):
 class RelayBench(HolderBench):
     """A board at the other end of a pseudo-terminal."""
 
+    driver = SerialRelay
+
     def __init__(self, energized):
         pytest.importorskip("serial", reason="the extra `serial` is not installed")
         self.energized = energized
@@ -49,9 +51,6 @@ class RelayBench(HolderBench):
 
     def count(self):
         self.releases += 1
-
-    def get_driver(self):
-        return SerialRelay
 
     def make_holder(self):
         return make_relay(f'port = "{self.board.port}"\nenergized = "{self.energized}"')

@@ -224,12 +224,11 @@ def test_port_audio_that_is_not_installed_is_told_with_its_package():
 class SoundBench(SourceBench):
     """A card that plays a pulse where a hammer would strike."""
 
+    driver = SoundSource
+
     def __init__(self, card: FakeSoundCard) -> None:
         self._card = card
         self.unplug, self.plug = card.unplug, card.plug
-
-    def get_driver(self) -> type[SoundSource]:
-        return SoundSource
 
     def make_source(self) -> SoundSource:
         return SoundSource(TomlTable({"device": self._card.name}, "[source]"))

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from importlib import import_module
 from typing import ClassVar, TypeVar
 
@@ -90,9 +89,7 @@ class VirtualSource:
         options.check_keys(*KEYS)
         self._settings = read_virtual_rig(options)
         self._setup: RigSetup | None = None
-        self._rig: VirtualRig | None = None
-        self._digitizer: TriggeredDigitizer | StreamingDigitizer | None = None
-        self._has_specimen = True
+        self._digitizer: TriggeredDigitizer | StreamingDigitizer
 
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
@@ -100,58 +97,40 @@ class VirtualSource:
         return (FoundDevice("virtual", IDENTITY),)
 
     def configure(self, plan: AcquisitionPlan) -> Acquisition:
-        """Make the digitizer that the plan describes.
-
-        Raises
-        ------
-        ParameterError
-            If the record is too short.
-        """
-        self._settings = replace(
-            self._settings, digitizer=_follow_plan(self._settings.digitizer, plan)
-        )
-        self._has_specimen = plan.specimen is not None
+        """Make the digitizer; rate, record and scales of the plan come from the same table."""
         self._digitizer = (
             StreamingDigitizer(self._settings, plan.block_size, plan.depth)
             if plan.continuous
             else TriggeredDigitizer(plan.block_size)
         )
-        self._make_rig()
         import_module("scipy.signal")  # which the first hit needs, and waits for no more
-        return Acquisition(IDENTITY, plan.sampling_rate, is_simulated=True)
+        return Acquisition(IDENTITY, self._settings.digitizer.sampling_rate, is_simulated=True)
 
     def arm(self) -> None:
         """Wait for one hit; in continuous mode begin the stream."""
-        self._get_digitizer().arm()
+        self._digitizer.arm()
 
     def read(self, timeout: float) -> Block | None:
         """Return the next block; None if there is none within `timeout` seconds."""
-        block = self._get_digitizer().read(timeout)
-        if block is None or self._has_specimen:
-            return block
-        return replace(block, specimen=replace(block.specimen, output=block.specimen.output[:0]))
+        return self._digitizer.read(timeout)
 
     def disarm(self) -> None:
         """Stop, and forget what has not been read."""
-        if self._digitizer is not None:
-            self._digitizer.disarm()
+        self._digitizer.disarm()
 
     def check(self) -> None:
-        """See that it is configured; raises `DeviceError`."""
-        self._get_digitizer()
+        """Do nothing: it is always there."""
 
     def close(self) -> None:
-        """Forget the digitizer."""
-        self._digitizer = None
+        """Do nothing: there is no device."""
 
     def take_setup(self, setup: RigSetup) -> None:
         """Take masses and samples."""
         self._setup = setup
-        self._make_rig()
 
     def check_sample(self, name: str) -> None:
         """Raise `RigError` if the sample is unknown or lacks a reference value."""
-        self._get_rig().check_sample(name)
+        self._make_rig().check_sample(name)
 
     def strike(self, label: HitLabel, swing_time: float) -> VirtualHit:
         """Simulate the hit while the hammer swings; it comes when the swing is over.
@@ -162,25 +141,16 @@ class VirtualSource:
             If no set-up has been taken, or the sample cannot be struck.
         """
         contact = time.monotonic() + swing_time
-        hit = self._get_rig().strike(label)
-        self._get_digitizer().lay_hit(hit, contact)
+        hit = self._make_rig().strike(label)
+        self._digitizer.lay_hit(hit, contact)
         return hit
 
-    def _make_rig(self) -> None:
-        if self._setup is not None:
-            # A running stream has one range.
-            is_ranged = isinstance(self._digitizer, TriggeredDigitizer)
-            self._rig = VirtualRig(self._setup, self._settings, is_ranged=is_ranged)
-
-    def _get_rig(self) -> VirtualRig:
-        if self._rig is None:
+    def _make_rig(self) -> VirtualRig:
+        if self._setup is None:
             raise DeviceError("the virtual rig has no set-up: start the campaign node first")
-        return self._rig
-
-    def _get_digitizer(self) -> TriggeredDigitizer | StreamingDigitizer:
-        if self._digitizer is None:
-            raise DeviceError("the virtual rig is closed: configure it first")
-        return self._digitizer
+        # A running stream has one range.
+        is_ranged = isinstance(self._digitizer, TriggeredDigitizer)
+        return VirtualRig(self._setup, self._settings, is_ranged=is_ranged)
 
 
 def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
@@ -252,19 +222,6 @@ def make_virtual_plan(table: TomlTable) -> AcquisitionPlan:
         trigger_level=TRIGGER_LEVEL * digitizer.hammer_full_scale,
         hammer=hammer,
         specimen=specimen,
-    )
-
-
-def _follow_plan(digitizer: DigitizerSettings, plan: AcquisitionPlan) -> DigitizerSettings:
-    hammer = plan.hammer.sensor.compute_full_scale(plan.hammer.moving_mass)
-    specimen = plan.specimen.sensor.compute_full_scale() if plan.specimen else 0.0
-    return replace(
-        digitizer,
-        sampling_rate=plan.sampling_rate,
-        record_duration=plan.record_duration,
-        pre_trigger=plan.pre_trigger,
-        hammer_full_scale=hammer or digitizer.hammer_full_scale,
-        specimen_full_scale=specimen or digitizer.specimen_full_scale,
     )
 
 

@@ -9,9 +9,7 @@ import pytest
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
 from impact_rig.core.errors import DeviceError, ParameterError
 from impact_rig.core.records import HitLabel
-from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP
-from impact_rig.devices.protocols import SourceChannel
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.drivers import (
     VirtualSource,
@@ -68,24 +66,6 @@ def test_a_record_is_that_of_the_seed_and_comes_when_the_swing_is_over():
         counts = np.concatenate([getattr(block, channel).output for block in blocks])
         np.testing.assert_array_equal(counts, getattr(expected, channel).output)
         assert getattr(blocks[0], channel).scale == getattr(expected, channel).scale
-
-
-def test_what_a_plan_says_of_the_digitizer_goes_before_its_own_settings():
-    plan = replace(
-        make_plan(),
-        sampling_rate=1e6,
-        record_duration=1e-3,
-        hammer=SourceChannel("1", Sensor("hammer", unit="g", full_scale=100.0)),
-        specimen=None,
-    )
-    source = make_source()
-    assert source.configure(plan).sampling_rate == 1e6
-    source.arm()
-    source.strike(LABEL, 0.0)
-    blocks = read_until(source, lambda got: got[-1].last)
-    assert sum(block.hammer.output.size for block in blocks) == 1000
-    assert blocks[0].hammer.full_scale == pytest.approx(980.665)
-    assert all(block.specimen.output.size == 0 for block in blocks)
 
 
 FULL = """
