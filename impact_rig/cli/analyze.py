@@ -6,8 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import click
-
 from impact_rig.analysis.analyze import analyze
 from impact_rig.analysis.batch import analyze_batch
 from impact_rig.analysis.measured_files import (
@@ -25,9 +23,8 @@ from impact_rig.cli.output import (
     show_results,
 )
 from impact_rig.core.errors import FileError, ParameterError, RigError
-from impact_rig.present.terminal.console import make_console, print_warning
-from impact_rig.present.terminal.results import print_batch
-from impact_rig.recordings.formats.registry import READABLE
+from impact_rig.present.console import make_console, print_warning
+from impact_rig.present.screen import print_batch
 from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.source import find_recordings, is_recording
 from impact_rig.results.batch import BatchCampaign
@@ -87,13 +84,10 @@ def report_batch(
         )
     elif campaigns:
         print_batch(make_console(), campaigns)
-    if errors and scheduler:
-        click.echo("remark: all workers must find the recordings under the same paths", err=True)
     return errors
 
 
 RESULTS_SUFFIX = ".json"
-RESULTS_OPTIONS = {"files", "is_full", "as_json"}
 
 
 def run(
@@ -107,12 +101,18 @@ def run(
     **measured: Any,
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
-    measured = options.drop_missing(measured)
     show = partial(show_results, is_full=is_full, as_json=as_json)
-    if any(path.suffix == RESULTS_SUFFIX for path in files):
-        _check_results_alone(files)
-        show(files[0], [read_results(files[0])])
+    results = [path for path in files if path.suffix == RESULTS_SUFFIX]
+    if results:
+        options.refuse_given(
+            {"accept", "reject", "workers", "scheduler", *measured},
+            f"does not change {results[0]}, a results file: analyze its recording",
+        )
+        if len(files) > 1:
+            raise ParameterError(f"{results[0]} is a results file: it must be the only file")
+        show(results[0], [read_results(results[0])])
         return
+    measured = options.drop_missing(measured)
     paths, errors = _find_files(files)
     recordings = [path for path in paths if is_recording(path)]
     others = [path for path in paths if not is_recording(path)]
@@ -169,23 +169,9 @@ def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:
             # A resumed run is one recording in several files.
             found.append(parts[0] if len(parts) == 1 else path)
         except FileError as error:
-            kinds = sorted({file.suffix for file in path.iterdir()} & {*READABLE})
-            named_so = [f"; name other files one by one, like {path}/*{kind}" for kind in kinds]
-            errors.append("".join([str(error), *named_so[:1]]))
+            errors.append(f"{error}; name other files one by one")
         except OSError as error:
             errors.append(f"{path} cannot be read: {error.strerror}")
     repeated = find_repeated_files(found)
     paths = [path for place, path in enumerate(found) if place not in repeated]
     return paths, errors + list(repeated.values())
-
-
-def _check_results_alone(files: Sequence[Path]) -> None:
-    """Refuse options for hits: those of a results file are judged already."""
-    results = next(path for path in files if path.suffix == RESULTS_SUFFIX)
-    if len(files) > 1:
-        raise ParameterError(f"{results} is a results file: it must be the only file")
-    command = click.get_current_context().command
-    options.refuse_given(
-        {parameter.name or "" for parameter in command.params} - RESULTS_OPTIONS,
-        f"does not change {results}, a results file: analyze its recording",
-    )

@@ -28,29 +28,20 @@ from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup
 from impact_rig.devices.source_table import make_source
-from impact_rig.present.terminal.console import (
+from impact_rig.present.console import (
     GOOD,
     make_console,
+    print_item,
     print_table,
     print_text,
     print_warning,
 )
 from impact_rig.recordings.reader import read_recording
-from impact_rig.results.numbers import format_number, is_dated
-from impact_rig.results.tables import (
-    Column,
-    Table,
-    make_table,
-    make_text_column,
-    tabulate_budget,
-)
+from impact_rig.results.numbers import is_dated
+from impact_rig.results.tables import tabulate_budget
 
 PERCENT = 100.0
 MILLIVOLT = 1e3
-EXPLANATION = (
-    "Ratio: trace under test over reference. Misfit: RMS of the residual over that of the trace."
-    " Linearity: largest deviation over the peak."
-)
 REVERSED = (
     "the traces have opposite signs: one of the sensors looks the other way; the sign of the"
     " sensitivity is kept"
@@ -69,20 +60,19 @@ def read_hits(path: Path, sample: str = "") -> HitSeries:
     FileError
         If it is no recording of a rig, holds no such hit, or was made with several set-ups.
     """
-    rigs: dict[tuple[object, ...], RigSetup] = {}
+    setups: set[RigSetup] = set()
     hits: list[JudgedHit] = []
     for session, _, found in judge(read_recording(path)):
-        setup = session.setup
-        rigs[setup.hammer_mass, *(sensor.describe() for sensor in setup.sensors)] = setup
+        setups.add(session.setup)
         hits += [hit for _, hit in found if not sample or hit.label.sample == sample]
     if not hits:
         struck = f" on {sample!r}" if sample else ""
         raise FileError(f"{path} holds no hit{struck}")
-    if len(rigs) > 1:
+    if len(setups) > 1:
         raise FileError(
-            f"{path} holds campaigns with different hammers or sensors: give a recording with one"
+            f"{path} holds campaigns with different set-ups: name a recording with one set-up"
         )
-    return setup, hits
+    return setups.pop(), hits
 
 
 def find_tested_sensor(setup: RigSetup, sheet: Sensor) -> Sensor:
@@ -159,23 +149,13 @@ def print_calibration(calibration: Calibration, fits: Sequence[HitFit], sheet: s
     console = make_console()
     console.print(Text(describe_sensitivity(calibration), style=GOOD))
     console.print()
-    print_table(console, tabulate_fits(fits))
+    for fit in fits:
+        print_item(console, f"{describe_label(fit.label)}: {describe_fit(fit)}")
+    console.print()
     caption = "Uncertainty of the sensitivity"
     print_table(console, tabulate_budget(caption, calibration.ratio.budget, "%", PERCENT))
     print_text(console, "Replace these lines of the rig file")
     console.print(sheet)
-
-
-def tabulate_fits(fits: Sequence[HitFit]) -> Table:
-    """Return the hits with their ratios, and why some are not used."""
-    columns = [
-        make_text_column("Hit", [describe_label(item.label) for item in fits]),
-        Column("Ratio", [format_number(fit.ratio, 5) for fit in fits]),
-        Column("Misfit [%]", [format_number(PERCENT * fit.misfit, 2) for fit in fits]),
-        Column("Linearity [%]", [format_number(PERCENT * fit.linearity, 2) for fit in fits]),
-        make_text_column("Not used", [item.flaw for item in fits]),
-    ]
-    return make_table(f"Hits: {len(fits)}", columns, [EXPLANATION])
 
 
 def _find_sheet(rig: RigFile, path: Path, channel: str) -> Sensor:

@@ -18,7 +18,7 @@ from impact_rig.nodes.campaign_client import (
     CampaignOutcome,
     read_newest_campaign,
 )
-from impact_rig.present.terminal.console import ALARM
+from impact_rig.present.console import ALARM
 from impact_rig.results.results_file import write_results
 
 

@@ -11,14 +11,11 @@ import click
 
 from impact_rig import __version__
 from impact_rig.cli import options
-from impact_rig.cli.options import FILE, FOLDER, make_quantity
+from impact_rig.cli.options import FILE, FOLDER
 from impact_rig.cli.rig_group import RigGroup
 from impact_rig.cli.start import load_module
 from impact_rig.core.sensors import CHANNELS
 
-FASTEST = 1000.0  # [-], rate of a replay
-SIMULATORS = ("mujoco", "sdf")
-EXPORTED = ("hits", "means", "results")
 HAMMER_ACTIONS = ("state", "arm", "disarm", "stop", "reset", "confirm")
 
 
@@ -59,7 +56,7 @@ def _command(epilog: str) -> Callable[..., click.Command]:
       impact-rig demo                          the paper's campaign, 120 hits
       impact-rig demo --sample "steel small" --sample "aluminium large" --impacts 3
       impact-rig demo --faults 0.1             what goes wrong on a real rig
-      impact-rig demo --plant contact --angles 5,10,20    a contact law, beside the truth
+      impact-rig demo --plant contact --angles 5,10,20    metal on metal, at three speeds
       impact-rig demo --continuous             impacts found in a running stream
     """)
 @options.nodes_options
@@ -89,20 +86,14 @@ def demo() -> None:
 @click.option(
     "--visualizer/--no-visualizer", "visualize", default=True, help="Write a Rerun view. [yes]"
 )
-@click.option(
-    "--only",
-    multiple=True,
-    metavar="NODE",
-    help="Start only this node; repeatable. The others run elsewhere, with the same options."
-    " [all]",
+@options.make_list_option(
+    "--only", "NODE", "Start only this node, the others elsewhere with the same options"
 )
-@click.option(
+@options.make_list_option(
     "--set",
+    "NODE.PARAMETER=VALUE",
+    "Set a ROS parameter of a node, or source.KEY=VALUE of the rig file's table [source]",
     "settings",
-    multiple=True,
-    metavar="NODE.PARAMETER=VALUE",
-    help="Set any ROS parameter of a node, or a key of the rig file's table [source] as"
-    " source.KEY=VALUE; repeatable.",
 )
 @click.option("--template", is_flag=True, help="Print the paper's rig file and end.")
 def up() -> None:
@@ -121,7 +112,7 @@ def up() -> None:
       impact-rig campaign --sample "steel small" --impacts 5
       impact-rig campaign --angles 5,10,20     from each of these release angles
       impact-rig campaign --resume runs/2026-11-23T15-00-00    go on with a campaign
-      impact-rig campaign --namespace rig1 --network    a rig on another host
+      impact-rig campaign --namespace rig1 --network    a rig on another computer
     """)
 @options.campaign_options
 @click.option(
@@ -154,9 +145,8 @@ def campaign() -> None:
       impact-rig devices scpi                  one driver, with a table to copy
       impact-rig devices --check my-rig.toml   try the devices of a rig file
 
-    Any package may bring drivers: it names their classes by the entry points
-    impact_rig.acceleration_sources and impact_rig.hammer_holders.
-    Exit code: 1 if a device of the rig file is missing or cannot do what the file says.
+    Any package may bring drivers by entry points. Exit code: 1 if a device of the rig file is
+    missing or cannot do what the file says.
     """)
 @click.argument("name", required=False, metavar="[DRIVER]")
 @click.option(
@@ -166,7 +156,6 @@ def campaign() -> None:
     metavar="RIG_FILE",
     help="Open source and holder of a rig file, and close them again. The hammer stays held.",
 )
-@options.json_option
 def devices() -> None:
     """See which drivers and devices there are, and try them.
 
@@ -188,11 +177,11 @@ def devices() -> None:
     The new sensitivity is printed as lines for the rig file.
     """)
 @click.argument("rig_file", type=FILE)
-@click.option(
+@options.make_quantity_option(
     "--known-mass",
-    type=make_quantity("kg", "150 g"),
-    metavar="MASS",
-    help="Of all that moves with the struck body, its sensor included. [back to back]",
+    "kg",
+    "150 g",
+    "Of all that moves with the struck body, its sensor included. [back to back]",
 )
 @click.option(
     "--sensor",
@@ -200,20 +189,16 @@ def devices() -> None:
     type=click.Choice(CHANNELS),
     help="The one under test; the other is the reference. [with a known mass: hammer]",
 )
-@click.option(
+@options.make_quantity_option(
     "--reference-uncertainty",
-    type=make_quantity("dimensionless", "0.75 %"),
-    default=0.0,
-    metavar="PART",
-    help="Standard uncertainty of the reference's sensitivity: half of what its certificate"
-    " says for k = 2. [0]",
+    "dimensionless",
+    "0.75 %",
+    "Standard uncertainty of the reference's sensitivity: half of what its certificate says for"
+    " k = 2. [0]",
+    0.0,
 )
-@click.option(
-    "--mass-uncertainty",
-    type=make_quantity("kg", "10 mg"),
-    default=0.0,
-    metavar="MASS",
-    help="Standard uncertainty of the known mass. [0]",
+@options.make_quantity_option(
+    "--mass-uncertainty", "kg", "10 mg", "Standard uncertainty of the known mass. [0]", 0.0
 )
 @click.option(
     "--recording",
@@ -266,15 +251,10 @@ def hammer() -> None:
     """)
 @options.files_argument
 @options.results_options
-@click.option(
-    "--accept",
-    multiple=True,
-    metavar="HIT",
-    help="Take a hit into the mean: record number, SAMPLE/IMPACT[.ATTEMPT] or file; repeatable.",
+@options.make_list_option(
+    "--accept", "HIT", "Take a hit into the mean: record number, SAMPLE/IMPACT[.ATTEMPT] or file"
 )
-@click.option(
-    "--reject", multiple=True, metavar="HIT", help="Leave a hit out of the mean; repeatable."
-)
+@options.make_list_option("--reject", "HIT", "Leave a hit out of the mean")
 @options.measurement_options
 @click.option(
     "--workers",
@@ -335,7 +315,7 @@ def info() -> None:
 @click.argument("file", metavar="RUN", type=FILE)
 @click.option(
     "--rate",
-    type=click.FloatRange(0.001, FASTEST),
+    type=click.FloatRange(0.001, 1000.0),
     default=1.0,
     help="Part of the original speed. [1]",
 )
@@ -362,14 +342,9 @@ def replay() -> None:
       impact-rig import run/*.csv -o hits.mcap --channels bench.toml
 
     Each file is one hit, in the order given: LabVIEW .lvm, .tdms, UFF 58, .mat, text, .npy, .wav,
-    HDF5. Numbers are kept as they are in the file, bit by bit, with the calibration beside them.
-    A force hammer's channel becomes acceleration by its mass.
-
-    The file gives the time of a hit: .lvm (without a time zone: taken as UTC), .tdms, and .mat and
-    HDF5 of impact-rig export. Where it does not, or names a time before the end of the hit
-    before, the hit comes a second after that end, the first one a second into 1970. The same
-    files make the same recording. Exit code: 2 if a file could not be used; the others are
-    imported.
+    HDF5. Numbers are kept bit by bit, with the calibration beside them. A force hammer's channel
+    becomes acceleration by its mass. A hit whose file states no time comes a second after the one
+    before. The same files make the same recording. Exit code: 2 if a file could not be used.
     """)
 @click.argument("files", nargs=-1, metavar="FILE...", type=FILE)
 @options.make_output_option("The recording; it must not exist.", "OUT.mcap")
@@ -398,12 +373,8 @@ def import_() -> None:
 
     Channels are called "aluminium large/3.1 hammer" (sample, impact, attempt, body) or
     "aluminium large/mean hammer", in m/s^2. In a mean, time 0 is the middle of the hammer pulse.
-
-    The suffix .mcap makes a sound copy of a damaged recording, without what has no valid checksum.
-    Exit code: 1 if the old one is damaged.
-
-    --for fits the parameters of a simulator's contact law, so that duration and restitution at the
-    measured speed are met.
+    A copy (.mcap) is without what has no valid checksum; exit code: 1 if the old one is damaged.
+    --for fits a simulator's contact law to the duration and restitution at the measured speed.
     """)
 @click.argument("recording", metavar="RUN", type=FILE)
 @options.make_output_option(
@@ -415,16 +386,12 @@ def import_() -> None:
 )
 @click.option(
     "--what",
-    type=click.Choice(EXPORTED),
+    type=click.Choice(["hits", "means", "results"]),
     help="Only these. [results in .json, hits in .csv, else hits and means]",
 )
 @options.samples_option
-@click.option(
-    "--hit",
-    "hits",
-    multiple=True,
-    metavar="HIT",
-    help="Only this hit: record number or SAMPLE/IMPACT[.ATTEMPT]; repeatable.",
+@options.make_list_option(
+    "--hit", "HIT", "Only this hit: record number or SAMPLE/IMPACT[.ATTEMPT]", "hits"
 )
 @click.option("--accepted-only", is_flag=True, help="Only hits that are in a mean.")
 @click.option("--filtered", is_flag=True, help="Hits after baseline and low-pass.")
@@ -437,7 +404,7 @@ def import_() -> None:
 @click.option(
     "--for",
     "engine",
-    type=click.Choice(SIMULATORS),
+    type=click.Choice(["mujoco", "sdf"]),
     help="Write the contact of a sample for this simulator.",
 )
 def export() -> None:
@@ -454,17 +421,12 @@ def export() -> None:
       impact-rig view runs/2026-05-04T10-00-00       in a window
       impact-rig view session.mcap -o campaign.rrd   as a file for Rerun
       impact-rig view results.json                   tables and figures alone
-      impact-rig view runs/* --connect rerun+http://desk:9876/proxy
     """)
 @click.argument("paths", nargs=-1, required=True, metavar="RUN...", type=FILE)
 @options.make_output_option("Write a file for Rerun, which must not exist.", "FILE.rrd")
 @click.option(
-    "--connect",
-    default="",
-    metavar="ADDRESS",
-    help="Show it in the viewer at rerun+http://HOST:9876/proxy.",
+    "--web", is_flag=True, help="Serve a page for browsers of this computer, until Ctrl-C."
 )
-@click.option("--web", is_flag=True, help="Serve a page for this host's browsers, until Ctrl-C.")
 @click.option("--fit", is_flag=True, help="Fit the model too: 0.1 s for each sample.")
 def view() -> None:
     """See model and measurement in Rerun.
@@ -499,7 +461,6 @@ def report() -> None:
       impact-rig doctor
     Exit code: 0 if the rig can work, 1 if something that it needs is broken.
     """)
-@options.json_option
 def doctor() -> None:
     """See what is installed and what is broken.
 

@@ -11,7 +11,7 @@ import click
 
 from impact_rig.cli import options
 from impact_rig.cli.campaign import CampaignView, report_outcome, run_campaign
-from impact_rig.cli.running_nodes import RunningNodes
+from impact_rig.cli.up import RunningNodes
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     LOG_NAME,
@@ -23,7 +23,7 @@ from impact_rig.configuration.processes import (
     make_run_folder,
 )
 from impact_rig.configuration.rig_file import RigFile
-from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.core.errors import RigError
 from impact_rig.devices.drivers import VIRTUAL, read_driver_name
 from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal
 
@@ -82,7 +82,8 @@ def run(
     """Run the command; its options are declared in `commands.py`."""
     rig = options.load_rig(rig_file)
     _check_virtual(rig)
-    _check_samples(rig, samples)
+    for name in samples:
+        rig.setup.samples.find(name)
     if angles:
         rig.setup.at_angles(angles)
     folder = choose_run_folder(output)
@@ -115,14 +116,6 @@ def run(
     report_outcome(outcome, folder, is_full=is_full, as_json=as_json)
     if not (folder / VIEW_NAME).exists():
         click.echo(f"no view was written: see {folder / LOG_NAME}", err=True)
-
-
-def _check_samples(rig: RigFile, names: Sequence[str]) -> None:
-    """Require known samples; raises `ParameterError`."""
-    for name in names:
-        rig.setup.samples.find(name)
-        if names.count(name) > 1:
-            raise ParameterError(f"sample {name!r} is named twice")
 
 
 def _check_virtual(rig: RigFile) -> None:

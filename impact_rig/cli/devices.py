@@ -1,7 +1,6 @@
 """`impact-rig devices`: drivers, the devices that they find, and those that a rig file names."""
 
 import contextlib
-import dataclasses
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +9,6 @@ from pathlib import Path
 from rich.text import Text
 
 from impact_rig.cli.libraries import describe_missing
-from impact_rig.cli.output import print_json
 from impact_rig.configuration.rig_file import RigFile, list_rig_warnings, read_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.devices.drivers import (
@@ -23,7 +21,7 @@ from impact_rig.devices.drivers import (
 )
 from impact_rig.devices.protocols import FoundDevice, HammerHolder, HolderState, SourceChannel
 from impact_rig.devices.source_table import make_source
-from impact_rig.present.terminal.console import (
+from impact_rig.present.console import (
     ALARM,
     GOOD,
     make_console,
@@ -37,7 +35,6 @@ from impact_rig.results.tables import Column, make_table, make_text_column
 KINDS = {SOURCES: "source", HOLDERS: "holder"}
 EXIT_FAULT = 1  # a device of the rig file is missing, or cannot do what the file says
 TROUBLE = "trouble"
-SAME_RATE = 1e-6  # [-], part by which two equal rates may differ: rounding
 
 Facts = dict[str, str]
 """Facts about a device, by name; an error is the fact `TROUBLE`."""
@@ -112,7 +109,8 @@ def _try_source(rig: RigFile) -> Facts:
     return {
         "driver": read_driver_name(rig.source),
         "device": acquisition.identity,
-        "rate": _describe_rate(plan.sampling_rate, acquisition.sampling_rate),
+        "rate": f"{acquisition.sampling_rate * 1e-3:.9g} kHz,"
+        f" {plan.sampling_rate * 1e-3:.9g} kHz requested",
         "record": f"{plan.record_duration * 1e3:g} ms, {kept}",
         "trigger": f"{plan.trigger_level:.4g} m/s² of the hammer, either sign",
         "hammer": _describe_channel(plan.hammer),
@@ -130,29 +128,19 @@ def _try_holder(rig: RigFile) -> Facts:
     return {"driver": read_driver_name(rig.holder), "device": identity, "state": how}
 
 
-def _describe_rate(wanted: float, real: float) -> str:
-    text = f"{real * 1e-3:.9g} kHz"
-    if abs(real - wanted) > SAME_RATE * wanted:
-        text += f", not {wanted * 1e-3:.9g} kHz as requested"
-    return text
-
-
 def _describe_channel(channel: SourceChannel) -> str:
     sensor = channel.sensor.describe()
     return f"channel {channel.name}: {sensor}" if channel.name else sensor
 
 
-def run(name: str | None, rig_file: Path | None, as_json: bool) -> None:
+def run(name: str | None, rig_file: Path | None) -> None:
     """Run the command; its options are declared in `commands.py`."""
     if rig_file is not None:
         if name is not None:
             raise ParameterError(f"--check takes a rig file alone: leave {name!r} out")
-        _check(read_rig_file(rig_file), as_json=as_json)
+        _check(read_rig_file(rig_file))
         return
     drivers = survey_drivers(name or "")
-    if as_json:
-        print_json(list(map(dataclasses.asdict, drivers)))
-        return
     _print_drivers(drivers)
     if name is not None:
         for driver in drivers:
@@ -186,19 +174,15 @@ def _print_drivers(drivers: Sequence[SurveyedDriver]) -> None:
     print_table(console, make_table(f"Devices found: {len(found)}", columns))
 
 
-def _check(rig: RigFile, *, as_json: bool) -> None:
+def _check(rig: RigFile) -> None:
     """Try the devices of a rig file; print the result for each, then warnings about sensors."""
     checks = {"source": _try_device(rig, _try_source), "holder": _try_device(rig, _try_holder)}
-    warnings = list_rig_warnings(rig.setup)
-    if as_json:
-        print_json({**checks, "warnings": warnings})
-    else:
-        console = make_console()
-        for part, facts in checks.items():
-            state = Text("fault", ALARM) if TROUBLE in facts else Text("ok", GOOD)
-            console.print(Text.assemble(state, f"  {part}"))
-            print_facts(console, [(f"  {name}", text) for name, text in facts.items()])
-        for text in warnings:
-            print_text(console, Text.assemble(("warning: ", ALARM), text))
+    console = make_console()
+    for part, facts in checks.items():
+        state = Text("fault", ALARM) if TROUBLE in facts else Text("ok", GOOD)
+        console.print(Text.assemble(state, f"  {part}"))
+        print_facts(console, [(f"  {name}", text) for name, text in facts.items()])
+    for text in list_rig_warnings(rig.setup):
+        print_text(console, Text.assemble(("warning: ", ALARM), text))
     if any(TROUBLE in facts for facts in checks.values()):
         raise SystemExit(EXIT_FAULT)

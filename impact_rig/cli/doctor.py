@@ -1,11 +1,11 @@
 """`impact-rig doctor`: what is installed, what is broken, how to repair it."""
 
+import contextlib
 import os
 import shutil
 import subprocess
 import sys
 import uuid
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from importlib import metadata, util
@@ -14,11 +14,10 @@ from pathlib import Path
 from rich.text import Text
 
 from impact_rig.cli.libraries import LIBRARIES, Library
-from impact_rig.cli.output import print_json
 from impact_rig.core.errors import DeviceError
 from impact_rig.devices.drivers import HOLDERS, SOURCES, find_drivers
-from impact_rig.nodes.discovery import LEAST_SHARED_MEMORY, SHARED_MEMORY, reserve_domain
-from impact_rig.present.terminal.console import ALARM, GOOD, WARNING, make_console, print_facts
+from impact_rig.nodes.discovery import offer_profile, reserve_domain
+from impact_rig.present.console import ALARM, GOOD, WARNING, make_console, print_facts
 from impact_rig.results.numbers import format_count
 
 
@@ -74,26 +73,26 @@ def check_conversation() -> Finding:
     if util.find_spec("rclpy") is None:
         return Finding(name, "not tried: there is no rclpy", Status.FAULT, "install ROS 2 first")
     token = uuid.uuid4().hex
-    with reserve_domain() as number:
-        environment = {
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            **os.environ,
-            "ROS_DOMAIN_ID": str(number),
-        }
-        talker = _start_probe("talk", token, environment)
-        listener = _start_probe("listen", token, environment)
+    with contextlib.ExitStack() as stack:
         try:
-            output, errors = listener.communicate(timeout=PROBE_TIMEOUT)
+            stack.enter_context(offer_profile())
+            number = stack.enter_context(reserve_domain())
+        except DeviceError as error:
+            return Finding(name, str(error), Status.FAULT)
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(number)}
+        probes = [_start_probe(program, token, environment) for program in ("talk", "listen")]
+        try:
+            output, errors = probes[1].communicate(timeout=PROBE_TIMEOUT)
         except subprocess.TimeoutExpired:
             text = f"no message arrived within {PROBE_TIMEOUT:g} s"
             advice = "look for a firewall on the loopback interface, and at the variables of ROS 2"
             return Finding(name, text, Status.FAULT, advice)
         finally:
-            for process in (listener, talker):
+            for process in probes:
                 process.kill()
                 process.communicate()
-    if listener.returncode:
-        reason = (errors.strip() or f"exit code {listener.returncode}").splitlines()[-1]
+    if probes[1].returncode:
+        reason = (errors.strip() or f"exit code {probes[1].returncode}").splitlines()[-1]
         return Finding(name, reason, Status.FAULT, "repair the faults above first")
     return Finding(name, f"exchange messages by {output.strip()}")
 
@@ -128,20 +127,7 @@ def check_disk(folder: Path) -> Finding:
     return Finding("disk", f"{shutil.disk_usage(folder).free / 1e9:.1f} GB free in {folder}")
 
 
-def check_shared_memory(folder: Path = SHARED_MEMORY) -> Finding:
-    """Check the shared memory that every node uses."""
-    name = "shared memory"
-    if not folder.is_dir():
-        return Finding(name, f"there is no {folder}", Status.WARNING, "messages go over UDP")
-    free = shutil.disk_usage(folder).free
-    text = f"{free / 1e6:.0f} MB free in {folder}"
-    if free < LEAST_SHARED_MEMORY:
-        advice = "when no node runs, remove the files of dead ones there (fastrtps_*)"
-        return Finding(name, text, Status.FAULT, advice)
-    return Finding(name, text)
-
-
-def run(as_json: bool) -> None:
+def run() -> None:
     """Run the command; its options are declared in `commands.py`."""
     findings = [
         Finding("Python", f"{sys.version.split()[0]} ({sys.executable})"),
@@ -150,19 +136,8 @@ def run(as_json: bool) -> None:
         check_conversation(),
         *check_drivers(),
         check_disk(Path.cwd()),
-        check_shared_memory(),
     ]
     faults = sum(finding.status is Status.FAULT for finding in findings)
-    if as_json:
-        items = [{**vars(finding), "status": finding.status.value} for finding in findings]
-        print_json({"healthy": not faults, "findings": items})
-    else:
-        _print_findings(findings)
-    if faults:
-        raise SystemExit(EXIT_FAULT)
-
-
-def _print_findings(findings: Sequence[Finding]) -> None:
     console = make_console()
     rows = []
     for item in findings:
@@ -170,7 +145,8 @@ def _print_findings(findings: Sequence[Finding]) -> None:
         status = Text(item.status.value, style=STYLES[item.status])
         rows.append((status, item.name, Text.assemble(item.text, (advice, "bold"))))
     print_facts(console, rows)
-    faults = sum(finding.status is Status.FAULT for finding in findings)
     console.print(
         f"{format_count(faults, 'fault')}: see above." if faults else "The rig can work."
     )
+    if faults:
+        raise SystemExit(EXIT_FAULT)

@@ -8,15 +8,14 @@ from typing import Any
 
 import click
 
-from impact_rig.analysis.analyze import analyze
 from impact_rig.analysis.exporting import ExportedCampaign, ExportedHit, read_campaigns
-from impact_rig.analysis.sources import find_run
+from impact_rig.analysis.sources import find_run, read_runs
 from impact_rig.cli.info import describe_hits
 from impact_rig.cli.options import refuse_given
 from impact_rig.cli.output import show_progress
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits import find_label
-from impact_rig.present.terminal.console import print_warning
+from impact_rig.present.console import print_warning
 from impact_rig.recordings.contents import recover_recording
 from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
 from impact_rig.recordings.formats.registry import WRITABLE, write_measurement
@@ -28,7 +27,6 @@ from impact_rig.results.numbers import format_count
 from impact_rig.results.results_file import (
     format_json,
     format_results_table,
-    read_results,
     results_to_json,
 )
 from impact_rig.simulators.engines import ENGINES, format_contact, make_contact
@@ -92,15 +90,13 @@ def export_recording(path: Path, task: ExportTask) -> str:
     ParameterError
         If there is no such sample or hit.
     """
+    if "results" in task.parts:
+        results = [_select(item, task.samples) for item in _read_results(path)]
+        return _write_results(task.output, results)
     recording = read_recording(path)
     for warning in recording.warnings:
         print_warning(warning)
-    if "results" in task.parts:
-        found = analyze(recording).campaigns
-        return _write_results(task.output, [_select(it.results, task.samples) for it in found])
     campaigns = read_campaigns(recording)
-    if not campaigns:
-        raise FileError(f"{path} holds no complete hit")
     groups = _make_groups(campaigns, task)
     if not groups:
         raise FileError(f"{path} holds no such {' or '.join(sorted(task.parts))}")
@@ -108,7 +104,10 @@ def export_recording(path: Path, task: ExportTask) -> str:
         channels = tuple(channel for _, group in groups for channel in group)
         write_measurement(task.output, Measurement(path, channels))
         return f"{task.output}: {len(groups)} traces in {len(channels)} channels"
-    files = [task.output / name for name in _make_names([name for name, _ in groups], task.kind)]
+    files = [
+        task.output / f"{number:04}_{AWKWARD.sub('_', name)}{task.kind}"
+        for number, (name, _) in enumerate(groups, start=1)
+    ]
     for file in files:
         if file.exists():
             raise FileError(f"{file} exists already: name another folder")
@@ -139,7 +138,9 @@ def export_contact(path: Path, name: str, output: Path, samples: Sequence[str]) 
     engine = ENGINES[name]
     if output.suffix.lower() != engine.suffix:
         raise ParameterError(f"{output} is not a file of {engine.title}: it has {engine.suffix}")
-    results = _read_results(path)
+    results, *others = _read_results(path)
+    if others:
+        raise FileError(f"{path} holds {1 + len(others)} campaigns: --for is for one")
     names = samples or [item.name for item in results.samples]
     if len(names) != 1:
         choice = ", ".join(map(repr, names)) or "none"
@@ -150,16 +151,12 @@ def export_contact(path: Path, name: str, output: Path, samples: Sequence[str]) 
     return f"{output}: {names[0]} for {engine.title}"
 
 
-def _read_results(path: Path) -> Results:
-    source = find_run(path)
-    if not source.is_recording:
-        return read_results(source.path)
-    recording = analyze(read_recording(source.named), with_models=False)
-    for warning in recording.warnings:
+def _read_results(path: Path) -> list[Results]:
+    """Return the results of each campaign, and print warnings."""
+    runs = read_runs(find_run(path))
+    for warning in runs[0].warnings:
         print_warning(warning)
-    if len(recording.campaigns) != 1:
-        raise FileError(f"{path} holds {len(recording.campaigns)} campaigns: --for is for one")
-    return recording.campaigns[0].results
+    return [run.campaign.results for run in runs]
 
 
 def _select(results: Results, samples: Sequence[str]) -> Results:
@@ -217,15 +214,6 @@ def _is_wanted(hit: ExportedHit, task: ExportTask) -> bool:
     if task.accepted_only and not hit.judged.accepted:
         return False
     return not task.samples or hit.label.sample in task.samples
-
-
-def _make_names(names: Sequence[str], suffix: str) -> list[str]:
-    """Return a file name for each name, all different."""
-    plain = [AWKWARD.sub("_", name) for name in names]
-    return [
-        f"{name}{suffix}" if plain.count(name) == 1 else f"{name}_{number}{suffix}"
-        for number, name in enumerate(plain, start=1)
-    ]
 
 
 def save_sound_copy(path: Path, output: Path) -> None:

@@ -16,31 +16,23 @@ from impact_rig.cli.options import drop_missing
 from impact_rig.cli.output import raise_errors
 from impact_rig.configuration.import_file import read_import_template
 from impact_rig.core.errors import ParameterError, RigError
-from impact_rig.present.terminal.console import print_warning
+from impact_rig.present.console import print_warning
 from impact_rig.recordings.channels import make_template
 from impact_rig.recordings.formats.registry import read_measurement
 from impact_rig.recordings.importing import write_imported
+from impact_rig.recordings.source import SUFFIX
 from impact_rig.results.numbers import format_count
-
-RECORDING_SUFFIX = ".mcap"
-
-
-def _print_template(files: tuple[Path, ...]) -> None:
-    """Print a file of channels: the one with comments, or one for the first of some files."""
-    if not files:
-        click.echo(read_import_template(), nl=False)
-    else:
-        click.echo(make_template(read_measurement(files[0])), nl=False)
 
 
 def run(files: tuple[Path, ...], output: Path | None, template: bool, **measured: Any) -> None:
     """Run the command; its options are declared in `commands.py`."""
     if template:
-        _print_template(files)
+        text = make_template(read_measurement(files[0])) if files else read_import_template()
+        click.echo(text, nl=False)
         return
     if not files or output is None:
         raise click.UsageError("name the files, and the recording: FILE... -o OUT.mcap")
-    if output.suffix != RECORDING_SUFFIX:
+    if output.suffix != SUFFIX:
         raise ParameterError(f"{output} should be a recording: give it the suffix .mcap")
     errors = _import_files(files, output, make_series(drop_missing(measured)))
     raise_errors(errors)

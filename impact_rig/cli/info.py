@@ -17,7 +17,7 @@ from impact_rig.core.errors import RigError
 from impact_rig.core.hits import describe_label
 from impact_rig.core.records import join_origins
 from impact_rig.core.sensors import Sensor
-from impact_rig.present.terminal.console import (
+from impact_rig.present.console import (
     ALARM,
     GOOD,
     make_console,
@@ -53,17 +53,14 @@ def read_sensors(contents: Contents) -> tuple[Sensor, ...]:
         # `analyze` reports errors of a set-up.
         with contextlib.suppress(RigError, AttributeError, TypeError):
             found += setup_from_msg(message).sensors
-    # By their words: a sensitivity that is not known (NaN) is not equal to itself.
-    return tuple({(item.channel, item.describe()): item for item in found}.values())
+    return tuple(dict.fromkeys(found))
 
 
-def list_old_calibrations(contents: Contents) -> list[str]:
-    """Return which calibrations were too old on the day of the recording."""
-    if not is_dated(contents.start_time):
-        return []
+def list_remarks(contents: Contents) -> list[str]:
+    """Return hints for the reader, and which calibrations were too old on the day."""
     day = format_time(contents.start_time).partition(" ")[0]
-    found = [sensor.describe_age(day) for sensor in read_sensors(contents)]
-    return [text for text in found if text]
+    sensors = read_sensors(contents) if is_dated(contents.start_time) else ()
+    return [*contents.remarks, *filter(None, (sensor.describe_age(day) for sensor in sensors))]
 
 
 def describe_hits(contents: Contents) -> str:
@@ -156,7 +153,7 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
         "sound": contents.is_sound,
         "verdict": describe_verdict(contents),
         "problems": contents.problems,
-        "remarks": [*contents.remarks, *list_old_calibrations(contents)],
+        "remarks": list_remarks(contents),
         "start_time_ns": contents.start_time,
         "end_time_ns": contents.end_time,
         "messages": contents.messages,
@@ -191,38 +188,29 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
 
 
 def _list_facts(contents: Contents) -> list[tuple[str, str]]:
-    scan = contents.scan
-    chunks = f"{format_count(scan.chunks, 'chunk')} ({', '.join(scan.compressions) or 'none'})"
-    by = f", by {scan.library}" if scan.library else ""
-    facts = [("recording", f"{scan.path}, {scan.size / 1e6:.4g} MB, {chunks}{by}")]
-    if contents.messages:
-        duration = (contents.end_time - contents.start_time) * 1e-9
-        facts.append(("when", f"{format_time(contents.start_time)}, {duration:.1f} s"))
-    if campaigns := {(hit.rig, hit.campaign) for hit in contents.hits}:
-        rigs = dict.fromkeys(str(getattr(setup, "name", "")) for setup in contents.setups.values())
-        named = ", ".join(name for name in rigs if name)
-        facts.append(("campaigns", f"{len(campaigns)}{f' on {named}' if named else ''}"))
-    if contents.hits:
-        facts.append(("origin", str(join_origins(hit.origin for hit in contents.hits))))
-    facts += [
-        ("sensor", f"{sensor.channel}: {sensor.describe()}") for sensor in read_sensors(contents)
+    duration = (contents.end_time - contents.start_time) * 1e-9
+    notes = read_fields(contents, PROVENANCE_RECORD).get("notes", "")
+    facts = [
+        ("recording", f"{contents.scan.path}, {contents.scan.size / 1e6:.4g} MB"),
+        ("when", f"{format_time(contents.start_time)}, {duration:.1f} s"),
+        ("campaigns", str(len({(hit.rig, hit.campaign) for hit in contents.hits}) or "")),
+        ("origin", str(join_origins(hit.origin for hit in contents.hits)) * bool(contents.hits)),
+        *(("sensor", f"{item.channel}: {item.describe()}") for item in read_sensors(contents)),
+        *(
+            ("stream", f"{topic}, {stream.points} points of each channel")
+            for topic, stream in contents.streams.items()
+        ),
+        ("losses", describe_losses(contents) or "none"),
+        ("ended", read_fields(contents, HEALTH_RECORD).get("reason", "")),
+        ("versions", ", ".join(map(" ".join, read_versions(contents).items()))),
+        *(
+            ("attachment", f"{item.name}, {item.media_type}, {item.size} byte (--extract FOLDER)")
+            for item in contents.attachments
+        ),
+        ("notes", notes),
+        *(("note", f"{format_time(note.time)}: {note.text}") for note in contents.notes),
     ]
-    facts += [
-        ("stream", f"{topic}, {stream.points} points of each channel")
-        for topic, stream in contents.streams.items()
-    ]
-    facts.append(("losses", describe_losses(contents) or "none"))
-    if reason := read_fields(contents, HEALTH_RECORD).get("reason"):
-        facts.append(("ended", reason))
-    if versions := read_versions(contents):
-        facts.append(("versions", ", ".join(f"{name} {text}" for name, text in versions.items())))
-    facts += [
-        ("attachment", f"{item.name}, {item.media_type}, {item.size} byte (--extract FOLDER)")
-        for item in contents.attachments
-    ]
-    if notes := read_fields(contents, PROVENANCE_RECORD).get("notes"):
-        facts.append(("notes", notes))
-    return facts + [("note", f"{format_time(note.time)}: {note.text}") for note in contents.notes]
+    return [(name, text) for name, text in facts if text]
 
 
 def _print_samples(console: Console, contents: Contents) -> None:
@@ -306,5 +294,5 @@ def _print(contents: Contents) -> None:
     _print_samples(console, contents)
     _print_incomplete_hits(console, contents)
     _print_topics(console, contents)
-    for remark in (*contents.remarks, *list_old_calibrations(contents)):
+    for remark in list_remarks(contents):
         console.print(Text.assemble(("warning: ", ALARM), remark))

@@ -10,26 +10,23 @@ class Library:
     module: str  # what Python imports
     name: str  # what pip installs
     is_needed: bool = True  # the rig cannot do its main job without it
-    is_ros: bool = False  # it comes with ROS 2 Jazzy, or is built with it
 
     @property
     def advice(self) -> str:
         """Say how to get it."""
         if not self.is_needed:
             return f'pip install "{self.name}"; everything else works without it'
-        if self.is_ros:
-            return (
-                "source ROS 2 Jazzy and the rig built with it, or use"
-                " `python3 launch_scripts/rig.py exec -- impact-rig ...`"
-            )
-        return "use `python3 launch_scripts/rig.py exec -- impact-rig ...`, which installs it"
+        return (
+            "use `python3 launch_scripts/rig.py exec -- impact-rig ...`, which installs it, or"
+            " source ROS 2 Jazzy and the rig built with it"
+        )
 
 
 LIBRARIES = (
     Library("numpy", "numpy"),
     Library("scipy", "scipy"),
-    Library("rclpy", "rclpy", is_ros=True),
-    Library("impact_rig_msgs", "impact_rig_msgs", is_ros=True),
+    Library("rclpy", "rclpy"),
+    Library("impact_rig_msgs", "impact_rig_msgs"),
     Library("GTC", "GTC"),
     Library("pint", "pint"),
     Library("rosbags", "rosbags"),
@@ -47,15 +44,11 @@ LIBRARIES = (
     Library("matplotlib", "matplotlib", is_needed=False),
     Library("jinja2", "jinja2", is_needed=False),
     Library("rerun", "rerun-sdk", is_needed=False),
-    Library("psutil", "psutil", is_needed=False),
 )
-PARTS = {"dask": "distributed"}
-"""Modules that come with another library, by that library's module."""
 
 
 def describe_missing(module: str) -> str:
     """Return which library a missing module belongs to, and how to get it; empty: unknown."""
     top = module.partition(".")[0]
-    top = PARTS.get(top, top)
     found = [item for item in LIBRARIES if item.module == top]
     return f"{found[0].name} is not installed: {found[0].advice}" if found else ""

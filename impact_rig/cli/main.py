@@ -4,29 +4,16 @@ import io
 import os
 import sys
 from pathlib import Path
-from typing import Any
 
 from impact_rig.cli.commands import cli
-from impact_rig.cli.rig_group import STANDARD_OUTPUT
 from impact_rig.configuration.processes import open_closed_streams, use_one_thread
-
-
-class _StandardOutput(io.FileIO):
-    """Standard output whose errors carry its name, as errors of opening a file do."""
-
-    def write(self, data: Any, /) -> int:
-        try:
-            return super().write(data)
-        except OSError as error:
-            error.filename = STANDARD_OUTPUT
-            raise
 
 
 def _keep_standard_output() -> None:
     """Keep standard output for what Python prints: Fast DDS writes its errors there, into JSON."""
     sys.stdout.flush()
     sys.stdout = io.TextIOWrapper(
-        io.BufferedWriter(_StandardOutput(os.dup(1), "w")),
+        io.BufferedWriter(io.FileIO(os.dup(1), "w")),
         encoding=sys.stdout.encoding,
         line_buffering=sys.stdout.isatty(),
     )

@@ -20,49 +20,17 @@ if TYPE_CHECKING:
     from impact_rig.configuration.rig_file import RigFile
 
 
-class Parsed(click.ParamType):
-    """An option whose value a function parses."""
-
-    name = "text"
-
-    def __init__(self, parse: Callable[[str, str], Any]) -> None:
-        self._parse = parse
-
-    def convert(
-        self, value: object, param: click.Parameter | None, ctx: click.Context | None
-    ) -> Any:
-        """Return the parsed text; a default, which is no text, unchanged."""
-        if not isinstance(value, str):
-            return value
-        return self._parse(param.opts[-1] if param else self.name, value)
-
-
-def make_quantity(unit: str, example: str) -> Parsed:
-    """Return an option type: a number in SI units, or a number with its unit."""
-
-    def parse(name: str, text: str) -> float:
-        try:
-            return float(text)
-        except ValueError:
-            return parse_quantity(name, text, unit, example)
-
-    return Parsed(parse)
-
-
-FREQUENCY = make_quantity("Hz", "50 kHz")
-CUTOFF = Parsed(lambda _, text: 0.0 if text == "off" else FREQUENCY.convert(text, None, None))
-"""A frequency [Hz], or ``off``, which is 0."""
-
-
-def parse_angles(name: str, text: str) -> tuple[float, ...]:
+def parse_angles(_: click.Context, option: click.Parameter, text: str) -> tuple[float, ...]:
     """Return release angles [rad], in degrees between commas; raises `ParameterError`."""
     from impact_rig.core.setup import check_release_angles
 
+    if not text:
+        return ()
     try:
         angles = tuple(math.radians(float(number)) for number in text.split(","))
     except ValueError:
         raise ParameterError(
-            f"{name} is {text}: write numbers of degrees between commas, like 5,10,20"
+            f"{option.opts[0]} is {text}: write numbers of degrees between commas, like 5,10,20"
         ) from None
     check_release_angles(angles)
     return angles
@@ -84,6 +52,28 @@ def _combine(*options: Decorator) -> Decorator:
 
 FILE = click.Path(path_type=Path)
 FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+def make_quantity_option(
+    name: str, unit: str, example: str, text: str, default: float | None = None
+) -> Decorator:
+    """Return an option that takes a number in SI units, a number with its unit, or off, for 0."""
+
+    def parse(_: click.Context, __: click.Parameter, value: str | None) -> float | None:
+        if value is None or value == "off":
+            return default if value is None else 0.0
+        try:
+            return float(value)
+        except ValueError:
+            return parse_quantity(name, value, unit, example)
+
+    return click.option(name, callback=parse, metavar=f'"{example}"', help=text)
+
+
+def make_list_option(name: str, metavar: str, text: str, parameter: str = "") -> Decorator:
+    """Return an option that may be given several times."""
+    names = [name, parameter] if parameter else [name]
+    return click.option(*names, multiple=True, metavar=metavar, help=f"{text}; repeatable.")
 
 
 def make_output_option(text: str, metavar: str = "FILE", *, required: bool = False) -> Decorator:
@@ -125,13 +115,12 @@ nodes_options = _combine(
     ),
     notes_option,
     make_output_option("Folder for recording, view and results. [runs/<time>]", "FOLDER"),
-    click.option(
+    make_list_option(
         "--viewer",
+        "spawn|web|ADDRESS",
+        "Show it live, too: in a window, on a web page, in the Rerun viewer at"
+        " rerun+http://HOST:9876/proxy",
         "viewers",
-        multiple=True,
-        metavar="spawn|web|ADDRESS",
-        help="Show it live, too: in a window, on a web page, in the Rerun viewer at"
-        " rerun+http://HOST:9876/proxy; repeatable.",
     ),
 )
 """Of the commands that start the nodes of a rig."""
@@ -142,13 +131,7 @@ resume_option = click.option(
     help="Go on with the run that this folder holds.",
 )
 
-samples_option = click.option(
-    "--sample",
-    "samples",
-    multiple=True,
-    metavar="NAME",
-    help="Only this sample; repeatable.",
-)
+samples_option = make_list_option("--sample", "NAME", "Only this sample", "samples")
 campaign_options = _combine(
     samples_option,
     click.option(
@@ -156,8 +139,8 @@ campaign_options = _combine(
     ),
     click.option(
         "--angles",
-        type=Parsed(parse_angles),
-        default=(),
+        default="",
+        callback=parse_angles,
         metavar="DEGREES,...",
         help="Strike every sample from each of these release angles. [as in the rig file]",
     ),
@@ -175,7 +158,9 @@ results_options = _combine(
 )
 rig_options = _combine(
     click.option("--namespace", default="", help="ROS namespace of the rig. [none]"),
-    click.option("--network", is_flag=True, help="Find nodes on other computers, too. [here]"),
+    click.option(
+        "--network", is_flag=True, help="Find nodes on other computers, too. [on this one]"
+    ),
 )
 """Of the commands that find a rig."""
 
@@ -183,7 +168,7 @@ rig_options = _combine(
 def load_rig(path: Path | None) -> "RigFile":
     """Read a rig file, by default the paper's, and warn of what its sensors lack."""
     from impact_rig.configuration.rig_file import list_rig_warnings, load_rig_file
-    from impact_rig.present.terminal.console import print_warning
+    from impact_rig.present.console import print_warning
 
     rig = load_rig_file(path)
     for warning in list_rig_warnings(rig.setup):
@@ -223,19 +208,9 @@ measurement_options = _combine(
         help="Channels, sensors, masses, settings, as `import --template` prints it.",
     ),
     click.option("--hammer-unit", metavar="UNIT", help=f"{', '.join(UNITS)}. [as in the file]"),
-    click.option(
-        "--rate",
-        type=make_quantity("Hz", "25.6 kHz"),
-        metavar="RATE",
-        help="Sampling rate. [as in the file]",
-    ),
-    click.option("--hammer-mass", type=make_quantity("kg", "100 g"), metavar="MASS", help="m1."),
-    click.option(
-        "--sample-mass",
-        type=make_quantity("kg", "102.38 g"),
-        metavar="MASS",
-        help="Without accelerometer.",
-    ),
+    make_quantity_option("--rate", "Hz", "25.6 kHz", "Sampling rate. [as in the file]"),
+    make_quantity_option("--hammer-mass", "kg", "100 g", "m1."),
+    make_quantity_option("--sample-mass", "kg", "102.38 g", "Without accelerometer."),
     click.option(
         "--rig-file",
         type=FILE,
@@ -243,17 +218,14 @@ measurement_options = _combine(
         help="Masses and settings; --sample is one of its samples.",
     ),
     click.option("--sample", metavar="NAME", help="Which sample was struck."),
-    click.option(
-        "--cutoff",
-        type=CUTOFF,
-        metavar="FREQUENCY",
-        help="Low-pass, or off. [as recorded; else 50 kHz]",
+    make_quantity_option(
+        "--cutoff", "Hz", "50 kHz", "Low-pass, or off. [as recorded; else 50 kHz]"
     ),
-    click.option(
+    make_quantity_option(
         "--record-duration",
-        type=make_quantity("s", "2 ms"),
-        metavar="TIME",
-        help="Of each hit, if a file holds many. [the whole file is one hit]",
+        "s",
+        "2 ms",
+        "Of each hit, if a file holds many. [the whole file is one hit]",
     ),
 )
 """Options of files of other instruments; see `impact_rig.analysis.measured_files`."""

@@ -4,7 +4,7 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import click
 from rich.progress import (
@@ -18,20 +18,13 @@ from rich.progress import (
 
 from impact_rig.configuration.processes import RECORDING_NAME, REPORT_NAME
 from impact_rig.core.errors import RigError
-from impact_rig.present.terminal.console import GOOD, make_console, make_printable, print_warning
-from impact_rig.present.terminal.results import print_full, print_screen
+from impact_rig.present.console import GOOD, make_console, make_printable, print_warning
+from impact_rig.present.screen import print_full, print_screen
 from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import format_json, results_to_json
 
 _S = TypeVar("_S")
 _T = TypeVar("_T")
-
-
-class Follow(Protocol):
-    """Takes the name of a stage, the work done in it, and its total."""
-
-    def __call__(self, stage: str, done: float, total: float | None = None, /) -> None:
-        """Show it."""
 
 
 def make_progress() -> Progress:
@@ -51,8 +44,11 @@ def make_progress() -> Progress:
 
 
 @contextlib.contextmanager
-def show_progress() -> Iterator[Follow]:
-    """Yield a function that shows a progress bar for each stage of the work."""
+def show_progress() -> Iterator[Callable[..., None]]:
+    """Yield a function that shows a progress bar for each stage of the work.
+
+    It takes the name of the stage, the work done in it and, at its first call, its total.
+    """
     stages: dict[str, TaskID] = {}
     with make_progress() as progress:
 

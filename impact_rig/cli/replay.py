@@ -8,7 +8,7 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes.replay_client import ReplayClient
 from impact_rig.nodes.replayer import run_replayer
 from impact_rig.nodes.replayer_recording import RecordingToReplay
-from impact_rig.present.terminal.console import print_warning
+from impact_rig.present.console import print_warning
 
 PLAYER_ONLY = ("rate", "loop", "namespace", "network")  # options of the player alone
 

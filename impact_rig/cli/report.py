@@ -17,7 +17,6 @@ from impact_rig.configuration.processes import REPORT_NAME
 from impact_rig.core.errors import FileError
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
-from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD, compute_sha256
 from impact_rig.recordings.writer import HEALTH_RECORD
@@ -39,6 +38,9 @@ def read_provenance(path: Path) -> Provenance:
     """
     contents = inspect_with_progress(path)
     scan = contents.scan
+    notes = [(note.time, note.text) for note in contents.notes]
+    if first := read_fields(contents, PROVENANCE_RECORD).get("notes", ""):
+        notes.insert(0, (0, first))
     return Provenance(
         start_time=contents.start_time,
         end_time=contents.end_time,
@@ -49,14 +51,8 @@ def read_provenance(path: Path) -> Provenance:
         ended=read_fields(contents, HEALTH_RECORD).get("reason", ""),
         versions=tuple(read_versions(contents).items()),
         parameters=tuple(sorted(read_fields(contents, PARAMETERS_RECORD).items())),
-        notes=_gather_notes(contents),
+        notes=tuple(notes),
     )
-
-
-def _gather_notes(contents: Contents) -> tuple[tuple[int, str], ...]:
-    first = read_fields(contents, PROVENANCE_RECORD).get("notes", "")
-    notes = ((0, first),) if first else ()
-    return notes + tuple((note.time, note.text) for note in contents.notes)
 
 
 def run(path: Path, output: Path | None) -> None:

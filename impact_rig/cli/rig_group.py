@@ -1,5 +1,6 @@
 """How a command ends: an error in one line, Ctrl-C silently."""
 
+import contextlib
 import errno
 import os
 import sys
@@ -12,7 +13,6 @@ from impact_rig.core.errors import RigError
 
 EXIT_ERROR = 2  # something that the user can mend
 EXIT_INTERRUPTED = 130  # ended by Ctrl-C: 128 + SIGINT, as in shells
-STANDARD_OUTPUT = "standard output"  # file name in errors of writing to it
 
 
 class _Failure(click.ClickException):
@@ -21,7 +21,7 @@ class _Failure(click.ClickException):
     exit_code = EXIT_ERROR
 
     def show(self, file: IO[Any] | None = None) -> None:
-        from impact_rig.present.terminal.console import make_printable
+        from impact_rig.present.console import make_printable
 
         text = make_printable(f"error: {self.format_message()}")
         click.echo(text, file=file, err=file is None)
@@ -57,8 +57,8 @@ class RigGroup(click.Group):
         except OSError as error:
             if error.errno == errno.EPIPE:  # the reader of a pipe has ended: click ends quietly
                 raise
-            if error.filename == STANDARD_OUTPUT:
-                # What could not be written would be tried once more at the end.
+            # What standard output did not take would be tried once more at the end.
+            with contextlib.suppress(OSError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             where = f"{error.filename}: " if error.filename else ""
             raise _Failure(f"{where}{error.strerror or error}") from None

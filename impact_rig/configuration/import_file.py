@@ -30,7 +30,7 @@ NAN = math.nan
 
 @dataclass(frozen=True)
 class ImportFile(Comparable):
-    """The content of such a file; NaN or empty where it states nothing."""
+    """The content of a file of channels; NaN or empty: not stated."""
 
     plan: ChannelPlan = field(default_factory=ChannelPlan)
     sample: str = ""  # name of the struck sample
@@ -44,12 +44,12 @@ class ImportFile(Comparable):
 
 
 def read_import_template() -> str:
-    """Return such a file with comments, to copy and change."""
+    """Return the template of a file of channels, with comments."""
     return resources.files("impact_rig.configuration").joinpath("import.toml").read_text("utf-8")
 
 
 def read_import_file(path: Path) -> ImportFile:
-    """Read such a file.
+    """Read a file of channels.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def read_import_file(path: Path) -> ImportFile:
 
 
 def read_analysis_settings(path: Path) -> dict[str, Any]:
-    """Read a file of channels for a recording, which states all but the table [analysis] itself.
+    """Read a file of channels for a recording, which takes only the table [analysis] from it.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def read_analysis_settings(path: Path) -> dict[str, Any]:
 
 
 def parse_import_file(text: str) -> ImportFile:
-    """Read the text of such a file.
+    """Read the text of a file of channels.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def parse_import_file(text: str) -> ImportFile:
 
 
 def add_options(file: ImportFile, given: Mapping[str, Any]) -> ImportFile:
-    """Return a file with the options of the command line, which go first.
+    """Return a file in which options of the command line replace what it states.
 
     These are `rate` [Hz], `hammer_unit`, `sample`, `hammer_mass` and `sample_mass` [kg], `cutoff`
     [Hz] and `record_duration` [s].

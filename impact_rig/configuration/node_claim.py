@@ -1,7 +1,7 @@
-"""Which process of this computer is which node of which rig: there is one of each.
+"""One process for each node of a rig on this computer.
 
-A node holds a socket whose name is made of ROS domain, namespace and node. Linux frees it when the
-process ends, and gives the number of that process to a client.
+A node holds a socket named by ROS domain, namespace and node. Linux frees it when the process
+ends, and tells a client the number of that process.
 """
 
 import errno

@@ -89,7 +89,7 @@ CONTINUOUS = "continuous"
 
 WINDOW = "spawn"
 PAGE = "web"
-"""Viewers of this host; an address names one elsewhere."""
+"""Viewers of this computer; an address names one elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def list_rig_processes(
 ) -> tuple[NodeProcess, ...]:
     """Return the nodes of a rig with their parameters.
 
-    All but `only` describes the whole rig, also what of it runs on other computers.
+    All parameters but `only` describe the whole rig, including its part on other computers.
 
     Parameters
     ----------

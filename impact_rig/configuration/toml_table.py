@@ -17,7 +17,7 @@ Content = TypeVar("Content")
 
 
 def read_toml_file(path: Path, what: str, parse: Callable[[str], Content]) -> Content:
-    """Return what `parse` makes of the text of a file; `what` it is, for messages.
+    """Parse the text of a file; `what` names its kind in messages.
 
     Raises
     ------
@@ -187,7 +187,7 @@ class TomlTable(Mapping[str, Any]):
         )
 
     def check_keys(self, *known: str) -> None:
-        """Require keys that are known, and suggest one where it is not.
+        """Refuse unknown keys, and suggest the nearest known one.
 
         Raises
         ------

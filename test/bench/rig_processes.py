@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from impact_rig.cli.running_nodes import make_command
+from impact_rig.cli.up import make_command
 from impact_rig.configuration.processes import NodeProcess, list_rig_processes
 from impact_rig.core.errors import RigError
 from impact_rig.recordings.source import RUN_NAME, SUFFIX

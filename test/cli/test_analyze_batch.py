@@ -2,17 +2,14 @@
 
 import contextlib
 import json
-import os
 import shutil
 import signal
 import subprocess
 import time
-from pathlib import Path
 
 import psutil
 import pytest
 
-from impact_rig.analysis.batch import analyze_batch
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import results_to_json
 
@@ -134,23 +131,6 @@ def test_a_scheduler_that_is_not_there_is_one_sentence_soon(run, folders, monkey
     assert line.startswith(f"error: no Dask scheduler answers at '{address}'")
 
 
-def test_a_worker_that_is_killed_costs_no_recording(folders, expected):
-    paths = [folder / "session.mcap" for folder in folders]
-    killed: list[int] = []
-
-    def kill_one(_: Path) -> None:
-        if not killed:
-            workers = psutil.Process().children(recursive=True)
-            killed.extend(each.pid for each in workers if "spawn_main" in " ".join(each.cmdline()))
-            os.kill(killed[0], signal.SIGKILL)
-
-    outcomes = analyze_batch(paths, {}, workers=2, scheduler=None, report=kill_one)
-    assert killed
-    assert [results_to_json(outcome.campaigns[0].results) for outcome in outcomes] == [
-        entry["results"] for entry in expected
-    ]
-
-
 def test_ctrl_c_ends_all_processes_at_once(runs, tmp_path):
     # Bytes missing at the end make different recordings of one.
     paths = [tmp_path / f"{number}.mcap" for number in range(60)]
@@ -181,9 +161,3 @@ def test_what_means_nothing_for_many_recordings_is_refused(run, folders, words, 
     outcome = run("analyze", *folders, *words)
     assert outcome.exit_code == 2
     assert message in outcome.stderr
-
-
-def test_an_impossible_setting_is_told_once(run, folders):
-    outcome = run("analyze", *folders, "--cutoff", -1, "--workers", 1)
-    assert outcome.exit_code == 2
-    assert outcome.stderr.count("error: ") == 1

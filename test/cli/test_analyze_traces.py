@@ -41,18 +41,6 @@ def read_json(outcome):
     return json.loads(outcome.stdout)
 
 
-def test_a_known_hammer_gives_the_stiffness_of_any_sample(run, save, channels):
-    words = ("--cutoff", "off", "--hammer-mass", "0.1", "--sample-mass", "0.1", "--json")
-    words += channels('[hammer]\nstiffness = "20 MN/m"')
-    content = read_json(run("analyze", *words, save("hit.npy", make_pulse())))
-    equivalent = 0.05 * (np.pi / CONTACT_TIME) ** 2
-    expected = 1 / (1 / equivalent - 1 / 20e6)
-    assert content["samples"][0]["stiffness_n_per_m"] == pytest.approx(expected, rel=1e-3)
-    # The sample's oscillation of 5 kHz loses exp(-4000 / 5000) from peak to peak; its first
-    # rise is steeper than a sine's, which moves both peaks alike.
-    assert content["samples"][0]["log_decrement"] == pytest.approx(0.8, abs=0.02)
-
-
 def test_a_rig_file_gives_masses_and_settings(run, save, tmp_path):
     rig = tmp_path / "rig.toml"
     rig.write_text(
@@ -100,17 +88,6 @@ def test_bad_input_gets_one_sentence(run, save, rows, words, sentence):
     assert outcome.stderr.startswith("error: ")
     assert len(outcome.stderr.splitlines()) == 1
     assert sentence in outcome.stderr
-
-
-def test_a_dead_channel_is_a_bad_hit_and_no_hit_is_an_error(run, save):
-    rows = make_pulse()
-    rows[1] = 0.0
-    outcome = run("analyze", save("hit.npy", rows))
-    assert outcome.exit_code == 2
-    assert "dead_channel" in outcome.stdout
-    assert outcome.stderr.endswith(
-        "error: no hit was accepted: the contact time is not determined\n"
-    )
 
 
 REAL_SHOCKS = REAL_HITS.parent / "repeat_shock"
@@ -171,25 +148,8 @@ def test_a_person_goes_before_the_verdict(run, save):
     )
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--accept", "other.npy"], "there is no hit 'other.npy'"),
-        (["--accept", "hit.npy", "--reject", "hit.npy"], "is both accepted and rejected by hand"),
-    ],
-)
-def test_a_word_that_makes_no_sense_is_named(run, save, words, message):
-    flat = make_pulse()
-    flat[1:] = 0.0
-    outcome = run("analyze", *words, save("hit.npy", make_pulse()), save("flat.npy", flat))
-    assert outcome.exit_code == 2
-    assert outcome.stdout == ""
-    assert message in outcome.stderr
-    assert len(outcome.stderr.splitlines()) == 1
-
-
 def test_a_folder_of_measured_files_says_how_to_name_them(run, save, tmp_path):
     save("hit.csv", make_pulse())
     outcome = run("analyze", tmp_path)
     assert outcome.exit_code == 2
-    assert f"name other files one by one, like {tmp_path}/*.csv" in outcome.stderr
+    assert "name other files one by one" in outcome.stderr

@@ -219,18 +219,6 @@ class Striker:
                 return
 
 
-def test_hits_are_struck_on_a_real_instrument_over_tcp(run, tmp_path):
-    with Striker() as striker:
-        path = write_rig(tmp_path, address=striker.digitizer.address)
-        outcome = run("calibrate", path, "--sensor", "specimen", "--hits", 4)
-    assert outcome.exit_code == 0, outcome.stderr
-    assert read_sensitivity(outcome.stdout) == pytest.approx(5.2, rel=1e-3)
-    assert "Hits: 4" in outcome.stdout
-    first, *lines = outcome.stderr.splitlines()
-    assert first == "Strike 4 times; Ctrl-C ends before."
-    assert any(line.startswith("4 of 4: ratio 1.0") for line in lines)
-
-
 def test_a_device_that_is_lost_takes_no_hit_with_it(run, tmp_path):
     with Striker(strikes=5) as striker:
         path = write_rig(tmp_path, address=striker.digitizer.address)

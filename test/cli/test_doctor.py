@@ -1,7 +1,5 @@
 """`impact-rig doctor` on this very installation."""
 
-import json
-
 import pytest
 
 from impact_rig.cli import doctor
@@ -9,12 +7,6 @@ from impact_rig.cli.doctor import Status, check_conversation, check_library, che
 from impact_rig.cli.libraries import Library, describe_missing
 
 from .conftest import finish, start_command, start_python
-
-
-def test_what_is_installed_is_shown_with_its_version():
-    finding = check_library(Library("numpy", "numpy"))
-    assert finding.status is Status.OK
-    assert finding.text[0].isdigit()
 
 
 @pytest.mark.parametrize(("is_needed", "status"), [(True, "fault"), (False, "warning")])
@@ -25,7 +17,7 @@ def test_what_is_missing_matters_as_much_as_it_is_needed(is_needed, status):
 
 
 def test_a_module_belongs_to_the_library_that_brings_it():
-    assert 'pip install "distributed"' in describe_missing("dask.distributed")
+    assert 'pip install "distributed"' in describe_missing("distributed.client")
     assert describe_missing("antigravity") == ""
 
 
@@ -41,19 +33,10 @@ def test_a_folder_that_cannot_be_written_is_a_fault(tmp_path):
     assert doctor.check_disk(tmp_path / "absent").status is Status.FAULT
 
 
-def test_shared_memory_may_be_absent(tmp_path):
-    assert doctor.check_shared_memory(tmp_path / "absent").status is Status.WARNING
-    assert doctor.check_shared_memory(tmp_path).status is Status.OK
-
-
 def test_this_installation_is_healthy():
-    code, output, _ = finish(start_command("doctor", "--json"))
-    content = json.loads(output)
-    assert [item for item in content["findings"] if item["status"] == "fault"] == []
-    assert (code, content["healthy"]) == (0, True)
-    found = {item["name"]: item["text"] for item in content["findings"]}
-    assert found["two processes"].startswith("exchange messages by rmw_")
-    assert "virtual" in found["sources"]
+    code, output, _ = finish(start_command("doctor"))
+    assert (code, output.splitlines()[-1]) == (0, "The rig can work.")
+    assert "exchange messages by rmw_" in output
 
 
 def test_a_middleware_that_is_not_there_is_named(monkeypatch):

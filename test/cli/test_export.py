@@ -131,15 +131,6 @@ def test_results_are_those_of_the_live_run_and_keep_every_digit_in_columns(
         assert float(row["hammer_stiffness_n_per_m"]) == content["hammer"]["stiffness_n_per_m"]
 
 
-def test_several_campaigns_are_told_apart(run, record, tmp_path):
-    path = tmp_path / "twice.mcap"
-    record(path, VirtualRigSettings(seed=1), ("steel small",), 1, campaigns=2)
-    assert run("export", path, "-o", tmp_path / "twice.csv").exit_code == 0
-    names = [channel.name for channel in read_measurement(tmp_path / "twice.csv").channels]
-    assert names[0] == "campaign 1/steel small/1.1 hammer"
-    assert names[2] == "campaign 2/steel small/1.1 hammer"
-
-
 @pytest.mark.parametrize(
     ("words", "told"),
     [

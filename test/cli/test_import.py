@@ -132,21 +132,6 @@ def test_good_files_are_imported_whatever_the_others_are(run, save, tmp_path):
     assert len(read_blocks(output)) == 1
 
 
-def test_a_low_pass_is_left_out_and_said_so_where_the_sampling_is_too_slow_unless_asked_for(
-    run, tmp_path
-):
-    output = tmp_path / "usual.mcap"
-    outcome = run("import", *REAL_HITS, "-o", output, *ACCELERATION)
-    assert outcome.exit_code == 0
-    assert "25.6 kHz is too slow for the 50 kHz low-pass" in outcome.stderr
-    assert read_recording(output).setup.analysis.cutoff_frequency == 0.0
-    output = tmp_path / "hits.mcap"
-    outcome = run("import", *REAL_HITS, "-o", output, "--cutoff", "50 kHz", *ACCELERATION)
-    assert outcome.exit_code == 2
-    assert "too low for the 50 kHz low-pass" in outcome.stderr
-    assert not output.exists()
-
-
 def test_an_imported_hit_keeps_its_file_and_states_only_what_was_measured(
     run, save, tmp_path, channels
 ):

@@ -45,16 +45,6 @@ def test_the_first_line_is_the_verdict(run, struck):
         assert words in outcome.stdout
 
 
-def test_losses_that_only_the_health_record_tells_are_told(run, tmp_path):
-    path = tmp_path / "notes.mcap"
-    with RecordingWriter(path) as writer:
-        writer.add_message(writer.add_channel("/chatter", TEXT, (OfferedQos(),)), HELLO, 1, 1)
-        writer.add_metadata("impact_rig/health", {"reason": "closed", "messages_lost": "1"})
-    text = " ".join(run("info", path).stdout.split())
-    assert "losses 1 message on the way to the recorder" in text
-    assert json.loads(run("info", path, "--json").stdout)["messages_lost_on_the_way"] == 1
-
-
 def test_json_has_every_hit_and_topic(run, struck):
     content = json.loads(run("info", struck.parent, "--json").stdout)  # of the run
     assert content["sound"] is True

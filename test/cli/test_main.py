@@ -132,7 +132,7 @@ def test_what_the_middleware_prints_does_not_get_into_the_output(tmp_path):
 def test_output_to_a_full_disk_ends_in_a_sentence():
     with Path("/dev/full").open("w") as full:
         done = finish(start_command("import", "--template", stdout=full))
-    assert done == (2, None, "error: standard output: No space left on device\n")
+    assert done == (2, None, "error: No space left on device\n")
 
 
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-"])

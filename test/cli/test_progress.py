@@ -12,7 +12,7 @@ ERASE_LINE = "\x1b[2K"
 PROGRAM = """
 import sys, time
 from impact_rig.cli.output import show_progress
-from impact_rig.present.terminal.console import make_console
+from impact_rig.present.console import make_console
 
 with show_progress() as follow:
     for stage in "reading steel", "estimating":

@@ -1,7 +1,6 @@
 """`impact-rig replay`: as a player, and through a fresh estimator."""
 
 import json
-import signal
 import subprocess
 
 import pytest
@@ -66,22 +65,6 @@ def test_a_player_without_subscribers_ends_with_the_recording(start, recorded):
     output, errors = process.communicate(timeout=PATIENCE)
     assert (process.returncode, output) == (0, ""), errors
     assert "[replayer]: done: " in errors
-
-
-def read_until(stream, text):
-    for line in stream:
-        if text in line:
-            return
-    raise AssertionError(f"{text!r} never came")
-
-
-def test_ctrl_c_ends_it_at_once(start, recorded):
-    process = start(recorded.path, "--rate", "0.001")
-    read_until(process.stderr, "replaying")
-    process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
-    assert "Traceback" not in output + errors
 
 
 @pytest.mark.parametrize(

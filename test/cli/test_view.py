@@ -1,7 +1,6 @@
 """`impact-rig view`: recordings and results in Rerun, in whatever shows them."""
 
 import signal
-import subprocess
 import sys
 import textwrap
 import urllib.request
@@ -10,13 +9,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from impact_rig.cli.view import list_remarks
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.present.rerun import viewers as program
 from impact_rig.results.results_file import write_results
-from impact_rig.results.traces import TracedCampaign
 
-from ..present.rerun.onlookers import list_listeners, wait_until
+from ..present.rerun.onlookers import list_listeners
 from .conftest import PATIENCE, finish, start_command, start_python
 
 rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed")
@@ -42,15 +39,6 @@ def read_view(path):
         for chunk in reader.stream(store=entry).to_chunks()
     }
     return len(reader.recordings()), len(reader.blueprints()), entities
-
-
-def is_readable(path):
-    """Return whether a file that is being written has come so far."""
-    try:
-        read_view(path)
-    except (OSError, RuntimeError, ValueError):
-        return False
-    return True
 
 
 def count_hits(entities):
@@ -179,26 +167,6 @@ def test_a_window_that_cannot_open_is_named(run, recorded, tmp_path, fake_viewer
     assert not list(temporary.iterdir())
 
 
-def test_a_viewer_elsewhere_gets_everything(run, recorded, tmp_path):
-    port = program.find_free_port()
-    kept, view = tmp_path / "kept.rrd", tmp_path / "view.rrd"
-    elsewhere = subprocess.Popen(
-        [program.find_viewer(), "--bind", "127.0.0.1", "--port", str(port), "--save", kept],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        wait_until(lambda: psutil.Process(elsewhere.pid).net_connections("inet"))
-        address = f"rerun+http://127.0.0.1:{port}/proxy"
-        outcome = run("view", recorded.path, "--connect", address)
-        assert outcome.exit_code == 0, outcome.stderr
-        assert run("view", recorded.path, "-o", view).exit_code == 0
-        wait_until(lambda: is_readable(kept) and read_view(kept) == read_view(view))
-    finally:
-        elsewhere.kill()
-        elsewhere.wait()
-
-
 def test_a_web_page_is_served_to_this_host_until_ctrl_c(recorded, tmp_path):
     words = ("view", recorded.path, "--web")
     process = start_command(*words, stdout=None, env={"TMPDIR": str(tmp_path)})
@@ -218,12 +186,3 @@ def test_a_web_page_is_served_to_this_host_until_ctrl_c(recorded, tmp_path):
         process.kill()
         process.communicate()
     assert [path for path in Path(tmp_path).iterdir() if "view" in path.name] == []
-
-
-def test_a_sample_without_a_good_hit_is_named(strike):
-    results = strike(["steel small"], impacts=1, fault_probability=1.0)
-    assert not results.hits[0].accepted
-
-    (remark,) = list_remarks(TracedCampaign(results, (), ()))
-    assert remark.startswith("'steel small' is shown without mean and model: ")
-    assert "0 of 1 hits accepted" in remark

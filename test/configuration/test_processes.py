@@ -1,7 +1,6 @@
 """One list says which processes make a rig, for `up` and for ROS 2's launch."""
 
 import sys
-from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,6 @@ from impact_rig.configuration.processes import (
     NETWORK,
     PROFILES,
     TRANSPORTS,
-    choose_run_folder,
     choose_view,
     list_rig_processes,
     make_network_variables,
@@ -126,26 +124,6 @@ def test_viewers_stand_beside_the_file():
 def test_a_viewer_that_cannot_be_meant_is_named(viewers, visualize, expected):
     with pytest.raises(ParameterError, match=expected):
         by_name(viewers=viewers, visualize=visualize)
-
-
-def test_overrides_go_before_everything_else():
-    nodes = by_name(source={"seed": 3}, overrides={"accelerometer": {"source": "seed = 4"}})
-    assert nodes["accelerometer"]["source"] == "seed = 4"
-
-
-def test_run_folders_sort_by_time():
-    folder = choose_run_folder()
-    assert datetime.strptime(str(folder), "runs/%Y-%m-%dT%H-%M-%S").astimezone() <= datetime.now(
-        UTC
-    )
-    assert choose_run_folder(folder / "a") == folder / "a"
-
-
-def test_a_run_is_recorded_as_it_is_asked_for():
-    assert by_name(notes="bench 3")["recorder"] == {
-        "output": "out/session.mcap",
-        "notes": "bench 3",
-    }
 
 
 @pytest.fixture

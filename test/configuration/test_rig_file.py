@@ -35,13 +35,6 @@ def test_a_sheet_is_taken_as_it_is_written():
     assert specimen.full_scale == pytest.approx(500 * 9.80665)
 
 
-def test_a_source_that_measures_in_units_needs_no_sensitivity():
-    (hammer,) = read('[source.hammer]\nfull_scale = "10 g"\n')
-    assert math.isnan(hammer.sensitivity)
-    assert (hammer.unit, hammer.full_scale) == ("m/s^2", pytest.approx(98.0665))
-    assert read("") == ()
-
-
 @pytest.mark.parametrize(
     ("text", "told"),
     [
@@ -116,18 +109,6 @@ def test_release_angles_are_in_degrees():
     assert rig.release_angles == pytest.approx((math.radians(5.0), 0.35))
 
 
-def test_uncertainties_of_masses_and_clock_are_stated_beside_them():
-    text = SMALLEST.replace('mass = "0.1 kg"', 'mass = "0.1 kg"\nmass_uncertainty = "0.2 g"')
-    text = text.replace('mass = "80 g"', 'mass = "80 g"\nmass_uncertainty = "3 mg"')
-    text += '[samples]\naccelerometer_mass = "3 g"\naccelerometer_mass_uncertainty = "0.1 g"\n'
-    text += "[digitizer]\nclock_uncertainty = 1e-6\n"
-    setup = parse_rig_file(text).setup
-    assert setup.hammer_mass_uncertainty == pytest.approx(2e-4)
-    assert setup.samples.find("oak").mass_uncertainty == pytest.approx(3e-6)
-    assert setup.samples.accelerometer_mass_uncertainty == pytest.approx(1e-4)
-    assert setup.clock_uncertainty == 1e-6
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -154,11 +135,6 @@ def test_what_cannot_be_meant_is_named_with_its_value(old, new, message):
     assert old in SMALLEST
     with pytest.raises(ParameterError, match=message):
         parse_rig_file(SMALLEST.replace(old, new))
-
-
-def test_two_samples_of_one_name_are_refused():
-    with pytest.raises(ParameterError, match="'oak' appears twice"):
-        parse_rig_file(SMALLEST + '[[sample]]\nname = "oak"\nmass = "90 g"\n')
 
 
 def test_the_file_is_named_in_every_error(tmp_path):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from impact_rig.configuration.toml_table import REQUIRED, TomlTable, find_lines, parse_toml_table
+from impact_rig.configuration.toml_table import REQUIRED, find_lines, parse_toml_table
 from impact_rig.core.errors import ParameterError
 
 LINES = '''\
@@ -99,17 +99,6 @@ def test_values_are_read_as_what_they_must_be(table):
     assert [dict(item) for item in table.take_tables("sample")] == [{"name": "oak"}, {"mass": 3}]
 
 
-def test_what_is_missing_has_its_default(table):
-    assert table.take_text("no", "none") == "none"
-    assert table.take_whole("no", 1, 9, 7) == 7
-    assert table.take_number("no", 1.0, 2.0, 1.5) == 1.5
-    assert table.take_boolean("no") is False
-    assert table.take_quantity("no", "Hz", "1 Hz", 3.0) == 3.0
-    assert table.take_date("no") == ""
-    assert dict(table.take_table("no")) == {}
-    assert table.take_tables("no") == ()
-
-
 @pytest.mark.parametrize(
     ("take", "told"),
     [
@@ -177,11 +166,6 @@ def test_what_others_read_is_left_out_and_keeps_its_lines(table):
     assert "name" not in left
     assert len(left) == 6
     assert "line 2" in str(left.refuse("port", "less"))
-
-
-def test_a_table_from_no_file_names_no_line():
-    with pytest.raises(ParameterError, match=r"^port of \[source\] is 1: it must be a text"):
-        TomlTable({"port": 1}, "[source]").take_text("port")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from impact_rig.cli.running_nodes import make_command
+from impact_rig.cli.up import make_command
 from impact_rig.configuration.processes import ACTIVE, LAUNCHER, NodeProcess
 from impact_rig.nodes import interfaces, rig_node
 from impact_rig.nodes.hammer import HammerNode

@@ -1,13 +1,165 @@
-"""The whole report of a run."""
+"""The whole report of a run: its first page, its samples, tables of all, hits, method."""
 
 from collections.abc import Callable, Sequence
 
+from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.records import IMPORTED, MEASURED, join_origins
-from impact_rig.present.report.document import Document, Facts, Section
-from impact_rig.present.report.run import make_run_sections
-from impact_rig.present.report.setup import format_date
-from impact_rig.results.remarks import describe_origin
-from impact_rig.results.traces import Run
+from impact_rig.core.sample import SampleEstimate
+from impact_rig.present.campaign_figures import (
+    make_contact_pictures,
+    make_model_pictures,
+    make_speed_picture,
+)
+from impact_rig.present.report.page import (
+    Document,
+    Facts,
+    Folded,
+    Paragraph,
+    Part,
+    Remarks,
+    Section,
+    drop_empty,
+)
+from impact_rig.present.report.setup import format_date, make_setup_section
+from impact_rig.present.sample_figures import make_law_picture, make_sample_picture
+from impact_rig.results import tables
+from impact_rig.results.campaign import Results
+from impact_rig.results.numbers import format_count, format_time, is_dated
+from impact_rig.results.references import find_expected
+from impact_rig.results.remarks import (
+    Remark,
+    count_reasons,
+    describe_origin,
+    gather_remarks,
+    gather_sample_remarks,
+    select_attention,
+    tabulate_accepted,
+    tabulate_rejections,
+)
+from impact_rig.results.traces import Run, compute_law_curves
+
+
+def make_run_sections(run: Run) -> tuple[Section, ...]:
+    """Return the sections on one run: results, samples, tables, hits, set-up."""
+    results = run.campaign.results
+    remarks = gather_run_remarks(run)
+    others = tuple(remark for remark in remarks if not remark.effect)
+    return drop_empty(
+        _make_results_section(results, select_attention(remarks)),
+        Section("Samples", (), tuple(_make_sample_section(run, item) for item in results.samples)),
+        *_make_table_sections(run),
+        _make_hits_section(results),
+        Section("Further remarks", (Remarks(others),) if others else ()),
+        _make_budgets_section(results),
+        make_setup_section(run),
+    )
+
+
+def _make_results_section(results: Results, remarks: Sequence[Remark]) -> Section:
+    """Return the first page: one table, what needs attention."""
+    left_out = len(results.rejections)
+    accepted = format_count(len(results.hits) - left_out, "hit")
+    parts: list[Part] = [
+        *tables.tabulate_summary(results),
+        Paragraph(f"{accepted} accepted, {left_out} rejected."),
+    ]
+    if remarks:
+        parts += [Paragraph("What needs attention:"), Remarks(tuple(remarks), is_warning=True)]
+    return Section("Results", tuple(parts))
+
+
+def _make_table_sections(run: Run) -> tuple[Section, ...]:
+    """Return the tables and figures of all samples; empty without an accepted hit."""
+    results = run.campaign.results
+    samples = results.samples
+    if not any(sample.impacts_accepted for sample in samples):
+        return ()
+    models = make_model_pictures(results, run.campaign.samples)
+    decays, errors = tables.tabulate_free_decays(samples), tables.tabulate_errors(samples)
+    times = tables.tabulate_contact_times(results)
+    return drop_empty(
+        Section("Contact time", (times, *make_contact_pictures(results))),
+        Section("Stiffness", tuple(tables.tabulate_stiffness(results))),
+        Section("Damping", (*tables.tabulate_damping(results), *decays)),
+        Section("Model against measurement", (*models, *errors)),
+        Section("Pulse shape", tuple(tables.tabulate_pulse_shapes(samples))),
+        Section("Contact law", tuple(tables.tabulate_contact_laws(samples))),
+        _make_speed_section(results),
+        Section("Identification", tuple(tables.tabulate_identifications(samples))),
+    )
+
+
+def _make_speed_section(results: Results) -> Section | None:
+    """Return the section on the impact speed; None if there is only one speed."""
+    found = tables.tabulate_speed_exponents(results.speed_exponents)
+    if not found:
+        return None
+    return Section("Contact over impact speed", (*found, make_speed_picture(results)))
+
+
+def _make_sample_section(run: Run, sample: SampleEstimate) -> Section:
+    """Return the page of one sample: its traces with the models, its law, its remarks."""
+    results = run.campaign.results
+    traces = next((item for item in run.campaign.samples if item.name == sample.name), None)
+    parts: list[Part] = []
+    if traces is not None:
+        hits = [
+            hit.aligned
+            for hit in run.campaign.hits
+            if hit.aligned is not None and hit.result.accepted and hit.result.sample == sample.name
+        ]
+        parts.append(make_sample_picture(sample, traces, hits))
+        curves = compute_law_curves(sample.contact_law, traces, results.setup)
+        if curves is not None:
+            parts.append(make_law_picture(sample, curves))
+    if sample.impacts_accepted:
+        parts.append(tables.tabulate_methods(sample, find_expected(results, sample.name)))
+    if remarks := gather_sample_remarks(sample):
+        parts.append(Remarks(tuple(remarks)))
+    return Section(sample.name, tuple(parts), is_page=True)
+
+
+def _make_budgets_section(results: Results) -> Section:
+    parts: list[Part] = []
+    for sample in results.samples:
+        if variants := tables.tabulate_variants(sample):
+            parts.append(Folded(f"Fitted models of {sample.name}", tuple(variants)))
+        parts += _fold_budgets(sample.name, sample)
+    parts += _fold_budgets("hammer", results.hammer)
+    return Section("Uncertainty budgets and fitted models", tuple(parts))
+
+
+def _fold_budgets(name: str, body: SampleEstimate | HammerEstimate) -> list[Part]:
+    """Return the uncertainty budgets of one body, folded; empty without any."""
+    budgets = tuple(tables.tabulate_budgets(name, body))
+    return [Folded(f"Uncertainty budget of {name}", budgets)] if budgets else []
+
+
+def _make_hits_section(results: Results) -> Section:
+    """Return the section with every hit of a campaign."""
+    rejected, accepted = results.rejections, [hit for hit in results.hits if hit.accepted]
+    text = (
+        f"Of {len(results.hits)} hits {len(accepted)} are in the means and {len(rejected)} were"
+        " left out"
+    )
+    if rejected:
+        text += f": {count_reasons(rejected)}. A hit may have several reasons"
+    folded = [Folded(table.caption, (table,)) for table in tabulate_accepted(results)]
+    return Section("Hits", (Paragraph(f"{text}."), *tabulate_rejections(results), *folded))
+
+
+def gather_run_remarks(run: Run) -> list[Remark]:
+    """Return the remarks on the results of a run and on its recording."""
+    results, provenance = run.campaign.results, run.provenance
+    texts = list(run.warnings)
+    if provenance is not None:
+        losses = [f"lost while recording: {provenance.losses}"] * bool(provenance.losses)
+        texts += [*provenance.problems, *losses]
+        if is_dated(provenance.start_time):
+            day = format_time(provenance.start_time).partition(" ")[0]
+            texts += results.setup.list_calibration_warnings(day)
+    return gather_remarks(results, texts)
+
 
 TITLE = "Impact test report"
 GUIDE = {

@@ -11,7 +11,7 @@ from impact_rig.core.setup import (
     RigSetup,
     format_angle,
 )
-from impact_rig.present.report.document import Facts, Folded, Listing, Paragraph, Part, Section
+from impact_rig.present.report.page import Facts, Folded, Listing, Paragraph, Part, Section
 from impact_rig.results.numbers import (
     MEGA,
     MICRO,
@@ -27,9 +27,8 @@ from impact_rig.results.traces import Provenance, Run, TracedCampaign
 GRAM = 1e3
 """Kilograms to grams."""
 WITHOUT_TRACES = (
-    "This run was read from its results alone. They hold no traces and say nothing of date,"
-    " calibration and software: Fig. 5 and the traces of each sample are missing here. A report of"
-    " the recording, session.mcap, has them."
+    "This report was made from results alone: traces, Fig. 5, date, calibration and software are"
+    " missing. Make it from the recording, session.mcap, to see them."
 )
 
 

@@ -1,8 +1,8 @@
 """Where the view goes: live to a file and to viewers, afterwards as a file.
 
-Rerun's own server in this process gives all it has to a window or a page of this host, at any
-time. A viewer elsewhere gets what is logged from the start on, and must be there then. Rerun waits
-for a viewer that takes no data: file and other viewers then wait, too, the rig does not.
+Rerun's server in this process serves windows and web pages of this computer, late ones too. A
+viewer on another computer must run when the view opens. A viewer that takes no data delays the
+file and the other viewers, but not the rig.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ SERVER_MEMORY = "512MiB"
 """What the server keeps for viewers that come late, our choice: 4000 hits."""
 FLUSH_TIMEOUT = 0.5  # [s] in which file and viewers take what was logged
 CLOSE_TIMEOUT = 5.0  # [s], below what process managers grant
-SEND_TIMEOUT = 60.0  # [s] in which a viewer takes a campaign: 25 MB over a slow network
+WRITE_TIMEOUT = 60.0  # [s] in which a file takes a campaign, on a slow disk
 
 
 class LiveView:
-    """What is logged by `log` goes to a file and to viewers: to any of them, or several at once.
+    """Sends what `log` logs to a file, to viewers, or to both.
 
-    A viewer that cannot be shown is an error if nothing else shows the view; else `notify` gets
-    one sentence, and the rest is opened.
+    A viewer that cannot be shown is an error if nothing else shows the view; otherwise `notify`
+    gets one sentence, and the rest is opened.
 
     Parameters
     ----------
@@ -54,9 +54,9 @@ class LiveView:
     connect : str
         ``rerun+http://HOST:9876/proxy`` of a viewer elsewhere; empty: none.
     spawn : bool
-        Open a window on this host.
+        Open a window on this computer.
     web : bool
-        Serve a web page for this host.
+        Serve a web page for this computer.
     announce : callable
         Gets one sentence with the address of the web page, or with the command for a window.
     notify : callable
@@ -184,26 +184,6 @@ def join_views(path: Path, parts: Sequence[Path]) -> None:
         raise FileError(f"{path} cannot be written: {reason}")
 
 
-def send_view(campaign: TracedCampaign, address: str) -> None:
-    """Show a campaign in a viewer elsewhere.
-
-    Raises
-    ------
-    ParameterError
-        If the address is invalid.
-    DeviceError
-        If no viewer answers there, or it does not take the campaign.
-    RigError
-        If rerun-sdk is not installed.
-    """
-    if missing := find_missing_viewer(address):
-        raise DeviceError(missing)
-    try:
-        _log_campaign(campaign, import_rerun().GrpcSink(address))
-    except RuntimeError as error:
-        raise DeviceError(f"the viewer at {address} does not take the view: {error}") from None
-
-
 def write_view(path: Path, campaign: TracedCampaign) -> None:
     """Write a campaign into a new file.
 
@@ -214,16 +194,12 @@ def write_view(path: Path, campaign: TracedCampaign) -> None:
     RigError
         If rerun-sdk is not installed.
     """
-    try:
-        _log_campaign(campaign, import_rerun().FileSink(str(path)))
-    except (OSError, RuntimeError) as error:
-        raise FileError(f"{path} cannot be written: {error}") from None
-
-
-def _log_campaign(campaign: TracedCampaign, sink: Any) -> None:
     sdk = import_rerun()
     sdk.unregister_shutdown()
-    stream = _make_stream(sdk, sink)
-    ViewLog(stream).log_campaign(campaign)
-    stream.flush(timeout_sec=SEND_TIMEOUT)
-    stream.disconnect()
+    try:
+        stream = _make_stream(sdk, sdk.FileSink(str(path)))
+        ViewLog(stream).log_campaign(campaign)
+        stream.flush(timeout_sec=WRITE_TIMEOUT)
+        stream.disconnect()
+    except (OSError, RuntimeError) as error:
+        raise FileError(f"{path} cannot be written: {error}") from None

@@ -61,7 +61,7 @@ GIGABYTE = 1e9
 SIZE = "size"
 """A figure in bytes."""
 SIGNS = {Level.OK: "✓", Level.WARNING: "⚠", Level.ERROR: "✗", Level.STALE: "?"}
-NO_HEALTH = "No node has published its state. The view of a file has none."
+NO_HEALTH = "No node has published its state. A view of a recording shows none."
 
 
 class HealthLog:

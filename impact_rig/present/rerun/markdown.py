@@ -29,9 +29,7 @@ from impact_rig.results.tables import (
 
 SPECIAL = "\\`*_[]<>|#~"
 """Letters that mean something to Markdown."""
-LEGEND = (
-    "Behind ± stands the half-width of the 95 % interval. A dash: not determined, see the notes."
-)
+LEGEND = "± is the half-width of the 95 % interval. A dash: not determined, see the notes."
 NOT_YET = "Nothing is measured yet."
 
 

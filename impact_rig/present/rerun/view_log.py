@@ -20,8 +20,15 @@ from impact_rig.present.rerun.markdown import (
     format_summary,
     format_verdict,
 )
-from impact_rig.present.rerun.plots import Line, Mark, PlotLog, make_scalars
-from impact_rig.present.rerun.sample_plots import draw_aligned_hits, draw_law, draw_sample
+from impact_rig.present.rerun.plots import (
+    Line,
+    Mark,
+    PlotLog,
+    draw_aligned_hits,
+    draw_law,
+    draw_sample,
+    make_scalars,
+)
 from impact_rig.present.rerun.viewers import import_rerun
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO
@@ -224,9 +231,9 @@ class ViewLog:
         self.log_health((), 0)
 
     def _draw_hits(self, hits: Sequence[HitTraces]) -> None:
-        """Draw records, of which those with the same points of time share an entity.
+        """Draw records; those with equal points of time share an entity.
 
-        A row costs three times what a value does.
+        A row costs three times as much as a value.
         """
         by_time: dict[bytes, list[HitTraces]] = defaultdict(list)
         for hit in hits:

@@ -1,4 +1,4 @@
-"""Rerun: its module, its program on this host as a window or as a web page, its addresses.
+"""Rerun: its module, its program on this computer as a window or as a web page, its addresses.
 
 The module is imported when it is used: a rig without viewer does not need it.
 """
@@ -26,10 +26,10 @@ MINIMUM_VERSION = (0, 41)
 LOG_VARIABLE = "RUST_LOG"
 """Variable for the logging of programs in Rust, as Rerun."""
 LOOPBACK = "127.0.0.1"
-"""Servers listen there: other hosts do not reach them."""
+"""Servers listen there: other computers do not reach them."""
 DEFAULT_PORT = 9876  # Rerun's
 ANSWER_TIMEOUT = 1.0  # [s] in which a viewer accepts a connection
-PAGE_TIMEOUT = 10.0  # [s] in which a web page is up, on a busy host
+PAGE_TIMEOUT = 10.0  # [s] in which a web page is up, on a busy computer
 PAGE_PERIOD = 0.05  # [s] between two looks whether it is up
 STOP_TIMEOUT = 3.0  # [s] in which a web page ends
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
@@ -125,12 +125,12 @@ def find_missing_screen() -> str | None:
 
 
 def make_viewer_address(port: int) -> str:
-    """Return the address of a viewer, or of a server for viewers, on this host."""
+    """Return the address of a viewer, or of a server for viewers, on this computer."""
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 
 def find_free_port() -> int:
-    """Return a port of this host on which no program listens."""
+    """Return a port of this computer on which no program listens."""
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         return int(probe.getsockname()[1])
@@ -168,9 +168,9 @@ def open_window(*shown: str) -> subprocess.Popen[bytes]:
 
 
 class WebPage:
-    """A page with a viewer, for browsers of this host, until it is closed or this process ends.
+    """A page with a viewer, for browsers of this computer, until it or this process ends.
 
-    Rerun's own `serve_web_viewer` would let every host of the network in.
+    Rerun's own `serve_web_viewer` would let every computer of the network in.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from impact_rig.present.figures.picture import drawing_style
+from impact_rig.present.picture import drawing_style
 
 
 @pytest.fixture(autouse=True)

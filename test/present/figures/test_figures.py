@@ -13,27 +13,25 @@ from impact_rig.core.quantity import Quantity
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.core.speed_exponents import estimate_speed_exponents
-from impact_rig.present.figures.paper_figures import (
-    HAMMER,
+from impact_rig.present.campaign_figures import (
     SAMPLES,
+    SHOWN,
     draw_errors,
-    draw_peaks,
     draw_responses,
+    draw_speed,
     draw_widths,
     make_contact_pictures,
     make_figure_rows,
     make_model_pictures,
 )
-from impact_rig.present.figures.sample_figures import (
+from impact_rig.present.sample_figures import (
     draw_channel,
     draw_law_loop,
     draw_law_pulse,
     make_law_picture,
     make_sample_picture,
 )
-from impact_rig.present.figures.speed_figure import SHOWN, draw_speed
 from impact_rig.results.campaign import Results
-from impact_rig.results.results_file import format_results_table
 from impact_rig.results.tables import tabulate_contact_times, tabulate_speed_exponents
 from impact_rig.results.traces import DRIVEN, IDENTIFIED, PRINTED, ModelTraces, compute_law_curves
 
@@ -102,14 +100,6 @@ def test_figure_3_has_every_hit_the_means_and_the_paper_s_points_the_misprint_co
     assert lines["expected"][:, 1] == pytest.approx(table_2)
 
 
-@pytest.mark.parametrize(("body", "field"), [(HAMMER, "hammer_peak"), (SAMPLES, "specimen_peak")])
-def test_figure_4_shows_amplitudes_over_pulse_widths(rows, body, field):
-    lines = read_lines(draw_peaks(rows, body).axes[0])
-    points = np.concatenate([lines[name] for name in ("aluminium", "steel", "bronze", "brass")])
-    assert points[:, 0] == pytest.approx([1e6 * row.estimate.contact_time.value for row in rows])
-    assert points[:, 1] == pytest.approx([getattr(row.estimate, field) for row in rows])
-
-
 @pytest.mark.parametrize("channel", [0, 1])
 def test_figure_5_lays_the_solid_model_over_the_dashed_measurement(struck, channel):
     for axes in draw_responses(struck.samples, channel).axes:
@@ -131,13 +121,6 @@ def test_figure_6_has_bars_as_long_as_their_values_and_the_paper_s_bound(rows):
     assert [text.get_text() for text in axes.get_yticklabels()] == [
         row.estimate.name for row in loud
     ]
-
-
-def test_samples_without_a_material_are_each_their_own(results):
-    known = results.setup.samples
-    samples = replace(known, samples=tuple(replace(item, material="") for item in known.samples))
-    rows = make_figure_rows(replace(results, setup=replace(results.setup, samples=samples)))
-    assert [row.material for row in rows] == [row.estimate.name for row in rows]
 
 
 @pytest.fixture(scope="module")
@@ -206,15 +189,6 @@ def test_marks_stand_where_they_were_read(traces):
         assert marks[1][name] == pytest.approx((1e6 * time, height))
 
 
-def test_what_was_not_measured_or_modelled_is_not_drawn(traces):
-    unknown = {"first_peak_time": math.nan, "second_peak_time": math.nan}
-    bare = replace(traces, models=(), half_amplitude_width=math.nan, **unknown)
-    for channel in (0, 1):
-        (axes,) = draw_channel(bare, (), channel).axes
-        assert len(axes.lines) == 1
-        assert not axes.texts
-
-
 def test_the_law_s_picture_has_pulse_residuals_and_loop(contacts, curves):
     sample = contacts.results.samples[0]
     picture = make_law_picture(sample, curves)
@@ -280,15 +254,6 @@ def test_the_table_has_a_row_for_each_sample_and_one_for_all(series):
         [-0.2, 1.2, 0.0], abs=1e-3
     )
     assert tabulate_speed_exponents(()) == []
-
-
-def test_spreadsheets_have_angle_and_exponents_in_each_row(series):
-    header, first, *_ = format_results_table([series]).splitlines()
-    row = dict(zip(header.split(","), first.split(","), strict=True))
-    assert float(row["release_angle_rad"]) == pytest.approx(ANGLES[0])
-    assert float(row["speed_exponents_duration"]) == pytest.approx(-0.2)
-    plain = format_results_table([replace(series, speed_exponents=())])
-    assert plain.splitlines()[0] == header
 
 
 def test_what_the_rig_s_one_speed_lets_expect_is_not_held_against_other_angles(series):

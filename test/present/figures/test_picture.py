@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.present.figures.picture import make_panel, make_picture, shorten_name
-from impact_rig.present.figures.sample_figures import LOOKS
+from impact_rig.present.picture import make_panel, make_picture, shorten_name
+from impact_rig.present.sample_figures import LOOKS
 from impact_rig.results.palette import SERIES
 
 HOSTILE = '<script>alert("a")</script> & $x_1$'

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from impact_rig.present.report.document import (
+from impact_rig.present.report.page import (
     Document,
     Facts,
     Folded,
@@ -20,8 +20,8 @@ from impact_rig.present.report.document import (
     Remark,
     Remarks,
     Section,
+    render_page,
 )
-from impact_rig.present.report.page import render_page
 from impact_rig.results.tables import make_table, make_text_column
 
 PHONE, DESK = 360, 1200

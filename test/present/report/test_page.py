@@ -5,8 +5,7 @@ import re
 from collections import Counter
 from pathlib import Path
 
-from impact_rig.present.report.document import Document, Paragraph, Section
-from impact_rig.present.report.page import render_page
+from impact_rig.present.report.page import Document, Paragraph, Section, render_page
 
 from .conftest import HOSTILE, HOSTILE_NOTE
 from .reader import HEADINGS, Reader

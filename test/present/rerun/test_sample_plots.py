@@ -94,19 +94,6 @@ def test_a_mean_is_drawn_with_its_models_and_the_residual_of_the_first(record):
     np.testing.assert_allclose(values[:, 3], values[:, 0] - values[:, 2], atol=1e-3)
 
 
-@pytest.mark.parametrize("peak", [1000, 1003])
-def test_thinned_traces_keep_their_peaks(record, peak):
-    mean = np.zeros((2, COUNT))
-    mean[:, peak] = 7.0
-
-    view = record(show_sample(make_traces(models=(), mean=mean)))
-
-    for body in ("hammer", "sample"):
-        moments, values = view.find_traces(f"{PARENT}/{body}/models/1")
-        assert values.max() == 7.0
-        assert moments[values[:, 0].argmax()] == pytest.approx(TIME[peak], abs=1e-9)
-
-
 def test_the_contact_window_and_what_was_read_from_the_mean_are_marked(record):
     view = record(show_sample(make_traces()))
 
@@ -207,14 +194,3 @@ def test_pulse_and_residual_are_those_of_the_report(record, found):
     )
     exponent = float(law.removeprefix("law, n = ").split()[0])
     assert exponent == pytest.approx(found[1].exponent.value, abs=1e-3)
-
-
-def test_a_sample_whose_law_is_known_no_more_shows_none(record, found):
-    traces, _, setup = found
-
-    view = record(
-        lambda log: log.log_sample(*found), lambda log: log.log_sample(traces, NO_LAW, setup)
-    )
-
-    hidden = view.find_hidden()
-    assert {view.quote("samples", "steel medium", part, "1") for part in LAW_PARTS} <= hidden

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from impact_rig.core.records import IMPORTED, MEASURED, join_origins
-from impact_rig.present.terminal.console import (
+from impact_rig.present.console import (
     ALARM,
     TITLE,
     print_item,
@@ -65,7 +65,7 @@ def print_screen(console: Console, results: Results, reading: Sequence[str] = ()
     more = len(remarks) - len(shown)
     text = f"{format_count(len(results.hits) - rejected, 'hit')} accepted, {rejected} rejected."
     if more:
-        text += f" {format_count(more, 'remark')} more: --full, or the report."
+        text += f" {format_count(more, 'more remark')} with --full."
     print_text(console, text)
 
 

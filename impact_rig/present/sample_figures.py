@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from impact_rig.core.sample import SampleEstimate
-from impact_rig.present.figures.picture import Picture, make_picture, reuse_panel
+from impact_rig.present.picture import Picture, make_picture, reuse_panel
 from impact_rig.results.numbers import (
     MICRO,
     SAMPLE_MEASURANDS,

@@ -7,7 +7,7 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
-from impact_rig.present.terminal.console import (
+from impact_rig.present.console import (
     make_console,
     print_facts,
     print_item,

@@ -12,7 +12,7 @@ from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import IMPORTED, Origin
 from impact_rig.core.sample import FittedModel, SampleEstimate
 from impact_rig.core.setup import PAPER_SETUP, PUBLISHED_SAMPLES, Sample, SampleSet
-from impact_rig.present.terminal.results import print_full, print_screen
+from impact_rig.present.screen import print_full, print_screen
 from impact_rig.results.campaign import FileResults, HitResults, Results
 
 REASONS = (
@@ -60,7 +60,7 @@ def test_twelve_samples_fit_one_screen_with_the_five_largest_remarks(results):
     for cell in PUBLISHED_SAMPLES:
         assert len(re.findall(rf"^{cell.name}(?![,:])", text, re.MULTILINE)) == 1
     assert sum(line.startswith("- ") for line in lines) == 5
-    assert "24 hits accepted, 0 rejected. 10 remarks more: --full, or the report." in text
+    assert "24 hits accepted, 0 rejected. 10 more remarks with --full." in text
 
 
 def test_a_screen_without_remarks_has_no_list_of_them(results):

@@ -1,4 +1,4 @@
-"""Tables and texts in a terminal: one look for every command, plain when piped.
+"""Tables and texts in a terminal, alike in every command, plain in a pipe.
 
 Nothing is wider than the terminal, and no number is cut: a table that does not fit is printed line
 by line. Tables in a pipe are as wide as they need.

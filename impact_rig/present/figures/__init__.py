@@ -1,1 +1,0 @@
-"""The report's figures, as SVG in the text colour of the page."""
