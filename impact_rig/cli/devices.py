@@ -24,6 +24,7 @@ from impact_rig.devices.source_table import make_source
 from impact_rig.present.console import (
     ALARM,
     GOOD,
+    TITLE,
     make_console,
     print_facts,
     print_table,
@@ -158,20 +159,17 @@ def _print_drivers(drivers: Sequence[SurveyedDriver]) -> None:
         make_text_column("State", ["not ready" if item.trouble else "ready" for item in drivers]),
         Column("Package", [driver.package for driver in drivers], is_text=True, is_optional=True),
     ]
-    notes = [f"{driver.name}: {driver.trouble}." for driver in drivers if driver.trouble]
+    troubles = (f"{driver.name}: {driver.trouble}." for driver in drivers if driver.trouble)
+    notes = list(dict.fromkeys(troubles))
     marked = [place for place, driver in enumerate(drivers) if driver.trouble]
     print_table(console, make_table("Drivers", columns, notes, marked))
-    found = [(driver, device) for driver in drivers for device in driver.devices]
-    if not found:
-        console.print("No device was found.\n")
-        return
-    columns = [
-        make_text_column("Driver", [driver.name for driver, _ in found]),
-        make_text_column("Kind", [driver.kind for driver, _ in found]),
-        make_text_column("Address", [device.address for _, device in found]),
-        make_text_column("Device", [device.identity or MISSING for _, device in found]),
+    found = [
+        (driver.name, driver.kind, device.address, device.identity)
+        for driver in drivers
+        for device in driver.devices
     ]
-    print_table(console, make_table(f"Devices found: {len(found)}", columns))
+    print_text(console, f"Devices found: {len(found)}", TITLE)
+    print_facts(console, found)
 
 
 def _check(rig: RigFile) -> None:

@@ -42,7 +42,6 @@ from impact_rig.results.tables import Column, make_optional, make_table, make_te
 from impact_rig.results.wire import to_json
 
 MOST_HITS = 20  # named in a terminal; JSON has them all
-STREAM_FIGURES = ("blocks", "points", "gaps", "missing_points")
 EXIT_DAMAGED = 1  # the recording can be read, but not all of it is sound
 
 
@@ -162,8 +161,7 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
         "hits": [{**dataclasses.asdict(hit), "state": hit.state.value} for hit in contents.hits],
         **origin_to_json(join_origins(hit.origin for hit in contents.hits)),
         "streams": {
-            topic: {name: getattr(stream, name) for name in STREAM_FIGURES}
-            for topic, stream in contents.streams.items()
+            topic: dataclasses.asdict(stream) for topic, stream in contents.streams.items()
         },
         "topics": [
             {**vars(topic), "rate_hz": topic.rate if math.isfinite(topic.rate) else None}
@@ -171,13 +169,9 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
         ],
         "file": {
             "size_bytes": contents.scan.size,
-            "library": contents.scan.library,
-            "compression": list(contents.scan.compressions),
-            "chunks": contents.scan.chunks,
             "closed": contents.scan.is_closed,
             "has_index": contents.scan.summary is not None,
             "unread_bytes": contents.unread,
-            "damages": [damage._asdict() for damage in contents.scan.damages],
         },
         "sensors": [to_json(sensor) for sensor in read_sensors(contents)],
         "versions": read_versions(contents),

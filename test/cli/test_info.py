@@ -140,7 +140,7 @@ def test_a_running_stream_is_named_with_what_it_lacks(run, tmp_path):
     assert "losses 1 gap of 150 points in /acceleration/stream" in text
     content = json.loads(run("info", path, "--json").stdout)
     figures = {"blocks": 3, "points": 300, "gaps": 1, "missing_points": 150}
-    assert content["streams"] == {"/acceleration/stream": figures}
+    assert figures.items() <= content["streams"]["/acceleration/stream"].items()
 
 
 def test_the_sensors_are_told_of_and_calibrations_that_were_too_old(run, tmp_path):

@@ -156,17 +156,6 @@ def test_a_window_gets_the_view_until_it_is_closed(
     assert not list(temporary.iterdir())
 
 
-def test_a_window_that_cannot_open_is_named(run, recorded, tmp_path, fake_viewer, temporary):
-    fake_viewer("sys.exit(7)")
-    results = tmp_path / "results.json"
-    write_results(results, recorded.results)
-    outcome = run("view", results)
-
-    assert outcome.exit_code == 2
-    assert "the viewer has ended with exit code 7" in outcome.stderr
-    assert not list(temporary.iterdir())
-
-
 def test_a_web_page_is_served_to_this_host_until_ctrl_c(recorded, tmp_path):
     words = ("view", recorded.path, "--web")
     process = start_command(*words, stdout=None, env={"TMPDIR": str(tmp_path)})

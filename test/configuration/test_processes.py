@@ -13,7 +13,6 @@ from impact_rig.configuration.processes import (
     choose_view,
     list_rig_processes,
     make_network_variables,
-    make_viewer_parameters,
 )
 from impact_rig.configuration.rig_file import RigFile
 from impact_rig.core.errors import FileError, ParameterError
@@ -95,19 +94,6 @@ def test_a_node_that_the_rig_has_not_cannot_be_started_alone(options, name):
         by_name(only=("hammer", name), **options)
 
 
-def test_viewers_stand_beside_the_file():
-    assert by_name(viewers=("spawn", "web", ADDRESS))["visualizer"] == {
-        "output": "out/session.rrd",
-        "spawn": True,
-        "web": True,
-        "connect": ADDRESS,
-    }
-    assert make_viewer_parameters(["web", "web", ADDRESS, ADDRESS]) == {
-        "web": True,
-        "connect": ADDRESS,
-    }
-
-
 @pytest.mark.parametrize(
     ("viewers", "visualize", "expected"),
     [
@@ -126,33 +112,16 @@ def test_a_viewer_that_cannot_be_meant_is_named(viewers, visualize, expected):
         by_name(viewers=viewers, visualize=visualize)
 
 
-@pytest.fixture
-def write_node(tmp_path):
-    """Return a function that writes a node's executable for a Python."""
-
-    def write(python):
-        path = tmp_path / "visualizer"
-        path.write_text(f"#!{python}\nimport rclpy\n")
-        return path
-
-    return write
-
-
-@pytest.mark.parametrize(("rerun", "shown"), [("import sys", True), ("", False)])
-def test_the_view_is_shown_where_the_node_s_python_has_rerun(write_node, tmp_path, rerun, shown):
-    python = tmp_path / "a folder" / "python3"
+@pytest.mark.parametrize("has_rerun", [True, False])
+def test_the_view_is_shown_where_the_node_s_python_has_rerun(tmp_path, has_rerun):
+    python, node = tmp_path / "a folder" / "python3", tmp_path / "visualizer"
     python.parent.mkdir()
-    library = tmp_path / "libraries"
-    library.mkdir()
-    if rerun:
-        (library / "rerun.py").write_text(rerun)
-    python.write_text(f'#!/bin/sh\nPYTHONPATH="{library}" exec {sys.executable} -S "$@"\n')
+    (tmp_path / ("rerun.py" if has_rerun else "other.py")).write_text("")
+    python.write_text(f'#!/bin/sh\nPYTHONPATH="{tmp_path}" exec {sys.executable} -S "$@"\n')
     python.chmod(0o755)
-    node = write_node(f'"{python}"')
-    assert choose_view("auto", node) is shown
+    node.write_text(f'#!"{python}"\nimport rclpy\n')
+    assert choose_view("auto", node) is has_rerun
     assert not choose_view("false", node)
-    if shown:
-        assert choose_view("true", node)
-    else:
+    if not has_rerun:
         with pytest.raises(FileError, match=r"visualizer:=true: rerun-sdk is not installed"):
             choose_view("true", node)

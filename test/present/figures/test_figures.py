@@ -14,9 +14,7 @@ from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.core.speed_exponents import estimate_speed_exponents
 from impact_rig.present.campaign_figures import (
-    SAMPLES,
     SHOWN,
-    draw_errors,
     draw_responses,
     draw_speed,
     draw_widths,
@@ -107,20 +105,6 @@ def test_figure_5_lays_the_solid_model_over_the_dashed_measurement(struck, chann
         assert (model.get_linestyle(), measured.get_linestyle()) == ("-", "--")
         assert model.get_ydata().max() == pytest.approx(1.0, abs=0.01)
         assert measured.get_ydata().max() == pytest.approx(1.0, abs=0.01)
-
-
-def test_figure_6_has_bars_as_long_as_their_values_and_the_paper_s_bound(rows):
-    errors = (1.0, 2.0, 4.0)
-    loud = [
-        replace(row, estimate=replace(row.estimate, mse_sample_percent=value))
-        for row, value in zip(rows[:3], errors, strict=True)
-    ]
-    (axes,) = draw_errors(loud, SAMPLES).axes
-    assert [bar.get_width() for bar in axes.patches] == list(errors)
-    assert axes.lines[0].get_xdata() == [2.8, 2.8]
-    assert [text.get_text() for text in axes.get_yticklabels()] == [
-        row.estimate.name for row in loud
-    ]
 
 
 @pytest.fixture(scope="module")

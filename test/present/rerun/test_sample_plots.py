@@ -1,7 +1,5 @@
 """A sample's hits over each other, their mean, models, marks, and its contact law."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -145,22 +143,6 @@ def test_a_sample_whose_response_was_not_measured_has_its_hammer(record):
     assert view.find_static(f"{PARENT}/hammer/models/1", "SeriesLines:names") == [
         "hammer, mean (no model)"
     ]
-
-
-def test_what_was_not_determined_is_not_marked(record):
-    traces = make_traces(
-        models=(),
-        mean=np.full((2, COUNT), math.nan),
-        contact_time=math.nan,
-        half_amplitude_width=math.nan,
-        first_peak_time=math.nan,
-        second_peak_time=math.nan,
-    )
-
-    view = record(show_sample(traces))
-
-    assert np.isnan(view.find_traces(f"{PARENT}/hammer/models/1")[1]).all()
-    assert not [entity for entity in view.entities if "contact" in entity or "points" in entity]
 
 
 @pytest.fixture(scope="module")

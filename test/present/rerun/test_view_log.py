@@ -150,20 +150,3 @@ def test_samples_without_a_hit_have_no_place_in_the_view_of_a_file_unless_none_h
     assert empty.find_static("/verdict", "TextDocument:text") == ["No hit yet."]
     (text,) = empty.find_static("/health/now", "TextDocument:text")
     assert "No node has published its state." in text
-
-
-def test_the_blueprint_has_a_place_for_every_sample(record):
-    view = record(lambda log: log.log_setup("paper", ("aluminium small", "steel large"), (2e-4,)))
-
-    assert read_names(view) >= {
-        "hammer of steel large [m/s²]",
-        "sample of steel large [m/s²]",
-    }
-    rows = view.read_blueprint()
-    assert {line for row in rows for line in row.get("ViewContents:query") or ()} >= {
-        r"+ /samples/steel\ large/hammer/models/**",
-        r"+ /samples/steel\ large/law/**",
-        "+ /hits/**",
-        "+ /trends/contact_time/**",
-    }
-    assert view.find_static("/__properties", "RecordingInfo:name") == ["paper"]

@@ -1,17 +1,13 @@
 """A picture is drawn alike on every machine, and whatever its texts are."""
 
 import base64
-import itertools
 import xml.etree.ElementTree as ET
 
 import matplotlib as mpl
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.present.picture import make_panel, make_picture, shorten_name
-from impact_rig.present.sample_figures import LOOKS
-from impact_rig.results.palette import SERIES
 
 HOSTILE = '<script>alert("a")</script> & $x_1$'
 HEAD = "data:image/svg+xml;base64,"
@@ -50,17 +46,3 @@ def test_a_short_name_fits_and_is_something_that_xml_can_hold(name):
     element = ET.Element("text")
     element.text = short
     assert (ET.fromstring(ET.tostring(element)).text or "") == short
-
-
-@pytest.mark.parametrize("colour", SERIES)
-def test_every_colour_stands_out_from_a_white_page(colour):
-    """WCAG 2.2, 1.4.11: contrast of at least 3."""
-    linear = [((value / 255 + 0.055) / 1.055) ** 2.4 if value > 10 else 0.0 for value in colour]
-    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-    assert 1.05 / (luminance + 0.05) >= 3.0
-
-
-def test_models_differ_in_dashes_as_well_as_in_colour():
-    for one, other in itertools.combinations(LOOKS.values(), 2):
-        assert one["color"] != other["color"]
-        assert one["linestyle"] != other["linestyle"]
