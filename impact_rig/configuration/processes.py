@@ -2,8 +2,6 @@
 
 import json
 import os
-import shlex
-import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -301,6 +299,9 @@ def choose_view(wanted: str, executable: Path) -> bool:
     """
     if wanted == "false":
         return False
+    import shlex  # here: the help of the command line does not wait for them
+    import subprocess
+
     python = executable.read_text("utf-8").splitlines()[0].removeprefix("#!")
     search = "import importlib.util, sys; sys.exit(importlib.util.find_spec('rerun') is None)"
     has_rerun = subprocess.run([*shlex.split(python), "-c", search], check=False).returncode == 0

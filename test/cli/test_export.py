@@ -99,16 +99,6 @@ def test_hits_are_exported_as_recorded_or_filtered(run, recorded, tmp_path):
         assert np.abs(other.values).max() == pytest.approx(np.abs(one.values).max(), rel=0.2)
 
 
-def test_single_hits_are_chosen_by_name(run, recorded, tmp_path):
-    for number, words in enumerate((["1"], ["steel small/2", "1"])):
-        output = tmp_path / f"{number}.csv"
-        chosen = [word for name in words for word in ("--hit", name)]
-        assert run("export", recorded.path, "-o", output, *chosen).exit_code == 0
-        names = {channel.name for channel in read_measurement(output).channels}
-        assert len(names) == 2 * len(words)
-        assert "aluminium large/1.1 hammer" in names
-
-
 def test_results_are_those_of_the_live_run_and_keep_every_digit_in_columns(
     run, recorded, tmp_path
 ):

@@ -5,10 +5,8 @@ import re
 from collections import Counter
 from pathlib import Path
 
-from impact_rig.present.report.page import Document, Paragraph, Section, render_page
-
 from .conftest import HOSTILE, HOSTILE_NOTE
-from .reader import HEADINGS, Reader
+from .reader import HEADINGS
 
 
 def test_headings_go_down_one_level_at_a_time_from_a_single_first_one(read):
@@ -61,14 +59,6 @@ def test_names_and_notes_of_files_are_text_and_nothing_else(read, page):
     assert HOSTILE_NOTE in read.text
     assert "<script" not in page
     assert 'evil.example/x.png"' not in page
-
-
-def test_the_contents_name_every_section():
-    inner = Section("inner", (Paragraph("b"),), is_page=True)
-    sections = (Section("outer", (Paragraph("a"),), (inner,)),)
-    read = Reader(render_page(Document("t", "s", "n", "b", True, (), sections)))
-    links = [attributes["href"] for attributes in read.find("a")]
-    assert links == ["#report", "#section-1", "#section-2"]
 
 
 def test_the_templates_are_installed_with_the_package():

@@ -100,15 +100,6 @@ def test_another_campaign_hides_everything_of_the_one_before(record, campaign):
     assert summary == "No hit yet."
 
 
-def test_a_layout_is_sent_again_only_for_other_samples(record):
-    same = record(*[lambda log: log.log_setup("paper", ("a", "b"))] * 3)
-    others = record(
-        lambda log: log.log_setup("paper", ("a", "b")), lambda log: log.log_setup("mine", ("c",))
-    )
-
-    assert (same.count_blueprints(), others.count_blueprints()) == (1, 2)
-
-
 def test_a_campaign_is_there_in_full_and_small(record, campaign):
     view = record(lambda log: log.log_campaign(campaign))
 
