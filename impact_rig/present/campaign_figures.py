@@ -7,6 +7,7 @@ from functools import partial
 from statistics import fmean
 from typing import TYPE_CHECKING
 
+from impact_rig.core.equations import estimate_equivalent_mass
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.speed_exponents import (
@@ -14,7 +15,6 @@ from impact_rig.core.speed_exponents import (
     HERTZ_SPEED_EXPONENTS,
     SpeedExponents,
 )
-from impact_rig.core.equations import estimate_equivalent_mass
 from impact_rig.present.picture import Picture, make_panel, make_picture, shorten_name
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import MICRO, format_error, format_quantity
