@@ -184,6 +184,7 @@ def make_node(process: NodeProcess, params_file: str, *, respawn: bool) -> Actio
         parameters=parameters,
         output="both",
         emulate_tty=True,
+        sigterm_timeout="20",  # launch's own 5 s go by while a slow disk takes a recording
         respawn=respawn,
         respawn_delay=1.0,
         on_exit=None if respawn else Shutdown(reason=f"{process.name} ended"),

@@ -74,9 +74,7 @@ class Tools:
         """Start the rig's launch file in a terminal, to record into a folder."""
         return self.start(
             "ros2", "launch", "impact_rig", "rig.launch.py", "visualizer:=false",
-            f"output:={folder}", f"params_file:={swing_file}",
-            # On a machine that does other things, too: launch's own 5 s go by while a node closes.
-            "sigterm_timeout:=20", *words,
+            f"output:={folder}", f"params_file:={swing_file}", *words,
         )  # fmt: skip
 
     def start(self, *words: Any) -> Terminal:
