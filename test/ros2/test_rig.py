@@ -33,11 +33,6 @@ def test_all_names_lie_in_the_namespace(rig, tools):
     ]
 
 
-def test_the_interfaces_explain_themselves(tools):
-    assert "uint32 impacts" in tools.run("ros2", "interface", "show", RUN)
-    assert RUN in tools.run("ros2", "interface", "package", "impact_rig_msgs").split()
-
-
 def test_parameters_come_from_the_file_and_are_checked(rig, tools):
     assert "0.2" in tools.run("ros2", "param", "get", "/bench/hammer", "swing_time")
     assert "swing_time: 0.2" in tools.run("ros2", "param", "dump", "/bench/hammer")

@@ -13,7 +13,6 @@ from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.drivers import (
     VirtualSource,
-    make_virtual_plan,
     read_virtual_rig,
 )
 from impact_rig.devices.virtual.rig import (
@@ -36,7 +35,7 @@ def make_source(**options):
 
 
 def make_plan(*, continuous=False, block_size=700):
-    plan = make_virtual_plan(NO_OPTIONS)
+    plan = VirtualSource(NO_OPTIONS).make_plan()
     return replace(plan, continuous=continuous, block_size=block_size, depth=1000)
 
 
@@ -109,7 +108,7 @@ def test_all_that_a_rig_file_says_of_it_is_taken():
             ),
         ),
     )
-    plan = make_virtual_plan(table)
+    plan = VirtualSource(table.without("driver")).make_plan()
     assert (plan.sampling_rate, plan.points) == (1e6, 4000)
 
 
