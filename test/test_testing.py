@@ -8,7 +8,7 @@ from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.records import HitLabel
 from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.devices.protocols import CommandedHolder, HolderState
-from impact_rig.devices.virtual.drivers import VirtualSource
+from impact_rig.devices.virtual.drivers import VirtualSource, make_virtual_plan
 from impact_rig.testing import (
     AccelerationSourceContract,
     HammerHolderContract,
@@ -32,7 +32,7 @@ class VirtualBench(SourceBench):
 
     def make_plan(self, *, continuous=False):
         size = 25_000 if continuous else 1000
-        return replace(VirtualSource(OPTIONS).make_plan(), continuous=continuous, block_size=size)
+        return replace(make_virtual_plan(OPTIONS), continuous=continuous, block_size=size)
 
     def strike(self, source):
         source.strike(HitLabel(CONTROL_SAMPLE), swing_time=0.0)
@@ -53,9 +53,7 @@ class Late(VirtualSource):
     """Its pulse lies at the wrong place: the trigger's delay was forgotten."""
 
     def configure(self, plan):
-        late = replace(self._settings.digitizer, pre_trigger=1e-3)
-        self._settings = replace(self._settings, digitizer=late)
-        return super().configure(plan)
+        return super().configure(replace(plan, pre_trigger=1e-3))
 
 
 class Lossy(VirtualSource):

@@ -219,10 +219,6 @@ class HammerlessSource(AccelerationSource, Protocol):
     These methods come from another thread than the others.
     """
 
-    def make_plan(self) -> AcquisitionPlan:
-        """Return the plan of its record; no hammer strikes sensors that a table describes."""
-        ...
-
     def take_setup(self, setup: RigSetup) -> None:
         """Take masses and samples."""
         ...

@@ -17,6 +17,7 @@ from impact_rig.devices.protocols import (
     HammerlessSource,
     SourceChannel,
 )
+from impact_rig.devices.virtual.drivers import make_virtual_plan
 
 PRE_TRIGGER_MARGIN = 1.5
 """Recorded before the trigger over what the analysis keeps: the pulse begins below the trigger
@@ -72,8 +73,9 @@ def make_source(
         If the table cannot be meant, or the driver cannot be loaded.
     """
     source: AccelerationSource = make_device(SOURCES, table)
-    hammerless = source if isinstance(source, HammerlessSource) else None
-    plan = hammerless.make_plan() if hammerless else make_plan(table, setup)
+    # A source that no hammer strikes has no sensors that the table could describe.
+    is_virtual = isinstance(source, HammerlessSource)
+    plan = make_virtual_plan(table) if is_virtual else make_plan(table, setup)
     return source, replace(plan, continuous=continuous, block_size=block_size, depth=depth)
 
 

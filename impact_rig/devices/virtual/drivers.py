@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from importlib import import_module
 from typing import ClassVar, TypeVar
 
@@ -96,34 +97,28 @@ class VirtualSource:
         """Return the one that is always there."""
         return (FoundDevice("virtual", IDENTITY),)
 
-    def make_plan(self) -> AcquisitionPlan:
-        """Return rate, record and channels of the virtual digitizer."""
-        digitizer = self._settings.digitizer
-        hammer, specimen = (
-            SourceChannel(name, Sensor(name, full_scale=scale))
-            for name, scale in (
-                ("hammer", digitizer.hammer_full_scale),
-                ("specimen", digitizer.specimen_full_scale),
-            )
-        )
-        return AcquisitionPlan(
-            sampling_rate=digitizer.sampling_rate,
-            record_duration=digitizer.record_duration,
-            pre_trigger=digitizer.pre_trigger,
-            trigger_level=TRIGGER_LEVEL * digitizer.hammer_full_scale,
-            hammer=hammer,
-            specimen=specimen,
-        )
-
     def configure(self, plan: AcquisitionPlan) -> Acquisition:
-        """Make the digitizer; rate, record and channels are those of `make_plan`."""
+        """Make the digitizer that the plan describes; its scales are the driver's own keys.
+
+        Raises
+        ------
+        ParameterError
+            If the record is too short.
+        """
+        digitizer = replace(
+            self._settings.digitizer,
+            sampling_rate=plan.sampling_rate,
+            record_duration=plan.record_duration,
+            pre_trigger=plan.pre_trigger,
+        )
+        self._settings = replace(self._settings, digitizer=digitizer)
         self._digitizer = (
             StreamingDigitizer(self._settings, plan.block_size, plan.depth)
             if plan.continuous
             else TriggeredDigitizer(plan.block_size)
         )
         import_module("scipy.signal")  # which the first hit needs, and waits for no more
-        return Acquisition(IDENTITY, self._settings.digitizer.sampling_rate, is_simulated=True)
+        return Acquisition(IDENTITY, plan.sampling_rate, is_simulated=True)
 
     def arm(self) -> None:
         """Wait for one hit; in continuous mode begin the stream."""
@@ -190,6 +185,13 @@ def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
     plant = plants[table.take_choice("plant", tuple(plants), rig.plant.value)]
     seed = table.take_whole("seed", 0, LARGEST_SEED, rig.seed)
     numbers = {key: table.take_number(key, default=getattr(rig, key)) for key in NUMBERS}
+    digitizer = read_digitizer(table)
+    with table.locating():
+        return VirtualRigSettings(plant, seed, **numbers, digitizer=digitizer, faults=faults)
+
+
+def read_digitizer(table: TomlTable) -> DigitizerSettings:
+    """Return what a table [source] says of the virtual digitizer; errors as `read_virtual_rig`."""
     default = DigitizerSettings()
     quantities = {
         key: table.take_quantity(key, unit, example, getattr(default, key))
@@ -198,8 +200,7 @@ def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
     noise = table.take_number("noise", default=default.noise)
     bits = table.take_whole("bits", 4, 31, default.bits)
     with table.locating():
-        digitizer = DigitizerSettings(**quantities, noise=noise, bits=bits)
-        return VirtualRigSettings(plant, seed, **numbers, digitizer=digitizer, faults=faults)
+        return DigitizerSettings(**quantities, noise=noise, bits=bits)
 
 
 def _take_each(table: TomlTable, key: str, parse: Callable[[str], T]) -> Iterator[T]:
@@ -208,6 +209,34 @@ def _take_each(table: TomlTable, key: str, parse: Callable[[str], T]) -> Iterato
         if name.strip():
             with table.locating(key):
                 yield parse(name.strip())
+
+
+def make_virtual_plan(table: TomlTable) -> AcquisitionPlan:
+    """Return the plan of a simulated source from its table [source].
+
+    Rate, record and full scales have defaults.
+
+    Raises
+    ------
+    ParameterError
+        If a value cannot be meant; the message names its line.
+    """
+    digitizer = read_digitizer(table)
+    hammer, specimen = (
+        SourceChannel(name, Sensor(name, full_scale=scale))
+        for name, scale in (
+            ("hammer", digitizer.hammer_full_scale),
+            ("specimen", digitizer.specimen_full_scale),
+        )
+    )
+    return AcquisitionPlan(
+        sampling_rate=digitizer.sampling_rate,
+        record_duration=digitizer.record_duration,
+        pre_trigger=digitizer.pre_trigger,
+        trigger_level=TRIGGER_LEVEL * digitizer.hammer_full_scale,
+        hammer=hammer,
+        specimen=specimen,
+    )
 
 
 class VirtualHolder(CommandedHolder):

@@ -13,6 +13,7 @@ from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.drivers import (
     VirtualSource,
+    make_virtual_plan,
     read_virtual_rig,
 )
 from impact_rig.devices.virtual.rig import (
@@ -35,7 +36,7 @@ def make_source(**options):
 
 
 def make_plan(*, continuous=False, block_size=700):
-    plan = VirtualSource(NO_OPTIONS).make_plan()
+    plan = make_virtual_plan(NO_OPTIONS)
     return replace(plan, continuous=continuous, block_size=block_size, depth=1000)
 
 
@@ -65,6 +66,16 @@ def test_a_record_is_that_of_the_seed_and_comes_when_the_swing_is_over():
         counts = np.concatenate([getattr(block, channel).output for block in blocks])
         np.testing.assert_array_equal(counts, getattr(expected, channel).output)
         assert getattr(blocks[0], channel).scale == getattr(expected, channel).scale
+
+
+def test_rate_and_record_are_those_of_the_plan():
+    plan = replace(make_plan(), sampling_rate=1e6, record_duration=1e-3)
+    source = make_source()
+    assert source.configure(plan).sampling_rate == 1e6
+    source.arm()
+    source.strike(LABEL, 0.0)
+    blocks = read_until(source, lambda got: got[-1].last)
+    assert sum(block.hammer.output.size for block in blocks) == 1000
 
 
 FULL = """
@@ -108,7 +119,7 @@ def test_all_that_a_rig_file_says_of_it_is_taken():
             ),
         ),
     )
-    plan = VirtualSource(table.without("driver")).make_plan()
+    plan = make_virtual_plan(table)
     assert (plan.sampling_rate, plan.points) == (1e6, 4000)
 
 
