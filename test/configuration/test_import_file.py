@@ -16,6 +16,7 @@ def test_the_template_says_what_its_comments_promise():
     file = parse_import_file(read_import_template())
     use = ChannelUse("Acceleration_0", "V", Sensitivity(0.01, "g"), 500.0, "g")
     assert file.plan.hammer == use
+    assert parse_import_file("[hammer]\nchannel = 2").plan.hammer.channel == "2"
     assert file.plan.specimen.channel == "Acceleration_1"
     assert (file.sample, file.control) == ("aluminium large", True)
     assert (file.hammer_mass, file.sample_mass) == pytest.approx((0.1, 0.10238))
@@ -38,12 +39,8 @@ def test_every_line_of_the_template_that_is_commented_out_can_be_used():
     [
         ("[hamer]", "unknown key 'hamer': did you mean 'hammer'"),
         ("[hammer]\nsensitivity = 10", "sensitivity of .hammer. is 10: .* \"10 mV/g\""),
-        ("[hammer]\nsensitivity = '10 mg/g'", "which is no V"),
         ("[hammer]\nsensitivity = '10 mV/s'", "per 's': it must be a voltage per"),
         ("[hammer]\nfull_scale = 500", "full_scale of .hammer. is 500: write it with a unit"),
-        ("[hammer]\nfull_scale = '500 Pa'", "unit 'Pa' is unknown"),
-        ("[hammer]\nmass = '100 mm'", "mass of .hammer. is \"100 mm\", which is no kg"),
-        ("[hammer]\nchannel = true", "channel of .hammer. is True"),
         ("[specimen]\ncontrol = 'yes'", "control of .specimen. is 'yes'"),
         ("columns = 'time,hammer'", "must be a list of roles"),
         ("columns = ['time', 'force']", "'force' is unknown"),

@@ -42,17 +42,13 @@ colour = "blue"
 @pytest.mark.parametrize(
     ("path", "written"),
     [
-        (("name",), 'name = "rig"'),
-        (("text",), 'text = """'),
         (("array",), "array = ["),
         (("source",), "[source]"),
         (("source", "driver"), 'driver = "scpi"  # [not.this]'),
         (("source", "limits"), "limits.low = 1"),
         (("source", "odd key", "a b"), "'a b' = { inner = 3 }"),
-        (("sample", 0, "name"), 'name = "first"'),
         (("sample", 0, "extra", "colour"), 'colour = "red"'),
         (("sample", 1, "name"), 'name = "second"'),
-        (("sample", 1, "hole", 0, "depth"), "depth = 1"),
         (("sample", 1, "hole", 1, "depth"), "depth = 2"),
         (("sample", 1, "extra", "colour"), 'colour = "blue"'),
     ],
@@ -103,32 +99,24 @@ def test_values_are_read_as_what_they_must_be(table):
     ("take", "told"),
     [
         (lambda table: table.take_text("port"), "line 2: port of the file is 5000: .* quotes"),
-        (lambda table: table.take_text("no", REQUIRED, "COM3"), 'the file lacks no: .* "COM3"'),
         (lambda table: table.take_choice("name", ("a", "b")), "line 1: .* 'rig': .* one of a, b"),
         (lambda table: table.take_whole("ratio", 1, 9), "line 3: .* whole number between 1 and 9"),
         (lambda table: table.take_whole("inverted", 0, 9), "line 4: .* True: .* a whole number"),
-        (lambda table: table.take_whole("port", 1, 9), "line 2: .* between 1 and 9"),
         (lambda table: table.take_number("name", 0, 1), "line 1: .* plain number between 0 and 1"),
-        (lambda table: table.take_number("port", 0, 1), "line 2: .* 5000: .* between 0 and 1"),
         (lambda table: table.take_boolean("port"), "line 2: .* true or false"),
         (lambda table: table.take_quantity("rate", "s", "1 s"), "line 5: rate .* is no s"),
         (lambda table: table.take_quantity("port", "s", "1 s"), "line 2: .* has no unit"),
-        (lambda table: table.take_quantity("rate", "Hz", "1 Hz", low=3e6), "3e.06 Hz or more"),
-        (lambda table: table.take_quantity("rate", "Hz", "1 Hz", high=3.0), "line 5: .* 3 Hz or"),
         (lambda table: table.take_quantity("rate", "Hz", "1 Hz", low=1.0, high=3.0),
          "between 1 and 3 Hz"),
         (lambda table: table.take_date("name"), "line 1: name .* is 'rig': .* year-month-day"),
         (lambda table: table.take_table("name"), r"line 1: name is 'rig': .* a table \[name\]"),
         (lambda table: table.take_tables("source"), r"line 9: source: .* \[\[source\]\]"),
-        (lambda table: table.take_table("source").take_whole("driver", 0, 1),
-         r"line 10: driver of \[source\] is 'scpi'"),
         (lambda table: table.take_table("source").take_text("port", REQUIRED),
          r"line 9: \[source\] lacks port"),
         (lambda table: table.take_tables("sample")[1].take_text("mass"),
          "line 15: mass of sample 2 is 3"),
         (lambda table: table.take_table("source").check_keys("drive"),
          r"line 10: \[source\] has an unknown key 'driver': did you mean 'drive'"),
-        (lambda table: table.check_keys("xyz"), "unknown key 'name': it knows xyz"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_meant_is_named_with_its_line(table, take, told):
@@ -148,7 +136,6 @@ def test_no_number_and_no_quantity_is_infinite(value):
 @pytest.mark.parametrize(
     ("sentence", "line"),
     [
-        ("ratio is 0.5: it must lie between 1 and 2", "line 3: "),
         ("the same day is wrong, whatever the ratio says", "line 7: "),
         ("what is this", ""),
     ],
@@ -161,25 +148,14 @@ def test_an_error_of_others_gets_the_line_of_the_longest_key_that_it_is_about(
     assert str(error.value) == line + sentence
 
 
-def test_what_others_read_is_left_out_and_keeps_its_lines(table):
-    left = table.without("name", "source", "sample")
-    assert "name" not in left
-    assert len(left) == 6
-    assert "line 2" in str(left.refuse("port", "less"))
-
-
 @pytest.mark.parametrize(
     ("text", "told"),
     [
         (f"a = {'9' * 5000}", "not TOML"),
         (f"a = {'[' * 5000}", "nested too deep"),
+        ("a = 1\nb = \n", r"this is not TOML: .*line 2"),
     ],
 )
-def test_too_many_digits_and_brackets_are_refused(text, told):
+def test_what_is_no_toml_is_refused(text, told):
     with pytest.raises(ParameterError, match=told):
         parse_toml_table(text)
-
-
-def test_what_is_no_toml_is_told_with_its_line():
-    with pytest.raises(ParameterError, match=r"this is not TOML: .*line 2"):
-        parse_toml_table("a = 1\nb = \n")
