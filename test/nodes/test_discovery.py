@@ -15,11 +15,10 @@ import rclpy
 from impact_rig_msgs.srv import GetResults
 
 from impact_rig.configuration.processes import (
+    ACTIVE,
     DISCOVERY,
     NETWORK,
     PROFILES,
-    SOCKET_BUFFER,
-    make_network_variables,
 )
 from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import discovery, interfaces
@@ -29,30 +28,6 @@ from impact_rig.nodes.discovery import (
     offer_profile,
     reserve_domain,
 )
-
-RECEIVE_BUFFER = 4 << 20
-LARGEST_BUFFER = Path("/proc/sys/net/core/rmem_max")
-ROOMS = """\
-import os, socket, stat, sys
-import rclpy
-from impact_rig.nodes.discovery import offer_profile
-with offer_profile():
-    rclpy.init(args=[])
-    node = rclpy.create_node("guest")
-rooms = []
-for number in map(int, os.listdir("/proc/self/fd")):
-    try:
-        is_socket = stat.S_ISSOCK(os.fstat(number).st_mode)
-    except OSError:
-        continue
-    if is_socket:
-        with socket.socket(fileno=os.dup(number)) as found:
-            if found.type is socket.SOCK_DGRAM:
-                rooms.append(found.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF))
-print(max(rooms))
-rclpy.shutdown()
-"""
-
 
 OPEN = {
     "FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml",
@@ -96,41 +71,12 @@ def test_between_computers_who_has_a_profile_keeps_it(opened, monkeypatch, tmp_p
         assert PROFILES[0] not in os.environ
 
 
-@pytest.mark.skipif(not LARGEST_BUFFER.exists(), reason="only Linux says what it allows")
-@pytest.mark.parametrize(("network", "size"), [(False, RECEIVE_BUFFER), (True, SOCKET_BUFFER)])
-def test_fast_dds_takes_the_profile_and_leaves_sockets_between_hosts_as_they_were_chosen(
-    network, size, ros_domain
-):
-    # Linux doubles what is asked for, for its own bookkeeping.
-    room = 2 * min(size, int(LARGEST_BUFFER.read_text()))
-    assert _be_a_guest(ros_domain, network=network) == room
-
-
-def _be_a_guest(domain: int, *, network: bool) -> int:
-    """Be in a domain for a moment; return the room of the largest socket [byte]."""
-    environment = {
-        **{name: value for name, value in os.environ.items() if name != DISCOVERY},
-        "ROS_DOMAIN_ID": str(domain),
-    }
-    environment |= make_network_variables(environment, network=network)
-    done = subprocess.run(
-        [sys.executable, "-c", ROOMS],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60.0,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    return int(done.stdout)
-
-
-def test_a_node_asks_to_be_remembered_for_a_minute_of_silence(ros_domain):
+def test_a_node_asks_to_be_remembered_for_a_minute_of_silence(ros_domain, start_process):
     """What it announces to the last of its neighbours, by the tables of DDSI-RTPS 2.5."""
     port = 7400 + 250 * ros_domain + 10 + 2 * (discovery.LOCAL_PEERS - 1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as neighbour:
         neighbour.bind(("127.0.0.1", port))
-        _be_a_guest(ros_domain, network=False)
+        start_process("hammer").wait_for(ACTIVE)
         announcement = neighbour.recv(1 << 16, socket.MSG_DONTWAIT)
     lease = struct.pack("<HHiI", 0x0002, 8, 60, 0)  # PID_PARTICIPANT_LEASE_DURATION
     assert announcement.startswith(b"RTPS")

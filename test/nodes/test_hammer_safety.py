@@ -4,6 +4,7 @@ import signal
 import threading
 
 import pytest
+from fakes.relay_board import RelayBoard
 from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState
 from impact_rig_msgs.srv import Release
 from std_srvs.srv import Trigger
@@ -120,7 +121,9 @@ def test_the_hammer_says_not_yet_while_others_are_not_ready(rig):
     assert rig.release().success
 
 
-def test_accelerometers_that_report_a_fault_disarm_the_hammer_until_they_are_back(rig):
+def test_accelerometers_at_fault_or_a_recorder_that_stops_disarm_the_hammer_until_they_are_back(
+    rig,
+):
     rig.start()
     rig.acquisition.publish(
         AcquisitionState(state=AcquisitionState.FAULT, message="the cable is out")
@@ -133,13 +136,9 @@ def test_accelerometers_that_report_a_fault_disarm_the_hammer_until_they_are_bac
     rig.acquisition.publish(AcquisitionState(state=AcquisitionState.IDLE))
     rig.acquisition.publish(ARMED)
     rig._harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)
-    assert rig.release().success
-
-
-def test_a_recorder_that_stops_disarms_the_hammer_until_it_records_again(rig):
-    rig.start()
     rig.recorder.publish(RecorderState(recording=False, message="disk full"))
-    assert "the recorder has stopped: disk full" in rig.wait_for_loss().message
+    rig.wait(lambda item: item.message.endswith("the recorder has stopped: disk full"))
+    assert not rig.states.messages[-1].armed
     rig.recorder.publish(RecorderState(recording=True, uri="b.mcap"))
     rig._harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)
     assert rig.release().recording == "b.mcap"
@@ -238,6 +237,23 @@ def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(harne
     # A second request succeeds, when all is known again.
     assert harness.ask(Release, interfaces.RELEASE_HAMMER, Release.Request(**HIT)).success
     assert len(releases.wait_for_count(1)) == 1
+
+
+def test_the_end_of_the_process_does_not_let_go(rig, harness, start_process, tmp_path):
+    pytest.importorskip("serial", reason="the extra `serial` is not installed")
+    releases = threading.Semaphore(0)
+    board = RelayBoard(releases.release)
+    board.plug()
+    path = tmp_path / "rig.toml"
+    path.write_text(f'{read_template()}\n[holder]\ndriver = "serial"\nport = "{board.port}"\n')
+    process = start_process("hammer", rig_file=str(path), require_recorder=False)
+    rig.wait_for_newest(lambda state: state.message == "held, not armed")
+    harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)
+    process.send_signal(signal.SIGINT)
+    process.wait()
+    assert board.is_holding
+    assert not releases.acquire(blocking=False)
+    board.stop()
 
 
 def test_one_arming_lets_the_hammer_go_once_whatever_is_asked(harness, rig):

@@ -21,7 +21,7 @@ from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
-from std_msgs.msg import Empty, String
+from std_msgs.msg import String
 
 from impact_rig import __version__
 from impact_rig.nodes import interfaces
@@ -114,24 +114,21 @@ def list_values(diagnostics):
 
 def test_it_calls_itself_recording_once_the_required_topics_are_connected(harness, tmp_path):
     states = harness.listen(interfaces.RECORDER_STATE)
-    harness.add(
+    node = harness.add(
         RecorderNode,
         output=str(tmp_path / "session.mcap"),
         required_topics="acceleration, impact",
+        autostart=False,
     )
+    (state,) = states.wait_for_count(1)
+    assert (state.recording, state.waiting) == (False, False)
+    assert "not active" in state.message
+    harness.change_state(node.get_name(), "configure", "activate")
     state = states.wait(lambda got: "acceleration, impact" in got[-1].message)[-1]
     assert not state.recording
     harness.advertise(interfaces.ACCELERATION)
     harness.advertise(interfaces.IMPACT)
     states.wait(lambda got: got[-1].recording)
-
-
-def test_a_recorder_that_is_not_started_says_so_to_those_who_would_wait_for_it(harness):
-    states = harness.listen(interfaces.RECORDER_STATE)
-    harness.add(RecorderNode, autostart=False)
-    (state,) = states.wait_for_count(1)
-    assert (state.recording, state.waiting) == (False, False)
-    assert "not active" in state.message
 
 
 def test_other_libraries_read_all_messages_of_all_topics(harness, recorder, tmp_path):
@@ -174,6 +171,7 @@ def test_other_libraries_read_all_messages_of_all_topics(harness, recorder, tmp_
 
 def test_further_topics_below_the_namespace_are_discovered(harness, recorder, tmp_path):
     _, _, node = recorder(namespace="/hall")
+    stream = harness.peer.create_publisher(StreamBlock, "/hall/acceleration/stream", 10)
     inside, outside, hidden = (
         harness.peer.create_publisher(String, name, 10)
         for name in ("/hall/notes", "/elsewhere/notes", "/hall/_hidden/notes")
@@ -188,7 +186,9 @@ def test_further_topics_below_the_namespace_are_discovered(harness, recorder, tm
     for publisher in (inside, latched, best_effort):
         harness.wait_until(lambda publisher=publisher: publisher.get_subscription_count() > 0)
     inside.publish(String(data="hello"))
-    assert outside.get_subscription_count() == hidden.get_subscription_count() == 0
+    # The running stream is left alone, unless it is asked for.
+    for publisher in (outside, hidden, stream):
+        assert not publisher.get_subscription_count()
     for topic in ("/hall/notes", "/hall/name"):
         harness.wait_until(lambda topic=topic: node.count_messages(topic) > 0)
     harness.change_state("/hall/recorder", "deactivate")
@@ -252,32 +252,15 @@ def test_a_signal_leaves_a_sound_recording(harness, start_process, tmp_path):
     assert "Traceback" not in process.output
 
 
-def test_software_notes_and_files_go_into_the_recording(harness, recorder, tmp_path):
-    rig_file = tmp_path / "my, own rig.toml"
+def test_software_notes_files_and_the_parameters_of_all_nodes_go_into_the_recording(
+    harness, recorder, tmp_path
+):
+    path, rig_file = tmp_path / "session.mcap", tmp_path / "my, own rig.toml"
     rig_file.write_text("name = 'bench 3'", "utf-8")
-    recorder(notes="bench 3, 21 °C", attachments=str(rig_file))
+    recorder(notes="bench 3, 21 °C", attachments=str(rig_file), compression="lz4")
     notes = connect(harness, interfaces.NOTE)
     notes.publish(String(data="the tip is loose"))
     assert notes.wait_for_all_acked()
-    harness.change_state("recorder", "deactivate")
-    path = tmp_path / "session.mcap"
-    (found,) = read_metadata(path, "impact_rig")
-    assert found["software_version"] == __version__
-    assert json.loads(found["libraries"])["numpy"] == np.__version__
-    assert found["notes"] == "bench 3, 21 °C"
-    with path.open("rb") as stream:
-        (attachment,) = mcap.reader.make_reader(stream).iter_attachments()
-    assert (attachment.name, attachment.media_type) == (rig_file.name, "application/toml")
-    assert attachment.data == rig_file.read_bytes()
-    (note,) = read_by_rosbags(path)["/note"]
-    assert note.data == "the tip is loose"
-
-
-def test_the_parameters_of_all_nodes_go_into_the_file_and_again_when_they_change(
-    harness, recorder, tmp_path
-):
-    path = tmp_path / "session.mcap"
-    recorder(compression="lz4")
     harness.add(HammerNode, swing_time=0.3)
 
     def find_swing_time():
@@ -291,10 +274,24 @@ def test_the_parameters_of_all_nodes_go_into_the_file_and_again_when_they_change
     assert yaml.safe_load(newest["/recorder"])["compression"] == "lz4"
     # The node of this test is no node of the rig.
     assert "/peer" not in newest
+    harness.change_state("recorder", "deactivate")
+    (found,) = read_metadata(path, "impact_rig")
+    assert found["software_version"] == __version__
+    assert json.loads(found["libraries"])["numpy"] == np.__version__
+    assert found["notes"] == "bench 3, 21 °C"
+    with path.open("rb") as stream:
+        (attachment,) = mcap.reader.make_reader(stream).iter_attachments()
+    assert (attachment.name, attachment.media_type) == (rig_file.name, "application/toml")
+    assert attachment.data == rig_file.read_bytes()
+    (note,) = read_by_rosbags(path)["/note"]
+    assert note.data == "the tip is loose"
 
 
-def test_every_record_is_on_the_disk_when_the_recorder_says_so(harness, recorder, tmp_path):
-    _, stored, _ = recorder()
+def test_every_record_is_on_the_disk_when_the_recorder_says_so_and_what_it_lacks_is_told(
+    harness, recorder, tmp_path
+):
+    states, stored, _ = recorder()
+    diagnostics = harness.listen(interfaces.DIAGNOSTICS)
     publisher = connect(harness)
     for record in (1, 2, 3):
         publish(publisher, make_blocks(record))
@@ -305,14 +302,8 @@ def test_every_record_is_on_the_disk_when_the_recorder_says_so(harness, recorder
         )  # fmt: skip
         assert (found.blocks, found.gaps, found.missing_points) == (3, 0, 0)
         assert found.header.stamp.sec == 1000 * record + 2
-
-
-def test_what_records_lack_is_told_counted_and_kept_in_the_file(harness, recorder):
-    states, stored, _ = recorder()
-    diagnostics = harness.listen(interfaces.DIAGNOSTICS)
-    publisher = connect(harness)
-    publish(publisher, [*make_blocks(1, 5, without={1, 3}), *make_blocks(2)])
-    first, second = stored.wait_for_count(2)
+    publish(publisher, [*make_blocks(4, 5, without={1, 3}), *make_blocks(5)])
+    first, second = stored.wait_for_count(5)[3:]
     assert (first.blocks, first.gaps, first.missing_points) == (3, 2, 2 * POINTS)
     assert (second.blocks, second.gaps) == (3, 0)
     warned = states.wait(lambda messages: messages[-1].message.startswith("warning:"))[-1]
@@ -402,15 +393,3 @@ def test_the_running_stream_is_recorded_when_asked_for_and_its_gaps_are_counted(
     (health,) = read_metadata(path, "impact_rig/health")
     assert (health["stream_blocks"], health["stream_gaps"]) == ("4", "2")
     assert (health["stream_missing_points"], health["gaps"]) == ("4000", "0")
-
-
-def test_the_running_stream_is_left_alone_unless_asked_for(harness, recorder):
-    recorder()
-    streams = [
-        harness.peer.create_publisher(StreamBlock, name, 10)
-        for name in ("/acceleration/stream", "/hall/acceleration/stream")
-    ]
-    other = harness.peer.create_publisher(Empty, "/later", 1)
-    # A topic that is published after the streams is discovered, they are not.
-    harness.wait_until(lambda: other.get_subscription_count() > 0)
-    assert [stream.get_subscription_count() for stream in streams] == [0, 0]

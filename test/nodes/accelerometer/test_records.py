@@ -128,18 +128,17 @@ def test_a_record_that_is_called_off_is_ended(
     assert len(got[-1].hammer.counts) == 0
 
 
-def test_what_a_rig_file_says_wrongly_is_named_with_file_and_line(rig):
-    node = rig(SOURCE.replace("serial = 7", "serial = 70"))
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("serial = 7", "serial = 70", ("rig.toml: line ", "a whole number between 1 and 9")),
+        ('"desk"', '"unpaid"', ("'desk_digitizer_license'", "desk-digitizer")),
+    ],
+)
+def test_a_wrong_key_of_a_driver_and_its_missing_library_are_named(rig, old, new, words):
+    node = rig(SOURCE.replace(old, new))
     assert not node.is_configured
-    assert "rig.toml: line " in node.fault
-    assert "it must be a whole number between 1 and 9" in node.fault
-
-
-def test_a_driver_whose_library_is_missing_says_which(harness, rig):
-    node = rig(SOURCE.replace('"desk"', '"unpaid"'))
-    assert not node.is_configured
-    assert "'desk_digitizer_license'" in node.fault
-    assert "desk-digitizer" in node.fault
+    assert all(word in node.fault for word in words)
 
 
 @pytest.fixture
@@ -168,12 +167,23 @@ def test_refuses_an_unknown_sample_by_name_and_to_arm_twice_until_disarmed(harne
     assert arm(harness).success
 
 
-def test_says_not_yet_until_those_who_must_not_miss_a_block_are_connected(harness, blocks):
-    harness.add(AccelerometerNode)
+@pytest.mark.parametrize(
+    ("parameters", "told"),
+    [
+        ({}, "'estimator' does not listen"),
+        (
+            {"mode": "continuous", "stream_block_size": 50_000, "required_subscribers": ""},
+            "no node finds impacts in /acceleration/stream",
+        ),
+    ],
+)
+def test_says_not_yet_until_those_who_must_not_miss_a_block_are_connected(
+    harness, blocks, parameters, told
+):
+    harness.add(AccelerometerNode, **parameters)
     harness.tell_setup()
     request = Arm.Request(sample=SAMPLE, impact=1, attempt=1)
     ask = functools.partial(harness.call, Arm, interfaces.ARM_ACCELEROMETER, request)
-    answer = harness.ask_until("'estimator' does not listen", ask)[-1]
+    answer = harness.ask_until(told, ask)[-1]
     assert answer.message.startswith(interfaces.NOT_YET)
     assert not answer.success
-    assert "required_subscribers" in answer.message
