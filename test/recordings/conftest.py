@@ -4,7 +4,6 @@ import functools
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,6 @@ STANDARD_MESSAGES = {
     ("std_msgs", "String"): "string data\n",
     ("unique_identifier_msgs", "UUID"): "uint8[16] uuid\n",
 }
-STAMP = {"sec": 1_700_000_000, "nanosec": 250}
 NAN = float("nan")
 
 
@@ -66,11 +64,6 @@ def make_recording(tmp_path: Path) -> Iterator[Make]:
         maker.writer.close()
 
 
-def header() -> dict[str, Any]:
-    """Return the fields of a stamp."""
-    return {"stamp": STAMP, "frame_id": ""}
-
-
 def setup_fields(**changes: Any) -> dict[str, Any]:
     """Return the fields of a rig's set-up with two samples."""
     sample = {
@@ -95,10 +88,8 @@ def setup_fields(**changes: Any) -> dict[str, Any]:
         "keep_hits": 0,
     }
     fields = {
-        "header": header(),
+        "header": {"stamp": {"sec": 1_700_000_000, "nanosec": 250}},
         "name": "bench",
-        "description": "of the test",
-        "software_version": "0",
         "hammer_mass": 0.3,
         "hammer_stiffness": NAN,
         "accelerometer_mass": 0.003,
@@ -116,7 +107,6 @@ def block_fields(number: int, points: int = 100, **changes: Any) -> dict[str, An
     counts = np.arange(points, dtype=np.int32)
     channel = {"scale": 0.25, "offset": -1.5, "full_scale": 512.0}
     fields = {
-        "header": header(),
         "record": number,
         "sample": "brass",
         "impact": 3,
@@ -131,37 +121,12 @@ def block_fields(number: int, points: int = 100, **changes: Any) -> dict[str, An
     return fields | changes
 
 
-def virtual_impact_fields(record: int, *faults: str) -> dict[str, Any]:
-    """Return the fields of the truth behind a simulated hit."""
-    return {
-        "header": header(),
-        "record": record,
-        "sample": "brass",
-        "impact": 3,
-        "attempt": 2,
-        "faults": list(faults),
-        "contact_time": 2e-4,
-        "peak_force": 100.0,
-    }
+def encode(type_name: str, fields: dict[str, Any]) -> bytes:
+    """Serialise by mcap-ros2-support, which shares no code with the readers under test."""
+    from mcap_ros2._dynamic import serialize_dynamic
 
-
-class CdrEncoder:
-    """Serialises by mcap-ros2-support, which shares no code with the readers under test."""
-
-    def encode(self, type_name: str, fields: dict[str, Any]) -> bytes:
-        """Return a message in CDR."""
-        from mcap_ros2._dynamic import serialize_dynamic
-
-        definition = find_message_definition(type_name)
-        return serialize_dynamic(type_name, definition.text)[type_name](_as_object(fields))
-
-
-def _as_object(value: Any) -> Any:
-    if isinstance(value, dict):
-        return SimpleNamespace(**{key: _as_object(item) for key, item in value.items()})
-    if isinstance(value, list):
-        return [_as_object(item) for item in value]
-    return value
+    definition = find_message_definition(type_name)
+    return serialize_dynamic(type_name, definition.text)[type_name](fields)
 
 
 OURS = "impact_rig_msgs/msg/"
@@ -174,7 +139,6 @@ class RecordingMaker:
         self.path = path
         self.writer = RecordingWriter(path, **options)
         self._prefix = namespace.rstrip("/") + "/"
-        self._encoder = CdrEncoder()
         self._channels: dict[str, int] = {}
         self._time = 1_700_000_000_000_000_000
 
@@ -187,7 +151,7 @@ class RecordingMaker:
             self._channels[topic] = self.writer.add_channel(
                 name, find_message_definition(type_name), (offer,)
             )
-        data = self._encoder.encode(type_name, fields)
+        data = encode(type_name, fields)
         self._time += 1_000_000
         self.writer.add_message(self._channels[topic], data, self._time, self._time - 1000)
         return data
@@ -204,7 +168,8 @@ class RecordingMaker:
 
     def add_virtual_impact(self, record: int, *faults: str) -> None:
         """Add the truth behind a simulated hit."""
-        self.add("virtual_impact", OURS + "VirtualImpact", virtual_impact_fields(record, *faults))
+        label = {"record": record, "sample": "brass", "impact": 3, "attempt": 2}
+        self.add("virtual_impact", OURS + "VirtualImpact", {**label, "faults": list(faults)})
 
     def close(self) -> Path:
         """Finish the file and return its path."""

@@ -11,7 +11,6 @@ from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 
 from impact_rig.recordings.contents import Contents, inspect_recording, recover_recording
-from impact_rig.recordings.hits import HitState
 
 OURS = "impact_rig_msgs/msg/"
 HITS = 4
@@ -39,8 +38,7 @@ class Place(NamedTuple):
 
 def label(record: int) -> dict[str, Any]:
     """Return the fields that name a hit."""
-    stamp = {"stamp": {"sec": 1_700_000_000, "nanosec": record}, "frame_id": ""}
-    return {"header": stamp, "record": record, "sample": "brass", "impact": record, "attempt": 1}
+    return {"record": record, "sample": "brass", "impact": record, "attempt": 1}
 
 
 def add_hit(maker: Any, record: int) -> None:
@@ -141,7 +139,3 @@ def read_recovered(recovered: Recovered) -> list[Raw]:
     """Return the messages of a recovered recording, which must be sound."""
     assert inspect_recording(recovered.output).problems == ()
     return read_raw(recovered.output)
-
-
-def list_states(recovered: Recovered) -> dict[int, HitState]:
-    return {hit.record: hit.state for hit in recovered.contents.hits}

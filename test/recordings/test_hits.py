@@ -24,16 +24,6 @@ def add(watch, label, *starts, last=True, points=100, stream_id=NO_ID):
     return ended
 
 
-def test_a_record_ends_with_its_last_block():
-    watch = RecordWatch()
-    assert add(watch, FIRST, 0, 100, 200, last=False) == []
-    assert watch.unfinished.blocks == 3
-    (count,) = add(watch, FIRST, 300)
-    assert (count.label, count.blocks, count.gaps, count.missing_points) == (FIRST, 4, 0, 0)
-    assert count.stamp == 1300
-    assert watch.unfinished is None
-
-
 def test_missing_points_are_counted_by_record_and_in_all():
     watch = RecordWatch()
     (first,) = add(watch, FIRST, 100, 400, 500)

@@ -25,7 +25,6 @@ from .damaged import (
     find_borders,
     find_chunks,
     label,
-    list_states,
     read_raw,
     read_recovered,
     recover,
@@ -139,7 +138,7 @@ def test_topics_of_a_lost_first_chunk_are_known_from_the_index(original):
     recovery = recover(spoil(original, content))
     topics = {topic.name: topic.lost for topic in recovery.contents.topics}
     assert topics["/lab/acceleration"] == 2
-    assert list_states(recovery)[2] is HitState.SAVED
+    assert recovery.contents.hits[1].state is HitState.SAVED
 
 
 def test_hits_are_saved_damaged_or_lost(make_recording):
