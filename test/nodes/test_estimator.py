@@ -142,40 +142,31 @@ def test_a_verdict_comes_even_if_its_hit_cannot_be_averaged_with_the_others(harn
 
 
 OURS = Identity(make_id(), make_id())
+OUR_SETUP = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
+OURS.fill(OUR_SETUP)
 
 
-@pytest.fixture
-def joined(harness):
-    """Return an estimator that takes part in a recorded campaign, and its publishers."""
+def join(harness, recording):
+    """Start an estimator that takes part in a recorded campaign."""
     node = harness.add(EstimatorNode)
-    request = JoinCampaign.Request(recording="/elsewhere/session.mcap")
-    request.setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
-    OURS.fill(request.setup)
-    request.stream_id = id_to_msg(OURS.stream_id)
-    answer = harness.call(JoinCampaign, interfaces.make_join_name("estimator"), request)
-    assert answer.success, answer.message
-    return (
-        node,
-        harness.advertise(interfaces.ACCELERATION),
-        harness.advertise(interfaces.RECORD_STORED),
-        harness.listen(interfaces.IMPACT),
+    request = JoinCampaign.Request(
+        setup=OUR_SETUP, stream_id=id_to_msg(OURS.stream_id), recording=str(recording)
     )
+    assert harness.call(JoinCampaign, interfaces.make_join_name("estimator"), request).success
+    return node
 
 
-def tell_stored(publisher, blocks):
-    """Say that a record is stored, as a recorder does."""
-    message = RecordStored(record=blocks[-1].label.record, blocks=len(blocks))
-    OURS.fill(message)
-    publisher.publish(message)
-
-
-def test_a_hit_is_judged_when_the_recorder_has_stored_it(harness, joined):
-    node, publisher, stored, impacts = joined
+def test_a_hit_is_judged_when_the_recorder_has_stored_it(harness):
+    node = join(harness, "/elsewhere/session.mcap")
+    publisher, stored = map(harness.advertise, (interfaces.ACCELERATION, interfaces.RECORD_STORED))
+    impacts = harness.listen(interfaces.IMPACT)
     blocks = make_blocks("steel small", 1)
     feed(harness, publisher, blocks, OURS)
     harness.wait_until(lambda: "record 1 is stored" in node.diagnose()["waiting for"])
     assert not impacts.messages
-    tell_stored(stored, blocks)
+    message = RecordStored(record=1, blocks=len(blocks))
+    OURS.fill(message)
+    stored.publish(message)
     assert impacts.wait_for_count(1)[0].accepted
     assert not node.diagnose()["waiting for"]
 
@@ -184,20 +175,14 @@ def test_what_the_run_has_on_the_disk_is_known_and_counts_once(harness, tmp_path
     """As after a kill of all nodes: the recordings are what is left."""
     blocks = make_blocks("steel small", 3)
     paths = [tmp_path / "session.mcap", tmp_path / "session-2.mcap"]
-    setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
-    OURS.fill(setup)
     for path, records in zip(paths, [(1,), (2, 3)], strict=True):
         theirs = [
             (0.0, interfaces.ACCELERATION, block_to_msg(block, OURS))
             for block in blocks
             if block.label.record in records
         ]
-        write_recording(path, [(0.0, interfaces.SETUP, setup), *theirs])
-    node = harness.add(EstimatorNode)
-    request = JoinCampaign.Request(
-        setup=setup, stream_id=id_to_msg(OURS.stream_id), recording=str(paths[-1])
-    )
-    harness.call(JoinCampaign, interfaces.make_join_name("estimator"), request)
+        write_recording(path, [(0.0, interfaces.SETUP, OUR_SETUP), *theirs])
+    node = join(harness, paths[-1])
     impacts = harness.listen(interfaces.IMPACT)
     publisher = harness.advertise(interfaces.ACCELERATION)
     feed(harness, publisher, [item for item in blocks if item.label.record == 3], OURS)

@@ -41,19 +41,26 @@ def make_quiet():
     return replace(record, last=False, hammer=hammer)
 
 
+@pytest.fixture
+def impacts(harness):
+    """Return the verdicts of an estimator."""
+    harness.add(EstimatorNode)
+    return harness.listen(interfaces.IMPACT)
+
+
+@pytest.fixture
+def stream_rig(rig):
+    """Return a function that starts the accelerometers with a running stream."""
+    options = {"required_subscribers": "estimator, peer", "trigger_timeout": 60.0}
+    return lambda period: rig(mode="continuous", reconnect_period=period, **options)
+
+
 @pytest.mark.parametrize("end", ["loss", "deactivation"])
 def test_a_hit_that_the_end_of_the_stream_cuts_off_is_rejected_at_once(
-    harness, desk, rig, states, release, end
+    harness, desk, stream_rig, states, impacts, release, end
 ):
-    impacts = harness.listen(interfaces.IMPACT)
     stream = harness.listen(interfaces.make_stream_topic(400))
-    harness.add(EstimatorNode)
-    node = rig(
-        mode="continuous",
-        required_subscribers="estimator, peer",
-        trigger_timeout=60.0,
-        reconnect_period=0.0,
-    )
+    node = stream_rig(0.0)
     desk.deliver(make_quiet())
     record = arm(harness).record
     release(record)
@@ -74,16 +81,9 @@ def test_a_hit_that_the_end_of_the_stream_cuts_off_is_rejected_at_once(
 
 
 def test_a_stream_that_breaks_off_while_the_hammer_swings_gets_one_verdict(
-    harness, desk, rig, states, release
+    harness, desk, stream_rig, states, impacts, release
 ):
-    impacts = harness.listen(interfaces.IMPACT)
-    harness.add(EstimatorNode)
-    node = rig(
-        mode="continuous",
-        required_subscribers="estimator, peer",
-        trigger_timeout=60.0,
-        reconnect_period=0.3,
-    )
+    node = stream_rig(0.3)
     quiet = make_quiet()
     desk.deliver(quiet)
     record = arm(harness).record
