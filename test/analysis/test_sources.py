@@ -76,49 +76,32 @@ def test_a_run_is_its_recording_and_else_its_results(tmp_path):
         find_run(tmp_path / "c")
 
 
-def test_a_run_is_called_by_its_folder_and_a_recording_by_itself(tmp_path):
+def test_a_run_is_called_by_its_folder_and_a_recording_by_itself(tmp_path, monkeypatch):
     make_files(tmp_path, "monday/session.mcap", "tuesday/results.json", "steel.mcap")
     named = ("monday", "tuesday/results.json", "steel.mcap")
     titles = [find_run(tmp_path / name).title for name in named]
     assert titles == ["monday", "tuesday", "steel"]
-
-
-def test_where_a_run_lies_on_this_machine_is_not_told(tmp_path, monkeypatch):
-    make_files(tmp_path, "monday/session.mcap")
+    # Where it lies on this machine is not told.
     monkeypatch.chdir(tmp_path / "monday")
     for path in (tmp_path / "monday", Path("session.mcap"), Path()):
         assert find_run(path).place == "monday/session.mcap"
 
 
-@pytest.fixture
-def first(tmp_path: Path) -> Path:
-    """Return a file."""
-    path = tmp_path / "first.mcap"
-    path.write_bytes(b"a recording")
-    return path
-
-
-def test_different_files_of_one_size_are_different(first):
-    second = first.with_name("second.mcap")
-    second.write_bytes(b"another one")
-    assert find_repeated_files([first, second]) == {}
-
-
-def test_a_path_given_twice_is_found(first):
-    assert find_repeated_files([first, first]) == {1: f"{first} is named twice: it is used once"}
-
-
 @pytest.mark.parametrize("make", [Path.symlink_to, shutil.copy2])
-def test_a_link_and_a_copy_are_found_by_their_bytes(first, make):
+def test_a_link_and_a_copy_are_found_by_their_bytes_and_all_else_is_left_to_its_reader(
+    tmp_path, make
+):
+    first = tmp_path / "first.mcap"
+    first.write_bytes(b"a recording")
+    assert find_repeated_files([first, first]) == {1: f"{first} is named twice: it is used once"}
+    empty, also_empty, missing = (tmp_path / name for name in ("a.mcap", "b.mcap", "c.mcap"))
+    empty.touch()
+    also_empty.touch()
+    same_size = tmp_path / "second.mcap"
+    same_size.write_bytes(b"another one")
+    assert find_repeated_files([first, same_size, missing, missing, empty, also_empty]) == {}
     between, other = first.with_name("between.mcap"), first.with_name("other.mcap")
     between.write_bytes(b"something else in between")
     make(other, first) if make is Path.symlink_to else make(first, other)
     (found,) = find_repeated_files([first, between, other]).items()
     assert found == (2, f"{other} is left out: it is a copy of {first}, byte by byte")
-
-
-def test_what_cannot_be_read_or_is_empty_is_left_to_its_reader(tmp_path):
-    missing, empty, also_empty = (tmp_path / name for name in ("a.mcap", "b.mcap", "c.mcap"))
-    empty.touch()
-    also_empty.touch()
-    assert find_repeated_files([missing, missing, empty, also_empty]) == {}

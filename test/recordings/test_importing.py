@@ -338,13 +338,15 @@ def test_every_number_of_the_files_comes_back_with_its_calibration(imported):
 
 
 def test_long_files_are_split_into_blocks_that_join_without_a_gap(tmp_path):
-    rows = np.random.default_rng(1).normal(size=25_000)
-    np.save(tmp_path / "long.npy", rows)
+    counts = np.random.default_rng(1).integers(-500, 500, 25_000, np.int32)
+    np.save(tmp_path / "long.npy", counts)
     plan = ChannelPlan(hammer=ChannelUse(unit="g"), sampling_rate=1e6)
     hit = read_one(tmp_path / "long.npy", HitLabel("beam"), plan)
     write_imported(tmp_path / "long.mcap", make_setup([hit]), [hit])
     _, *blocks = read_recording(tmp_path / "long.mcap").events()
     assert [block.first_sample for block in blocks] == [0, 10_000, 20_000]
+    assert {block.hammer.output.dtype for block in blocks} == {np.dtype(np.int32)}
+    assert np.array_equal(np.concatenate([block.hammer.output for block in blocks]), counts)
     assert [block.stamp - blocks[0].stamp for block in blocks] == [0, 10_000_000, 20_000_000]
     (record,) = [
         record
