@@ -28,8 +28,8 @@ def run(name: str) -> NoReturn:
     code = _run(name)
     sys.stdout.flush()
     sys.stderr.flush()
-    # All is closed. Python's own end, and that of the middleware's threads, would take seconds on a
-    # busy computer.
+    # All is closed. Python's own end, and that of the middleware's threads, would take seconds on
+    # a busy computer.
     os._exit(code)
 
 

@@ -29,8 +29,8 @@ DRAIN_QUIET = 0.1
 DRAIN_TIMEOUT = 2.0
 """How long emptying the queues at the end may take [s], below what process managers grant."""
 LEAVING_TIMEOUT = 3.0
-"""How long the middleware may take to leave, once all else is closed [s]. Then the process ends and
-shows where it stood: launch kills it 10 s after Ctrl-C."""
+"""How long the middleware may take to leave, once all else is closed [s]. Then the process ends
+and shows where it stood: launch kills it 10 s after Ctrl-C."""
 
 
 def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None) -> int:
