@@ -94,7 +94,7 @@ def _run(make_node: Callable[[], RigNode], argv: Sequence[str] | None) -> int:
             executor.shutdown()
         if node is not None:
             node.close()
-        faulthandler.dump_traceback_later(LEAVING_TIMEOUT, exit=True, file=sys.__stderr__)
+        faulthandler.dump_traceback_later(LEAVING_TIMEOUT, exit=True, file=2)
         if node is not None:
             node.destroy_node()
         if claim is not None:
