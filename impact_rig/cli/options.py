@@ -11,9 +11,7 @@ import click
 from click.core import ParameterSource
 
 from impact_rig.configuration.processes import make_network_variables
-from impact_rig.configuration.units import parse_quantity
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.sensors import UNITS
 from impact_rig.devices.virtual.choices import Fault, Plant
 
 if TYPE_CHECKING:
@@ -65,6 +63,8 @@ def make_quantity_option(
         try:
             return float(value)
         except ValueError:
+            from impact_rig.configuration.units import parse_quantity
+
             return parse_quantity(name, value, unit, example)
 
     return click.option(name, callback=parse, metavar=f'"{example}"', help=text)
@@ -207,7 +207,7 @@ measurement_options = _combine(
         metavar="FILE.toml",
         help="Channels, sensors, masses, settings, as `import --template` prints it.",
     ),
-    click.option("--hammer-unit", metavar="UNIT", help=f"{', '.join(UNITS)}. [as in the file]"),
+    click.option("--hammer-unit", metavar="UNIT", help="As m/s^2, g, N, lbf, V. [as in the file]"),
     make_quantity_option("--rate", "Hz", "25.6 kHz", "Sampling rate. [as in the file]"),
     make_quantity_option("--hammer-mass", "kg", "100 g", "m1."),
     make_quantity_option("--sample-mass", "kg", "102.38 g", "Without accelerometer."),
