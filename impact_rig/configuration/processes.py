@@ -150,40 +150,41 @@ def list_rig_processes(
         rig has no such node.
     """
     further = overrides or {}
-    folder = Path(output)
     path = str(rig.path) if rig and rig.path else ""
-    described = {"rig_file": path} if path else {}
-    hammer: dict[str, Any] = {**described, **(rig.hammer if rig else {})}
-    accelerometer: dict[str, Any] = dict(described)
-    if text := format_source(source or {}):
-        accelerometer["source"] = text
-    if continuous:
-        accelerometer["mode"] = CONTINUOUS
-    given = {**accelerometer, **further.get("accelerometer", {})}
-    if record_stream and given.get("mode") != CONTINUOUS:
-        raise ParameterError(
-            "there is no running stream to record: choose continuous mode as well"
-        )
-    processes = [
-        NodeProcess("hammer", hammer),
-        NodeProcess("accelerometer", accelerometer),
-        NodeProcess("estimator"),
-        NodeProcess("campaign", described),
-    ]
-    content = {"notes": notes, "attachments": path, "record_stream": record_stream}
-    given = {name: value for name, value in content.items() if value}
-    processes.append(NodeProcess("recorder", {"output": str(folder / RECORDING_NAME), **given}))
-    if visualize:
-        view = {"output": str(folder / VIEW_NAME), **make_viewer_parameters(viewers)}
-        processes.append(NodeProcess("visualizer", view))
-    elif viewers:
-        raise ParameterError(
-            f"a viewer ({', '.join(viewers)}) needs the visualizer: do not leave it out"
-        )
-    return tuple(
-        NodeProcess(process.name, {**process.parameters, **further.get(process.name, {})})
-        for process in _choose(processes, only)
-    )
+    stated: dict[str, dict[str, Any]] = {
+        "hammer": {"rig_file": path},
+        "accelerometer": {
+            "rig_file": path,
+            "source": format_source(source or {}),
+            "mode": CONTINUOUS if continuous else "",
+        },
+        "estimator": {},
+        "campaign": {"rig_file": path},
+        "recorder": {
+            "output": str(Path(output, RECORDING_NAME)),
+            "notes": notes,
+            "attachments": path,
+            "record_stream": record_stream,
+        },
+        "visualizer": {"output": str(Path(output, VIEW_NAME)), **make_viewer_parameters(viewers)},
+    }
+    if not visualize:
+        del stated["visualizer"]
+        if viewers:
+            raise ParameterError(f"a viewer ({', '.join(viewers)}) needs the visualizer")
+    nodes = {
+        name: {key: value for key, value in parameters.items() if value}
+        for name, parameters in stated.items()
+    }
+    nodes["hammer"] |= rig.hammer if rig else {}
+    for name in nodes:
+        nodes[name] |= further.get(name, {})
+    if record_stream and nodes["accelerometer"].get("mode") != CONTINUOUS:
+        raise ParameterError("there is no running stream to record: choose continuous mode, too")
+    for name in only:
+        if name not in nodes:
+            raise ParameterError(f"there is no node {name!r} to start: the rig has {[*nodes]}")
+    return tuple(NodeProcess(name, nodes[name]) for name in nodes if not only or name in only)
 
 
 def format_source(source: Mapping[str, Any]) -> str:
@@ -196,15 +197,6 @@ def format_source(source: Mapping[str, Any]) -> str:
         for key, value in source.items()
         if value is not None
     )
-
-
-def _choose(processes: Sequence[NodeProcess], only: Sequence[str]) -> list[NodeProcess]:
-    """Return the processes that are named, in their order; all if none is."""
-    names = [process.name for process in processes]
-    for name in only:
-        if name not in names:
-            raise ParameterError(f"there is no node {name!r} to start: the rig has {names}")
-    return [process for process in processes if not only or process.name in only]
 
 
 def make_viewer_parameters(viewers: Sequence[str]) -> dict[str, Any]:
