@@ -24,7 +24,7 @@ from impact_rig.nodes.recorder_node_parameters import NodeParameters
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, name_type
 from impact_rig.recordings.hits import BlockCount, RecordCount, RecordWatch
-from impact_rig.recordings.messages import head_from_msg
+from impact_rig.recordings.messages import count_points
 from impact_rig.recordings.provenance import (
     PARAMETERS_RECORD,
     PROVENANCE_RECORD,
@@ -260,14 +260,13 @@ class RecordingRun:
 
     def _on_block(self, message: AccelerationBlock) -> None:
         """Count a block that was written; the end of its record puts that on the disk."""
-        if ended := self.records.add(head_from_msg(message)):
+        if ended := self.records.add(message):
             self.writer.sync()
             for count in ended:
                 self._publish_stored(count)
 
     def _on_stream_block(self, message: StreamBlock) -> None:
-        head = head_from_msg(message)
-        self.stream.add(head.first_sample, head.points)
+        self.stream.add(message.first_sample, count_points(message))
 
     def _publish_stored(self, count: RecordCount) -> None:
         label = count.label

@@ -17,7 +17,7 @@ from impact_rig.recordings.hits import (
     HitWatch,
     RecordedHit,
 )
-from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, head_from_msg
+from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, count_points
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.records import Attachment, Channel, MetadataRecord, RawMessage
 from impact_rig.recordings.scan import PROFILE, Report, Scan
@@ -197,8 +197,8 @@ def _add_message(
         if type_name == SETUP_TYPE:
             contents.setups[message.data] = content
         elif type_name == STREAM_TYPE:
-            head = head_from_msg(content)
-            contents.streams.setdefault(topic, BlockCount()).add(head.first_sample, head.points)
+            stream = contents.streams.setdefault(topic, BlockCount())
+            stream.add(int(content.first_sample), count_points(content))
         elif type_name == STATE_TYPE:
             contents.messages_lost = max(contents.messages_lost, int(content.messages_lost))
         elif type_name == NOTE_TYPE and topic.endswith("/note"):

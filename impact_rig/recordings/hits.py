@@ -10,9 +10,10 @@ from impact_rig.recordings.messages import (
     BLOCK_TYPE,
     SETUP_TYPE,
     VIRTUAL_IMPACT_TYPE,
-    BlockHead,
-    head_from_msg,
+    count_points,
     label_from_msg,
+    origin_from_msg,
+    stamp_from_msg,
 )
 
 
@@ -61,22 +62,23 @@ class RecordWatch:
     total: BlockCount = field(default_factory=BlockCount)
     unfinished: RecordCount | None = None  # the record whose last block has not come
 
-    def add(self, head: BlockHead) -> tuple[RecordCount, ...]:
-        """Count a block; return the records that have ended.
+    def add(self, message: Any) -> tuple[RecordCount, ...]:
+        """Count a block's message; return the records that have ended.
 
         A record ends with its last block, or when a block of another one comes.
         """
         ended = []
-        count, key = self.unfinished, (head.label, head.stream_id)
+        label, points = label_from_msg(message), count_points(message)
+        count, key = self.unfinished, (label, bytes(message.stream_id.uuid))
         if count is None or (count.label, count.stream_id) != key:
             if count is not None:
                 ended.append(count)
-            count = RecordCount(label=head.label, stream_id=head.stream_id)
-        self.total.count(head.points, count.add(head.first_sample, head.points))
-        count.stamp = head.stamp
-        if head.last:
+            count = RecordCount(label=label, stream_id=key[1])
+        self.total.count(points, count.add(message.first_sample, points))
+        count.stamp = stamp_from_msg(message.header.stamp)
+        if message.last:
             ended.append(count)
-        self.unfinished = None if head.last else count
+        self.unfinished = None if message.last else count
         return tuple(ended)
 
 
@@ -180,10 +182,9 @@ class HitWatch:
             )
         hit = rig.hits[key]
         if type_name == BLOCK_TYPE:
-            head = head_from_msg(message)
-            hit.add(head.first_sample, head.points)
-            hit.origin = head.origin
-            hit.is_finished |= head.last
+            hit.add(int(message.first_sample), count_points(message))
+            hit.origin = origin_from_msg(message)
+            hit.is_finished |= bool(message.last)
         elif type_name == STORED_TYPE:
             hit.stored_blocks = int(message.blocks)
         elif type_name == VERDICT_TYPE:

@@ -8,7 +8,7 @@ from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import is_dataclass
 from functools import lru_cache, partial
-from typing import Any, NamedTuple, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, get_args, get_origin
 
 import numpy as np
 from rosbags.interfaces import Nodetype
@@ -143,30 +143,9 @@ def setup_from_msg(message: Any) -> RigSetup:
     return from_message(RigSetup, message)
 
 
-class BlockHead(NamedTuple):
-    """A block without its points."""
-
-    label: HitLabel
-    first_sample: int
-    points: int  # in the hammer's channel
-    stamp: int  # of its first point [ns since the epoch]
-    last: bool  # it ends the record, or the arming
-    origin: Origin
-    stream_id: bytes
-
-
-def head_from_msg(message: Any) -> BlockHead:
-    """Return what an `AccelerationBlock` or a `StreamBlock` says beside its points."""
-    hammer = message.hammer
-    return BlockHead(
-        label=label_from_msg(message),
-        first_sample=int(message.first_sample),
-        points=max(len(hammer.counts), len(hammer.values)),
-        stamp=stamp_from_msg(message.header.stamp),
-        last=bool(message.last),
-        origin=origin_from_msg(message),
-        stream_id=bytes(message.stream_id.uuid) if hasattr(message, "stream_id") else NO_ID,
-    )
+def count_points(message: Any) -> int:
+    """Return how many points an `AccelerationBlock` or a `StreamBlock` has in each channel."""
+    return max(len(message.hammer.counts), len(message.hammer.values))
 
 
 def fill_message(message: Any, record: Any, classes: Classes) -> None:

@@ -203,17 +203,17 @@ class Scan:
 
     def _read_header(self, file: BinaryIO) -> tuple[records.Header | None, int]:
         """Return the header, and where the first record after it begins."""
-        start = len(MAGIC) + FRAME.size
         if not self.size:
             raise FileError(f"{self.path} is empty: it should be an MCAP recording")
-        begin = self._read(file, 0, min(start, self.size))
-        kind, length = FRAME.unpack(begin[len(MAGIC) :].ljust(FRAME.size, b"\0")[: FRAME.size])
-        header: records.Header | None = None
+        has_magic = self._read(file, 0, min(len(MAGIC), self.size)) == MAGIC
+        header, after = None, 0
         with contextlib.suppress(DamageError):
-            if begin.startswith(MAGIC) and kind == Opcode.HEADER:
-                header = parse_small(kind, self._read(file, start, start + length), 0)
+            kind, after = self._read_head(file, len(MAGIC))
+            if has_magic and kind == Opcode.HEADER:
+                content = self._read(file, len(MAGIC) + FRAME.size, after)
+                header = parse_small(kind, content, len(MAGIC))
         if self._is_strict:
-            if not begin.startswith(MAGIC):
+            if not has_magic:
                 raise FileError(f"{self.path} is no MCAP recording: it does not begin like one")
             if header is None:
                 raise FileError(f"{self.path} is damaged: its header is cut off or cannot be read")
@@ -222,7 +222,7 @@ class Scan:
                     f"{self.path} is an MCAP file of profile {header.profile!r}:"
                     f" it should be {PROFILE!r}"
                 )
-        return header, start + length
+        return header, after
 
     def _read_summary(self, file: BinaryIO) -> Summary | None:
         """Read the index: without a checksum only its topics, with a wrong one nothing."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.new_file import list_successors
-from impact_rig.recordings.scan import MAGIC, Scan
+from impact_rig.recordings.scan import MAGIC
 
 SUFFIX = ".mcap"
 """What a recording's name ends with."""
@@ -105,11 +105,6 @@ def is_recording(path: Path) -> bool:
 def is_other_form(path: Path) -> bool:
     """Return whether a file's name is that of a recording which has to be converted."""
     return path.name.endswith(OTHER_FORMS)
-
-
-def open_source(path: Path) -> Scan:
-    """Open the recording that a path means; raises as `find_recording` and `Scan`."""
-    return Scan(find_recording(path))
 
 
 def _advise_conversion(path: Path) -> str:

@@ -11,7 +11,7 @@ import psutil
 from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses, use_own_domain
 from impact_rig.core.errors import RigError
-from impact_rig.recordings.messages import head_from_msg
+from impact_rig.recordings.messages import count_points
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import SchemaDecoder
 
@@ -163,9 +163,8 @@ def read_flow(recording: Path, begin: int, end: int) -> Flow:
                     after = int(values.get(SEEN, 0)), int(values.get(MISSED, 0))
                     before = after if raw.publish_time < begin else before
         elif begin <= raw.publish_time <= end:
-            head = head_from_msg(message)
-            starts.add(head.first_sample)
-            size = head.points
+            starts.add(message.first_sample)
+            size = count_points(message)
     if not (starts and before[0]):
         raise RigError("the stream does not reach recorder and estimator")
     blocks = (max(starts) - min(starts)) // size + 1

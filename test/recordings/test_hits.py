@@ -1,11 +1,14 @@
 """What a recording has of each record and of a running stream is counted, and what it lacks."""
 
+from dataclasses import asdict
+from types import SimpleNamespace
+
 import pytest
 
-from impact_rig.core.records import UNSTATED, HitLabel
+from impact_rig.core.records import HitLabel
 from impact_rig.recordings.contents import inspect_recording
 from impact_rig.recordings.hits import BlockCount, RecordWatch
-from impact_rig.recordings.messages import NO_ID, BlockHead
+from impact_rig.recordings.messages import NO_ID
 
 from .conftest import block_fields
 
@@ -18,8 +21,16 @@ def add(watch, label, *starts, last=True, points=100, stream_id=NO_ID):
     ended = []
     for start in starts:
         is_last = last and start == starts[-1]
+        stamp = SimpleNamespace(sec=0, nanosec=1000 + start)
         ended += watch.add(
-            BlockHead(label, start, points, 1000 + start, is_last, UNSTATED, stream_id)
+            SimpleNamespace(
+                **asdict(label),
+                header=SimpleNamespace(stamp=stamp),
+                stream_id=SimpleNamespace(uuid=stream_id),
+                first_sample=start,
+                last=is_last,
+                hammer=SimpleNamespace(counts=range(points), values=()),
+            )
         )
     return ended
 

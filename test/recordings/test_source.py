@@ -9,7 +9,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.reader import read_recording
-from impact_rig.recordings.source import find_recording, is_recording, open_source
+from impact_rig.recordings.scan import Scan
+from impact_rig.recordings.source import find_recording, is_recording
 
 
 @pytest.fixture
@@ -40,7 +41,6 @@ def test_what_is_named_is_found_and_read(make_run, tmp_path, recorded, named, fo
     path = tmp_path / named
     assert find_recording(path) == tmp_path / found
     assert is_recording(path)
-    assert open_source(path).path == tmp_path / found
     assert len(list(read_recording(path).events())) == 2
 
 
@@ -81,7 +81,7 @@ def test_a_folder_by_another_recorder_is_read(tmp_path):
         for time in (5, 7):
             writer.write(text, time, data)
     assert sorted(path.name for path in folder.iterdir()) == ["bag.mcap", "metadata.yaml"]
-    messages = list(open_source(folder).read_messages())
+    messages = list(Scan(find_recording(folder)).read_messages())
     assert [(item.channel.topic, item.log_time, item.data) for item in messages] == [
         ("/text", 5, data),
         ("/text", 7, data),
