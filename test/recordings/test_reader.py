@@ -9,7 +9,6 @@ from impact_rig.core.errors import FileError
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.setup import RigSetup
 from impact_rig.recordings.reader import read_recording
-from impact_rig.recordings.schemas import find_message_definition
 
 OURS = "impact_rig_msgs/msg/"
 
@@ -149,20 +148,6 @@ def test_foreign_recordings_are_refused_by_name(tmp_path, changes, told):
     write_foreign(path, **changes)
     with pytest.raises(FileError, match=rf"foreign\.mcap.*{told}"):
         read_recording(path)
-
-
-def test_an_older_interface_is_named_by_the_field_it_lacks(make_recording, install):
-    text = find_message_definition(OURS + "AccelerationBlock").text
-    install(
-        "impact_rig_msgs", "AccelerationBlock", text.split("=" * 80)[0].replace("attempt", "go")
-    )
-    maker = make_recording()
-    maker.add_setup()
-    maker.add_block(1, go=1)
-    with pytest.raises(
-        FileError, match="AccelerationBlock on /acceleration has no field 'attempt'"
-    ):
-        list(read_recording(maker.close()).events())
 
 
 def test_a_block_that_contradicts_itself_is_named(make_recording):
