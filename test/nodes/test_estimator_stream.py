@@ -20,22 +20,6 @@ IDENTITY = Identity(make_id(), make_id())
 ARMING = HitLabel("steel small", record=4)
 
 
-class Publisher:
-    def __init__(self):
-        self.published = []
-        self.publish = self.published.append
-
-
-@pytest.fixture
-def publisher():
-    return Publisher()
-
-
-@pytest.fixture
-def cutting(publisher):
-    return StreamCutting(SimpleNamespace(advertise=lambda topic: publisher))
-
-
 def make_block(number, *, full_scale=2000.0, impact=False):
     counts = np.zeros(SIZE, np.int32)
     if impact:
@@ -47,20 +31,17 @@ def make_block(number, *, full_scale=2000.0, impact=False):
     return message
 
 
-def test_other_settings_go_on_with_the_stream_from_where_it_is(cutting, publisher):
+def test_other_settings_go_on_with_the_stream_from_where_it_is():
+    published = []
+    publisher = SimpleNamespace(publish=published.append)
+    cutting = StreamCutting(SimpleNamespace(advertise=lambda topic: publisher))
     cutting.use_settings(AnalysisSettings())
     cutting.feed(make_block(0))
     cutting.use_settings(AnalysisSettings(record_duration=1e-3))
     for number in range(7, 12):
         cutting.feed(make_block(number, impact=number == 8))
-    assert len(publisher.published[0].hammer.counts) == 1200
+    assert len(published[0].hammer.counts) == 1200
     assert cutting.describe_warning() == ""
-
-
-def test_without_a_set_up_nothing_is_searched_and_nothing_said(cutting, publisher):
-    cutting.feed(make_block(0, impact=True))
-    assert publisher.published == []
-    assert cutting.describe()["stream blocks"] == 0
 
 
 STREAM = interfaces.make_stream_topic(400)
