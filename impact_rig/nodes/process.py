@@ -28,9 +28,9 @@ DRAIN_QUIET = 0.1
 """How long nothing may have come before the queues count as empty at the end [s]."""
 DRAIN_TIMEOUT = 2.0
 """How long emptying the queues at the end may take [s], below what process managers grant."""
-LEAVING_TIMEOUT = 3.0
-"""How long the middleware may take to leave, once all else is closed [s]. Then the process ends
-and shows where it stood: launch kills it 10 s after Ctrl-C."""
+LEAVING_TIMEOUT = 8.0
+"""How long the middleware may take to leave, once all else is closed [s]: more than 3 s on a busy
+machine. Then the process ends and shows where it stood: `impact-rig up` kills it after 10 s."""
 
 
 def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None) -> int:

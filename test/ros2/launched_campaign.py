@@ -34,7 +34,7 @@ class TestCampaign(unittest.TestCase):
     """While it runs."""
 
     def test_it_ends_by_itself(self, proc_info):
-        proc_info.assertWaitForShutdown("impact-rig", timeout=100)
+        proc_info.assertWaitForShutdown("impact-rig", timeout=200)
 
 
 @post_shutdown_test()

@@ -64,7 +64,7 @@ def test_a_bag_played_into_a_live_rig_is_none_of_its_campaign(bags, rig, tools):
     with tools.start(*run, "impact_rig_msgs/action/RunCampaign", goal) as campaign:
         campaign.wait_for("sample: brass small")
         tools.run(
-            "ros2", "bag", "play", bags.theirs, "--disable-keyboard-controls",
+            "ros2", "bag", "play", bags.theirs, "--rate", "5", "--disable-keyboard-controls",
             "--topics", *(f"/{name}" for name in names),
             "--remap", *(f"/{name}:=/bench/{name}" for name in names),
         )  # fmt: skip

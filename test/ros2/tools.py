@@ -9,7 +9,7 @@ from typing import Any
 
 from terminal import Terminal
 
-PATIENCE = 100.0
+PATIENCE = 250.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""
 MARK = "IMPACT_RIG_TOOLS_RUN"
 """Variable that all processes of one test run carry, by which orphans are found."""
