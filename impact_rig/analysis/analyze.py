@@ -4,7 +4,6 @@ Recordings, the recordings of a run and files of other instruments take this one
 of the live run from the session on.
 """
 
-import contextlib
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,21 +12,20 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from impact_rig.core.detection import ImpactDetector
-from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits import (
     NO_OVERRULES,
     JudgedHit,
     Overrules,
-    average_hits,
     describe_label,
     find_label,
 )
-from impact_rig.core.pulse_shape import NO_SHAPE, estimate_pulse_shape
+from impact_rig.core.paper_method import estimate_hit
+from impact_rig.core.pulse_shape import NO_SHAPE
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import Block, HitLabel, Record
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup
-from impact_rig.core.uncertainty import estimate_hit_contact_time
 from impact_rig.results.campaign import (
     FileResults,
     drop_scale,
@@ -178,13 +176,7 @@ def _describe_file(hit: JudgedHit, hammer_unit: str, setup: RigSetup) -> FileRes
     """Return what the hit of a file says by itself: contact time, shape, verdict."""
     contact_time, shape = Quantity(hit.contact_time), NO_SHAPE
     if hit.filtered is not None:
-        settings = setup.analysis
-        contact_time = estimate_hit_contact_time(hit.filtered, settings, setup.clock_uncertainty)
-        # A series of one: every hit is asked for its shape.
-        with contextlib.suppress(RigError):
-            shape = estimate_pulse_shape(
-                average_hits([hit.filtered]), settings.cutoff_frequency, setup.responses[0]
-            )
+        contact_time, shape = estimate_hit(hit.filtered, setup, hit.label.sample)
     best = shape.best_fit
     return FileResults(
         origin=hit.origin,

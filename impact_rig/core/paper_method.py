@@ -9,6 +9,7 @@ import numpy as np
 from impact_rig.core.contact_law import NO_LAW, ContactLaw, look_at_law
 from impact_rig.core.damping import LogDecrement, estimate_log_decrement
 from impact_rig.core.equations import (
+    UncertainNumber,
     estimate_damping_coefficient,
     estimate_damping_ratio,
     estimate_equivalent_mass,
@@ -17,7 +18,7 @@ from impact_rig.core.equations import (
     estimate_sample_stiffness,
 )
 from impact_rig.core.errors import NotDeterminedError, RigError
-from impact_rig.core.hits import MeanHit
+from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
 from impact_rig.core.pulse_shape import LIMITS as SHAPE_LIMITS
 from impact_rig.core.pulse_shape import (
     NO_SHAPE,
@@ -25,14 +26,28 @@ from impact_rig.core.pulse_shape import (
     compute_unexplained,
     estimate_pulse_shape,
 )
-from impact_rig.core.pulse_width import compute_quantisation_error, measure_pulse
+from impact_rig.core.pulse_width import (
+    PulseErrors,
+    PulseWidth,
+    TraceQuality,
+    compute_peak_excess,
+    compute_quantisation_error,
+    compute_trend,
+    estimate_pulse_errors,
+    measure_pulse,
+)
 from impact_rig.core.pulses import PULSE_SHAPES
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
+from impact_rig.core.records import FloatArray
 from impact_rig.core.setup import RigSetup
+from impact_rig.core.tail import ZERO_AFTER
 from impact_rig.core.uncertainty import (
+    LEAST_HITS,
+    ONE_HIT,
     Known,
     RigNumbers,
-    estimate_contact_numbers,
+    compute_quantity,
+    make_ensemble,
     make_input,
     make_rig_numbers,
 )
@@ -185,6 +200,170 @@ def read_mean_hit(
         {channel: (peaks[channel], change) for channel, change in changes.items()},
         notes,
     )
+
+
+PULSE_SHAPE = "shape of the pulse"
+"""Source of what another shape than the paper's makes of tau_p."""
+
+
+def estimate_contact_numbers(
+    mean: MeanHit,
+    pulse: PulseWidth,
+    decrements: Mapping[int, LogDecrement],
+    setup: RigSetup,
+    sample: str,
+    shape_error: tuple[float, float],
+    reason: str = "",
+) -> tuple[Known, dict[int, Known]]:
+    """Estimate tau_p [s] and, by channel, log decrements of a mean hit with their uncertainties.
+
+    Parameters
+    ----------
+    decrements : mapping of int to LogDecrement
+        Peaks of the mean traces by channel.
+    shape_error : tuple of float
+        Standard uncertainty of tau_p by the shapes that the pulse may have, signed, and that of
+        this sample's own contact [s].
+    reason : str
+        Why no uncertainty is determined; empty: it may be.
+    """
+    reason = reason if len(mean.hits) >= LEAST_HITS else ONE_HIT
+    settings, channels = setup.analysis, sorted(decrements)
+    estimates = [settings.pulse_factor * (pulse.half_amplitude_width / mean.sampling_rate)]
+    estimates += [decrements[channel].log_decrement for channel in channels]
+    factor = settings.pulse_factor / mean.sampling_rate
+    scatter = np.zeros((len(estimates), len(estimates)))
+    if len(mean.hits) >= LEAST_HITS:
+        rows = [[factor * hit.pulse.half_amplitude_width for hit in mean.hits]]
+        rows += _read_decrements(mean, decrements)
+        scatter += np.cov(np.array(rows), ddof=1) / mean.count
+    contact_time, *changes = make_ensemble(
+        f"scatter of the hits on {sample}",
+        estimates,
+        scatter,
+        max(len(mean.hits) - 1, 1),
+        owner=sample,
+    )
+    errors = estimate_pulse_errors(
+        mean.traces[0], pulse, _describe_mean(mean, 0, settings.cutoff_frequency)
+    )
+    contact_time = contact_time + _make_common_errors(errors, factor, sample)
+    if any(shape_error):
+        # The same law on all samples makes the same error on all.
+        contact_time = contact_time + shape_error[0] * make_input(PULSE_SHAPE, 0.0, 1.0)
+        contact_time = contact_time + make_input(PULSE_SHAPE, 0.0, shape_error[1], sample)
+    clock = make_input("sampling clock", 1.0, setup.clock_uncertainty)
+    numbers: dict[int, Known] = {}
+    for channel, change in zip(channels, changes, strict=True):
+        quality = _describe_mean(mean, channel, settings.cutoff_frequency)
+        errors_of_peaks, why = _make_decrement_errors(
+            mean.traces[channel], decrements[channel], quality, f"{sample} {channel}"
+        )
+        why = reason or why
+        numbers[channel] = Known(change + errors_of_peaks, (why,) if why else ())
+    return Known(contact_time * clock, (reason,) if reason else ()), numbers
+
+
+def _make_common_errors(errors: PulseErrors, factor: float, owner: str) -> UncertainNumber:
+    """Return what is wrong with all hits of a series alike, in s."""
+    total = make_input("quantisation", 0.0, factor * errors.quantisation, owner)
+    total = total + make_input("trend of the baseline", 0.0, factor * errors.trend, owner)
+    total = total + make_input("sampling", 0.0, factor * errors.sampling, owner)
+    total = total + make_input("peak reading", 0.0, factor * errors.peak_reading, owner)
+    if errors.correction:
+        total = total + make_input(ZERO_AFTER, 0.0, factor * errors.correction, owner)
+    # A known error that is not corrected (GUM F.2.4.5), alike on every sample of the rig.
+    return total + factor * errors.low_pass * make_input("low-pass", 0.0, 1.0)
+
+
+def _describe_mean(mean: MeanHit, channel: int, cutoff_frequency: float) -> TraceQuality:
+    """Return how well one trace of a mean hit is known."""
+    return TraceQuality(
+        noise=float(mean.noise[channel]),
+        raw_noise=float(mean.raw_noise[channel]),
+        dither=float(mean.least_noise[channel]),
+        resolution=float(mean.largest_step[channel]),
+        baseline_points=mean.baseline_points,
+        relative_cutoff=cutoff_frequency / mean.sampling_rate,
+        zero_uncertainty=0.0 if channel else float(mean.zero_uncertainty[0]),
+    )
+
+
+def _read_decrements(mean: MeanHit, decrements: Mapping[int, LogDecrement]) -> list[list[float]]:
+    """Return Delta of every hit, shape (channels, hits), about that of the mean.
+
+    Read at the mean's two peaks and linearised: a weak second peak may drown in one hit's noise,
+    and the highest point near it would be too high.
+    """
+    if not decrements:
+        return []
+    cuts = list(mean.cut_hits())
+    rows = []
+    for channel in sorted(decrements):
+        peaks = decrements[channel]
+        first = float(mean.traces[channel, peaks.first_index])
+        second = float(mean.traces[channel, peaks.second_index])
+        rows.append(
+            [
+                float(cut[channel, peaks.first_index]) / first
+                - float(cut[channel, peaks.second_index]) / second
+                for cut in cuts
+            ]
+        )
+    return rows
+
+
+def _make_decrement_errors(
+    trace: FloatArray, peaks: LogDecrement, quality: TraceQuality, owner: str
+) -> tuple[UncertainNumber, str]:
+    """Return what is wrong with Delta in all hits alike [-], and why that is not known."""
+    step, reason = compute_quantisation_error(quality.resolution, quality.dither), ""
+    # Beyond a tenth, as of a peak of three counts, the logarithm is not linear any more.
+    if step > 0.1 * peaks.second_peak:
+        reason = (
+            "uncertainty of zeta and c: not determined, since the second peak is"
+            f" {peaks.second_peak / quality.resolution:.2g} counts high and no noise smooths the"
+            " converter's steps; use a smaller full scale"
+        )
+    quantisation = step * math.hypot(1.0 / peaks.first_peak, 1.0 / peaks.second_peak)
+    start = (quality.baseline_points - 1) / 2.0
+    trend = compute_trend(trace, quality) * abs(
+        (peaks.second_index - start) / peaks.second_peak
+        - (peaks.first_index - start) / peaks.first_peak
+    )
+    # Between both peaks lies one period of the decay: the second is a cosine's top.
+    curvature = peaks.second_peak * (2.0 * math.pi / (peaks.second_index - peaks.first_index)) ** 2
+    excess = compute_peak_excess(quality.noise, curvature, quality.relative_cutoff)
+    total = make_input("quantisation of the peaks", 0.0, quantisation, owner)
+    total = total + make_input("trend of the baseline", 0.0, trend, owner)
+    total = total + make_input("second peak reading", 0.0, excess / peaks.second_peak, owner)
+    return total, reason
+
+
+def estimate_hit(
+    hit: FilteredHit, setup: RigSetup, sample: str
+) -> tuple[Quantity, PulseShapeEstimate]:
+    """Estimate tau_p of one hit on `sample`, as it was, and the shape of its pulse.
+
+    The next hit may well differ by more.
+    """
+    settings, factor = setup.analysis, setup.analysis.pulse_factor / hit.sampling_rate
+    mean = average_hits([hit])
+    quality = _describe_mean(mean, 0, settings.cutoff_frequency)
+    errors = estimate_pulse_errors(hit.traces[0], hit.pulse, quality)
+    width = hit.pulse.half_amplitude_width / hit.sampling_rate
+    contact_time = settings.pulse_factor * width
+    form = look_at_pulse(mean, setup, sample)
+    shape = compute_shape_error(form, quality.noise / abs(hit.pulse.peak), width, contact_time)
+    number = contact_time + _make_common_errors(errors, factor, "hit")
+    for source, error in (
+        ("noise", factor * errors.noise),
+        ("zero of the baseline", factor * errors.zero),
+        (PULSE_SHAPE, math.hypot(*shape)),
+    ):
+        number = number + make_input(source, 0.0, error, "hit")
+    clock = make_input("sampling clock", 1.0, setup.clock_uncertainty)
+    return compute_quantity(contact_time, number * clock), form.shape
 
 
 def _check_own_decay(mean: MeanHit, channel: int, peaks: LogDecrement) -> None:

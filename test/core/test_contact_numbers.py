@@ -15,12 +15,12 @@ from impact_rig.core.paper_method import (
     HammerEstimate,
     estimate_bodies,
     estimate_hammer,
+    estimate_hit,
 )
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.sample import estimate_numbers
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
-from impact_rig.core.uncertainty import estimate_hit_contact_time
 
 RATE = 2.5e6
 SETUP = replace(PAPER_SETUP, analysis=replace(PAPER_SETUP.analysis, cutoff_frequency=0.0))
@@ -222,7 +222,7 @@ def test_a_converters_steps_count_where_no_noise_smooths_them():
 
 def test_a_single_hits_contact_time_has_an_uncertainty_of_its_own():
     hit = replace(make_hit(200e-6, 700.0, RATIO), noise=np.full(2, 2.0), raw_noise=np.full(2, 2.0))
-    found = estimate_hit_contact_time(hit, SETUP.analysis, 5.8e-5)
+    found, _ = estimate_hit(hit, SETUP, "steel medium")
     sources = {line.source: line.contribution for line in found.budget}
     assert set(sources) >= {"noise", "zero of the baseline", "sampling clock", "sampling"}
     slope = math.pi * 700.0 / 200e-6
