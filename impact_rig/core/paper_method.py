@@ -453,47 +453,13 @@ class HammerEstimate(BodyEstimate):
     control_sample: str = ""
 
 
-@dataclass(frozen=True)
-class ContactEstimate(Comparable):
-    """What the hammer's mean trace says of the contact.
-
-    Attributes
-    ----------
-    half_amplitude_width : float
-        w50 [s].
-    width_ratio : float
-        w10 / w50 [-]; NaN where the pulse does not come down to a tenth.
-    contact_time : Quantity
-        tau_p [s].
-    equivalent_stiffness : Quantity
-        k_eq [N/m]; not known without both masses.
-    known_stiffness : Known or None
-        k_eq with all that it depends on; None: its uncertainty is not determined.
-    """
-
-    half_amplitude_width: float = NAN
-    width_ratio: float = NAN
-    contact_time: Quantity = UNKNOWN
-    equivalent_stiffness: Quantity = UNKNOWN
-    known_stiffness: Known | None = field(default=None, compare=False, repr=False)
-
-
-def _estimate_contact(series: MeanReading, setup: RigSetup, sample: str) -> ContactEstimate:
-    contact = ContactEstimate(
-        half_amplitude_width=series.width,
-        width_ratio=series.width_ratio,
-        contact_time=series.contact_time.state(),
-    )
+def _find_equivalent(series: MeanReading, setup: RigSetup, sample: str) -> Known | None:
+    """Return k_eq [N/m]; None: a mass is not known."""
     if setup.find_unknown_masses(sample):
-        return contact
+        return None
     mass = estimate_equivalent_mass(series.rig.hammer_mass, series.rig.moving_mass)
-    known = replace(
-        series.contact_time,
-        number=estimate_equivalent_stiffness(mass, series.contact_time.number),
-    )
-    return replace(
-        contact, equivalent_stiffness=known.state(series.rig.notes), known_stiffness=known
-    )
+    stiffness = estimate_equivalent_stiffness(mass, series.contact_time.number)
+    return replace(series.contact_time, number=stiffness)
 
 
 def _estimate_body(series: MeanReading, channel: int, known: Known | None) -> BodyEstimate:
@@ -530,40 +496,22 @@ def estimate_hammer(
     """
     sample = setup.samples.control_sample
     series = read_mean_hit(control, setup, sample, form)
-    known = _estimate_contact(series, setup, sample).known_stiffness
+    known = _find_equivalent(series, setup, sample)
     if known is not None:
         reasons = tuple(f"k1: {reason}" for reason in known.reasons)
         known = Known(estimate_hammer_stiffness(known.number), reasons)
     return HammerEstimate(**vars(_estimate_body(series, 0, known)), control_sample=sample)
 
 
-def estimate_bodies(
-    mean: MeanHit,
-    setup: RigSetup,
-    sample: str,
-    hammer: BodyEstimate,
-    form: HammerPulse | None = None,
-) -> tuple[ContactEstimate, BodyEstimate]:
-    """Estimate the contact with `sample` and the sample itself: tau_p and k_eq, k2 and c2.
+def estimate_body(
+    series: MeanReading, setup: RigSetup, sample: str, hammer: BodyEstimate
+) -> tuple[Quantity, BodyEstimate]:
+    """Estimate k_eq of the contact with `sample`, and k2 and c2 of the sample.
 
-    Parameters
-    ----------
-    mean : MeanHit
-        Of the hits on the sample.
-    hammer : BodyEstimate
-        Of the control experiment; k1 NaN: not known yet, and then k2 and c2 are neither. Its
-        notes come first among the sample's.
-    form : HammerPulse or None
-        Of this mean hit, where it is known already.
-
-    Raises
-    ------
-    SignalError
-        If the mean trace has no whole pulse.
+    As long as k1 of the hammer is NaN, k2 and c2 are not determined. Its notes come first among
+    the sample's.
     """
-    series = read_mean_hit(mean, setup, sample, form)
-    contact = _estimate_contact(series, setup, sample)
-    equivalent, known, notes = contact.known_stiffness, None, hammer.notes
+    equivalent, known, notes = _find_equivalent(series, setup, sample), None, hammer.notes
     if equivalent is None:
         # Whose mass is not known is all that there is to say.
         notes = ()
@@ -583,4 +531,5 @@ def estimate_bodies(
         except NotDeterminedError as error:
             notes += (str(error),)
     body = _estimate_body(series, 1, known)
-    return contact, replace(body, notes=notes + body.notes)
+    stated = UNKNOWN if equivalent is None else equivalent.state(series.rig.notes)
+    return stated, replace(body, notes=notes + body.notes)

@@ -22,8 +22,9 @@ from impact_rig.core.paper_method import (
     STIFFNESS,
     BodyEstimate,
     HammerPulse,
-    estimate_bodies,
+    estimate_body,
     look_at_pulse,
+    read_mean_hit,
 )
 from impact_rig.core.pulse_shape import NO_SHAPE, PulseShapeEstimate
 from impact_rig.core.pulse_width import measure_pulse, measure_rise
@@ -317,11 +318,13 @@ def estimate_numbers(
     the hammer is NaN, k2 and c2 are not determined. The form of the pulse is looked at if it is
     not given.
     """
-    contact, body = estimate_bodies(mean, setup, name, hammer, form)
+    series = read_mean_hit(mean, setup, name, form)
+    contact_time = series.contact_time.state()
+    equivalent, body = estimate_body(series, setup, name, hammer)
     peaks, tops = body.peaks, np.abs(mean.traces).max(axis=1).tolist()
     noted = (
-        contact.contact_time,
-        contact.equivalent_stiffness,
+        contact_time,
+        equivalent,
         body.stiffness,
         body.damping_ratio,
         body.damping_coefficient,
@@ -331,12 +334,12 @@ def estimate_numbers(
         name=name,
         impacts_accepted=mean.count,
         impacts_rejected=impacts_rejected,
-        contact_time=contact.contact_time,
+        contact_time=contact_time,
         contact_time_spread=contact_time_spread,
-        half_amplitude_width=contact.half_amplitude_width,
-        width_ratio=contact.width_ratio,
+        half_amplitude_width=series.width,
+        width_ratio=series.width_ratio,
         # Its budget is that of tau_p and the masses: it is not told again.
-        equivalent_stiffness=replace(contact.equivalent_stiffness, budget=()),
+        equivalent_stiffness=replace(equivalent, budget=()),
         stiffness=body.stiffness,
         damping_ratio=body.damping_ratio,
         damping_coefficient=body.damping_coefficient,

@@ -1,7 +1,7 @@
 """Uncertainty of the paper's method: hand-made budgets, Monte Carlo, and what has none."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
 from impact_rig.core.paper_method import (
     BodyEstimate,
-    ContactEstimate,
     HammerEstimate,
-    estimate_bodies,
+    estimate_body,
     estimate_hammer,
     estimate_hit,
+    read_mean_hit,
 )
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.quantity import Quantity
@@ -58,12 +58,22 @@ def make_mean(name: str, count: int = 10, scatter: float = 3e-3) -> MeanHit:
     )
 
 
-def estimate(
-    name: str, setup: RigSetup = SETUP, mean: MeanHit | None = None
-) -> tuple[ContactEstimate, BodyEstimate, HammerEstimate]:
-    """Return contact and body of a sample, and the hammer."""
+@dataclass(frozen=True)
+class Estimate:
+    """Contact and body of a sample, and the hammer."""
+
+    contact_time: Quantity
+    equivalent_stiffness: Quantity
+    body: BodyEstimate
+    hammer: HammerEstimate
+
+
+def estimate(name: str, setup: RigSetup = SETUP, mean: MeanHit | None = None) -> Estimate:
     hammer = estimate_hammer(make_mean(CONTROL), setup)
-    return *estimate_bodies(mean or make_mean(name), setup, name, hammer), hammer
+    series = read_mean_hit(mean or make_mean(name), setup, name)
+    return Estimate(
+        series.contact_time.state(), *estimate_body(series, setup, name, hammer), hammer
+    )
 
 
 def read_contact_times(mean: MeanHit) -> NDArray[np.float64]:
@@ -75,7 +85,7 @@ def find_line(uncertainty: Quantity, source: str) -> float:
 
 
 def test_the_budget_of_the_equivalent_stiffness_is_what_the_formula_says():
-    contact, _, _ = estimate("steel medium")
+    contact = estimate("steel medium")
     found, k = contact.equivalent_stiffness, contact.equivalent_stiffness.value
     m1, m2 = 0.100, 0.16991
     # k = m1 m2 / (m1 + m2) (pi / tau)^2: d ln k / d ln m1 = m2 / (m1 + m2), and so on.
@@ -111,7 +121,7 @@ def test_monte_carlo_gives_the_same_interval(name):
     All inputs normal, so that the propagation is tested and not Student's t, for which Welch
     and Satterthwaite's interval and the Supplement's differ by nature.
     """
-    _, body, _ = estimate(name)
+    body = estimate(name).body
     generator = np.random.default_rng(11)
     masses = draw_masses(generator)
     clock = 1.0 + SETUP.clock_uncertainty * generator.standard_normal(TRIALS)
@@ -140,7 +150,7 @@ def test_monte_carlo_gives_the_same_interval(name):
 
 
 def test_damping_comes_from_correlated_hits():
-    _, body, _ = estimate("steel medium")
+    body = estimate("steel medium").body
     mean = make_mean("steel medium")
     generator = np.random.default_rng(12)
     # Independent of the estimate: zeta of every hit from its own two highest peaks.
@@ -170,7 +180,8 @@ def test_damping_comes_from_correlated_hits():
 
 def test_one_hit_determines_no_uncertainty_and_says_so():
     single = make_mean("steel medium", 1)
-    contact, body, _ = estimate("steel medium", mean=single)
+    contact = estimate("steel medium", mean=single)
+    body = contact.body
     assert math.isfinite(body.stiffness.value)
     for found in (
         contact.contact_time,
@@ -194,7 +205,8 @@ def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact():
 
 def test_masses_without_stated_uncertainty_are_named():
     silent = replace(SETUP, hammer_mass_uncertainty=0.0)
-    contact, body, hammer = estimate("steel medium", silent)
+    contact = estimate("steel medium", silent)
+    body, hammer = contact.body, contact.hammer
     for found in (
         contact.equivalent_stiffness,
         body.stiffness,
@@ -209,8 +221,8 @@ def test_masses_without_stated_uncertainty_are_named():
 def test_a_converters_steps_count_where_no_noise_smooths_them():
     mean = make_mean("steel medium")
     coarse = replace(mean, largest_step=np.array([5.0, 5.0]))
-    contact, body, _ = estimate("steel medium", mean=coarse)
-    fine, _, _ = estimate("steel medium")
+    contact, fine = estimate("steel medium", mean=coarse), estimate("steel medium")
+    body = contact.body
     assert contact.contact_time.standard > fine.contact_time.standard
     # Two crossings at pi A / tau, and a level at half a wrong peak.
     step = 5.0 / math.sqrt(12)
