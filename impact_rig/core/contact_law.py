@@ -266,38 +266,11 @@ SCALED = ("impact_speed", "duration", "peak_force", "restitution")
 """What goes with the impact speed, itself first."""
 
 
-SENSORS = (Sensor("hammer"), Sensor("specimen"))
-"""Of which nothing is known."""
-
-
-def estimate_contact_law(
-    mean: MeanHit,
-    cutoff_frequency: float,
-    masses: RigNumbers,
-    sample: str,
-    exponent: float | None = None,
-    sensors: tuple[Sensor, Sensor] = SENSORS,
-    impact_speed: float = math.nan,
-) -> ContactLaw:
+def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
     """Estimate the contact law of one sample from its mean hit.
 
-    Parameters
-    ----------
-    mean : MeanHit
-        Of one hit or more. Type A is the scatter of the hits, or of one hit its noise.
-    cutoff_frequency : float
-        Of the low-pass that the traces went through [Hz]; 0: none.
-    masses : RigNumbers
-        NaN: not known. Without a mass duration, e and n are known, with the hammer's also force
-        and impulse.
-    sample : str
-        Its name, for the budget.
-    exponent : float, optional
-        n where it is known [-]; otherwise it is fitted.
-    sensors : tuple of Sensor
-        Of hammer and sample.
-    impact_speed : float
-        v1 where it is stated [m/s]; NaN: it is not.
+    Of one hit or more: type A is the scatter of the hits, or of one hit its noise. Without a mass
+    duration, e and n are known, with the hammer's also force and impulse.
 
     Raises
     ------
@@ -306,6 +279,10 @@ def estimate_contact_law(
     SignalError
         If there is no pulse.
     """
+    masses, impact_speed = make_rig_numbers(setup, sample), setup.impact_speed
+    cutoff_frequency = setup.analysis.cutoff_frequency
+    exponent = setup.analysis.contact_exponent or None
+    sensors = setup.find_sensor("hammer"), setup.find_sensor("specimen")
     pulse = measure_pulse(mean.traces[0])
     width, peak = pulse.half_amplitude_width, abs(pulse.peak)
     if width < LIMITS.points:
@@ -456,20 +433,8 @@ def describe_contradiction(law: ContactLaw, contact_time: float, factor: float) 
 
 def look_at_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
     """Return the law of a mean hit on `sample`; where it is not determined, its notes say why."""
-    numbers = make_rig_numbers(setup, sample)
-    settings = setup.analysis
-    exponent = settings.contact_exponent or None
-    sensors = setup.find_sensor("hammer"), setup.find_sensor("specimen")
     try:
-        return estimate_contact_law(
-            mean,
-            settings.cutoff_frequency,
-            numbers,
-            sample,
-            exponent,
-            sensors,
-            setup.impact_speed,
-        )
+        return estimate_contact_law(mean, setup, sample)
     except RigError as error:
         return replace(NO_LAW, notes=(str(error),))
 

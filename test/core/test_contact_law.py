@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from impact_rig.core.contact_law import (
-    SENSORS,
     ContactLaw,
     estimate_contact_law,
 )
@@ -17,7 +16,7 @@ from impact_rig.core.momenta import check_momenta
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import FloatArray, HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
-from impact_rig.core.uncertainty import RigNumbers, make_gains, make_input
+from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 
 from .contacts import find_loss, strike_body
 from .struck import COUNT, HAMMER, RATE, SAMPLE, SPEED, START, Impact
@@ -28,10 +27,11 @@ DURATION = 212e-6
 NOISE = 2.0
 """Of the virtual rig's digitizer, 1e-3 of 2000 m/s^2."""
 BASELINE = 400
-KNOWN = RigNumbers(
-    make_input("mass of the hammer", HAMMER, 0.29e-3),
-    make_input("mass of the sample", SAMPLE, 0.29e-3),
-    make_input("sampling clock", 1.0, 5.8e-5),
+SETUP = RigSetup(
+    SampleSet((Sample("steel", SAMPLE, mass_uncertainty=0.29e-3),), ""),
+    hammer_mass=HAMMER,
+    impact_speed=np.nan,
+    hammer_mass_uncertainty=0.29e-3,
 )
 
 every_law = pytest.mark.parametrize(
@@ -93,8 +93,10 @@ def make_mean(traces: FloatArray, noise: float = 0.0, hits: int = 1, seed: int =
     return average_hits([make_hit(traces, noise, generator) for _ in range(hits)])
 
 
-def estimate(mean: MeanHit, exponent: float | None = None) -> ContactLaw:
-    return estimate_contact_law(mean, CUTOFF, KNOWN, "steel", exponent)
+def estimate(mean: MeanHit, exponent: float = 0.0, sensors: tuple[Sensor, ...] = ()) -> ContactLaw:
+    settings = AnalysisSettings(contact_exponent=exponent)
+    setup = replace(SETUP, analysis=settings, sensors=sensors)
+    return estimate_contact_law(mean, setup, "steel")
 
 
 @every_law
@@ -135,7 +137,7 @@ def test_through_the_whole_chain_duration_and_restitution_are_within_a_per_cent(
 ):
     mean = send_through_chain(exponent, restitution, 3)
     sensors = tuple(Sensor(name, resonance=70e3, resonance_damping=0.02) for name in CHANNELS)
-    law = estimate_contact_law(mean, CUTOFF, KNOWN, "steel", None, sensors)
+    law = estimate(mean, sensors=sensors)
     assert abs(law.duration.value - DURATION) < 1.5 * law.duration.expanded
     assert law.duration.value == pytest.approx(DURATION, rel=0.0025)
     assert law.restitution.value == pytest.approx(restitution, abs=0.003)
@@ -152,9 +154,10 @@ def test_a_sensor_that_rings_and_is_not_described_leaves_no_law():
 def test_what_is_unsure_of_the_sensor_is_in_the_budget_and_the_interval_covers():
     mean = send_through_chain(1.5, 0.9, 5)
     # The sheet is one standard uncertainty off.
-    sensor = Sensor("hammer", resonance=65e3, resonance_uncertainty=5e3)
-    numbers = replace(KNOWN, gains=make_gains(0.02, 0.0))
-    law = estimate_contact_law(mean, CUTOFF, numbers, "steel", None, (sensor, SENSORS[1]))
+    sensor = Sensor(
+        "hammer", resonance=65e3, resonance_uncertainty=5e3, sensitivity_uncertainty=0.02
+    )
+    law = estimate(mean, sensors=(sensor,))
     assert abs(law.duration.value - DURATION) < law.duration.expanded
     assert law.duration.value == pytest.approx(DURATION, rel=0.01)
     lines = {line.source: line.contribution for line in law.duration.budget}
@@ -198,10 +201,9 @@ def test_a_given_exponent_makes_the_rest_more_certain():
 
 
 def test_without_masses_the_hammer_alone_says_what_it_can():
-    unknown = make_input("mass of the sample", float("nan"), 0.0)
     contact = strike(1.5, 0.9)
-    numbers = RigNumbers(KNOWN.hammer_mass, unknown, KNOWN.clock)
-    law = estimate_contact_law(make_mean(contact.traces[:1]), CUTOFF, numbers, "steel")
+    unknown = replace(SETUP, samples=SampleSet((Sample("steel", np.nan),), ""))
+    law = estimate_contact_law(make_mean(contact.traces[:1]), unknown, "steel")
     assert law.duration.value == pytest.approx(DURATION, rel=0.001)
     assert law.restitution.value == pytest.approx(0.9, abs=0.001)
     assert law.peak_force.value == pytest.approx(HAMMER * contact.traces[0].max(), rel=0.001)
@@ -257,4 +259,4 @@ def test_too_few_points_are_not_fitted():
         mean, traces=mean.traces[:, ::100], sampling_rate=RATE / 100, origin=0, hits=()
     )
     with pytest.raises(NotDeterminedError, match="sample faster"):
-        estimate_contact_law(coarse, 0.0, KNOWN, "steel")
+        estimate_contact_law(coarse, SETUP, "steel")
