@@ -18,11 +18,11 @@ from impact_rig.core.law_pulses import LOSSES, LossForm, compute_pulses
 from impact_rig.core.momenta import (
     check_hit_momenta,
     check_momenta,
+    check_speed,
     compare_momenta,
     compute_stated_restitution,
     cut_contact,
     find_odd_hits,
-    find_speed_mismatch,
     name_hits,
     restore_levels,
 )
@@ -408,8 +408,8 @@ def _describe_rest(fits: dict[LossForm, WindowFit], noise: float) -> tuple[str, 
 
 
 def _check_speed(law: ContactLaw, stated: float) -> ContactLaw:
-    mismatch = find_speed_mismatch(law.impact_speed, law.stated_restitution, stated)
-    return law if mismatch is None else replace(law, warnings=(mismatch.text, *law.warnings))
+    warning = check_speed(law.impact_speed, law.stated_restitution, stated)
+    return law if warning is None else replace(law, warnings=(warning, *law.warnings))
 
 
 def describe_contradiction(law: ContactLaw, contact_time: float, factor: float) -> str:

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, replace
-from enum import Enum
 from typing import TypeVar
 
 import numpy as np
@@ -113,59 +112,47 @@ def compute_stated_restitution(
     return compute_quantity(number.x, number)
 
 
-class Slip(Enum):
-    """Usual slips by which v is as many times the stated one, or the reverse."""
-
-    RATE = 2.0, "a sampling rate that is stated twice or half as high"
-    GRAVITY = 9.81, "g read as m/s², or the reverse"
-    TEN = 10.0, "a gain of ten, or cm/s read as mm/s"
-    THOUSAND = 1000.0, "mV read as V, or mm as m"
-
-    def __init__(self, ratio: float, text: str) -> None:
-        self.ratio, self.text = ratio, text
+SLIPS = {
+    2.0: "a sampling rate that is stated twice or half as high",
+    9.81: "g read as m/s², or the reverse",
+    10.0: "a gain of ten, or cm/s read as mm/s",
+    1000.0: "mV read as V, or mm as m",
+}
+"""Usual slips, by how many times the stated speed v is by them, or the reverse."""
 
 
-@dataclass(frozen=True)
-class SpeedMismatch:
-    """The traces' impact speed is not the stated one."""
-
-    ratio: float  # of the traces' over the stated one [-]
-    stated: float  # [m/s]
-    slip: Slip | None  # whose ratio it is
-
-    @property
-    def text(self) -> str:
-        """What a reader must know."""
-        why = self.slip.text if self.slip else "the sensitivity of a sensor, a mass, or that speed"
-        return (
-            f"by the traces the impact speed is {self.ratio:.3g} times the"
-            f" {100.0 * self.stated:.4g} cm/s that are stated: {why}"
-        )
-
-
-def find_speed_mismatch(
-    speed: Quantity, restitution: Quantity, stated: float
-) -> SpeedMismatch | None:
-    """Compare the law's impact speed with the stated one, beyond both uncertainties.
+def check_speed(speed: Quantity, restitution: Quantity, stated: float) -> str | None:
+    """Warn of a law's impact speed that is not the stated one [m/s], beyond both uncertainties.
 
     Without a law the bodies' e by the stated speed must lie between 0 and 1.
     """
     if speed.is_known and math.isfinite(stated):
-        ratio = speed.value / stated
+        low = high = speed.value / stated
         apart = abs(speed.value - stated) - np.nan_to_num(speed.expanded)
         is_other = apart > 2.0 * LIMITS.speed * stated
     elif restitution.is_known:
-        # Without loss and with e = 0 the impulse is twice and once m v1.
-        nearest = min(max(restitution.value, 0.0), 1.0)
-        ratio = (1.0 + restitution.value) / (1.0 + nearest)
-        is_other = abs(restitution.value - nearest) > restitution.expanded
+        # Without loss the impulse is twice m v1, with e = 0 it is m v1.
+        high = 1.0 + restitution.value
+        low = high / 2.0
+        is_other = abs(restitution.value - 0.5) > 0.5 + restitution.expanded
     else:
         return None
     if not is_other:
         return None
-    slips = {slip: abs(abs(math.log(abs(ratio))) - math.log(slip.ratio)) for slip in Slip}
-    slip = min(Slip, key=slips.__getitem__)
-    return SpeedMismatch(ratio, stated, slip if slips[slip] < LIMITS.slip else None)
+    near = [
+        (abs(math.log(ratio**2 / (low * high))), text)
+        for slip, text in SLIPS.items()
+        for ratio in (slip, 1.0 / slip)
+        if (1.0 - LIMITS.slip) * low < ratio < (1.0 + LIMITS.slip) * high
+    ]
+    why = "the sensitivity of a sensor, a mass, or that speed"
+    if near:
+        why = min(near)[1] + (f", or {why}" if low < high else "")
+    shown = f"{low:.3g}" if low == high else f"{low:.2g} to {high:.2g}"
+    return (
+        f"by the traces the impact speed is {shown} times the {100.0 * stated:.4g} cm/s that are"
+        f" stated: {why}"
+    )
 
 
 def find_odd_hits(mean: MeanHit, values: FloatArray, least: float) -> list[str]:

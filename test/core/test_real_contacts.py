@@ -72,6 +72,15 @@ ROWS = (
 )
 
 
+LINES = (
+    "zero shift of 1, 3, 5 %",
+    "AC coupling, 30, 200 Hz",
+    "clipped at 97, 95, 80, 60 %",
+    "second hit of 4 %, of 8 % at the end",
+)
+"""Of the table, for several rows each."""
+
+
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
 def test_a_row_of_the_table(row):
     random = np.random.default_rng(5)
@@ -88,7 +97,8 @@ def test_a_row_of_the_table(row):
     corrected = Counter(
         item.reason.value for hit in hits for item in hit.findings if "hammer" in item.explanation
     )
-    assert f"| {row.name} |" in README
+    line = next((line for line in LINES if line.startswith(row.name.split(" ")[0])), row.name)
+    assert f"| {line} |" in README
     if row.impact.cable_noise:
         # What there is of it in two milliseconds is different each time.
         assert set(rejected) == {"unsteady_zero"}
