@@ -166,7 +166,7 @@ def test_what_is_unsure_of_the_sensor_is_in_the_budget_and_the_interval_covers()
     assert {line.source for line in law.impact_speed.budget} >= {
         "scatter of the hits on steel",
         "mass of the hammer",
-        "mass of the sample",
+        "mass of steel",
         "sampling clock",
     }
     force = {line.source: line.contribution for line in law.peak_force.budget}
