@@ -302,7 +302,7 @@ def test_every_record_is_on_the_disk_when_the_recorder_says_so_and_what_it_lacks
         )  # fmt: skip
         assert (found.blocks, found.gaps, found.missing_points) == (3, 0, 0)
         assert found.header.stamp.sec == 1000 * record + 2
-    publish(publisher, [*make_blocks(4, 5, without={1, 3}), *make_blocks(5)])
+    publish(publisher, [*make_blocks(4, 5, without={0, 3}), *make_blocks(5)])
     first, second = stored.wait_for_count(5)[3:]
     assert (first.blocks, first.gaps, first.missing_points) == (3, 2, 2 * POINTS)
     assert (second.blocks, second.gaps) == (3, 0)
