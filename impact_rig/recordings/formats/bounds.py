@@ -1,14 +1,16 @@
 """What a file may take of memory and time: by its heading, or in a second process."""
 
 import contextlib
+import os
 import resource
 import signal
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
+from threading import Thread
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.formats.measurement import Measurement
@@ -69,8 +71,20 @@ def _submit(parse: Callable[[Path], Measurement], path: Path) -> "Future[Measure
     try:
         return _POOL[0].submit(_parse_within_limits, parse, path)
     except (IndexError, BrokenProcessPool):  # there is none yet, or it was killed since
-        _POOL[:] = [ProcessPoolExecutor(1, mp_context=get_context("spawn"))]
+        context = get_context("spawn")
+        _POOL[:] = [ProcessPoolExecutor(1, context, initializer=_end_with_parent)]
         return _POOL[0].submit(_parse_within_limits, parse, path)
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that it reads for is gone, even if that was killed."""
+
+    def wait() -> None:
+        if parent := parent_process():
+            parent.join()
+        os._exit(1)
+
+    Thread(target=wait, daemon=True).start()
 
 
 def _parse_within_limits(parse: Callable[[Path], Measurement], path: Path) -> Measurement:

@@ -1,7 +1,10 @@
 """Files of MATLAB, written by scipy and, the new ones, by h5py."""
 
 import io
+import signal
 import struct
+import subprocess
+import sys
 import zlib
 
 import h5py
@@ -135,6 +138,25 @@ def test_a_file_that_crashes_the_library_is_refused_and_the_next_one_read(tmp_pa
     with pytest.raises(FileError, match=r"bad\.mat is no sound \.mat file: it crashes"):
         read_measurement(bad)
     assert list(read_channels(good)) == ["hammer"]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from impact_rig.recordings.formats.registry import read_measurement
+if __name__ == "__main__":
+    read_measurement(Path(sys.argv[1]))
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_the_process_that_reads_ends_with_the_one_it_reads_for(tmp_path):
+    scipy.io.savemat(tmp_path / "hit.mat", {"hammer": TRACE, "Fs": RATE})
+    (tmp_path / "script.py").write_text(KILLED)
+    command = [sys.executable, tmp_path / "script.py", tmp_path / "hit.mat"]
+    # The pipe is at its end when both are gone, else the time limit is.
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    assert done.returncode == -signal.SIGKILL, done.stderr
 
 
 def make_opaque(name, kind):
