@@ -60,7 +60,7 @@ def survey_drivers(name: str = "") -> list[SurveyedDriver]:
     Raises
     ------
     DeviceError
-        If there is no such driver, or two packages bring drivers of the same name.
+        If there is no such driver.
     """
     known = [(KINDS[group], driver) for group in KINDS for driver in find_drivers(group).values()]
     chosen = [(kind, driver) for kind, driver in known if name in ("", driver.name)]

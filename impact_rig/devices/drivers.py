@@ -54,22 +54,11 @@ def find_drivers(group: str) -> Mapping[str, Driver]:
     ----------
     group : str
         `SOURCES` or `HOLDERS`.
-
-    Raises
-    ------
-    DeviceError
-        If two packages bring drivers of the same name.
     """
-    drivers: dict[str, Driver] = {}
+    drivers = {}
     for entry_point in metadata.entry_points(group=group):
-        distribution = entry_point.dist
-        package = distribution.name if distribution is not None else "an unknown package"
-        driver = Driver(entry_point.name, package, entry_point)
-        other = drivers.setdefault(driver.name, driver)
-        if other.entry_point.value != entry_point.value:
-            raise DeviceError(
-                f"{other.package} and {package} both bring a driver {driver.name!r}: uninstall one"
-            )
+        package = entry_point.dist.name if entry_point.dist is not None else "an unknown package"
+        drivers[entry_point.name] = Driver(entry_point.name, package, entry_point)
     return dict(sorted(drivers.items()))
 
 

@@ -8,7 +8,6 @@ SDFormat: kp = kp1 kp2 / (kp1 + kp2) and kd = kd1 + kd2 of both surfaces, joined
 Classic's ODEPhysics::Collide. http://sdformat.org/spec?elem=surface
 """
 
-import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -24,7 +23,6 @@ from impact_rig.results.numbers import MICRO, format_quantity
 
 IMPEDANCE = 0.001  # [-], dwidth of MuJoCo's solimp: the impact does not depend on it
 SPHERE_RADIUS = 0.01  # [m], of the bodies: the laws know no radius
-WIDTH = 92  # [characters], of comments
 
 
 @dataclass(frozen=True)
@@ -234,12 +232,11 @@ def _format_comment(engine: Engine, contact: Contact, values: Mapping[str, float
         *(f"{name} = {value:.6g}" for name, value in values.items()),
         f"Duration and restitution {contact.restitution:.4g} are met at this speed.",
     ]
-    printable = [
+    printable = (
         "".join(letter if letter.isprintable() else "?" for letter in line) for line in lines
-    ]
-    wrapped = [part for line in printable for part in textwrap.wrap(line, WIDTH)]
+    )
     # Two hyphens would end the comment: a sample may be called so.
-    return "\n".join(wrapped).replace("--", "==")
+    return "\n".join(printable).replace("--", "==")
 
 
 def _convert_to_mujoco(contact: Contact, spring: Spring) -> Mapping[str, float]:

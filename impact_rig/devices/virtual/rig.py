@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from impact_rig.core.errors import (
     ParameterError,
     check_between,
-    check_not_negative,
     check_positive,
 )
 from impact_rig.core.model import ImpactModel
@@ -127,9 +126,6 @@ class DigitizerSettings:
         check_positive("hammer full scale", self.hammer_full_scale, "m/s^2")
         check_positive("sample full scale", self.specimen_full_scale, "m/s^2")
         check_between("noise", self.noise, 0.0, 1.0)
-        check_between("offset", self.offset, 0.0, 1.0)
-        check_not_negative("coupling frequency", self.coupling_frequency, "Hz")
-        check_not_negative("trigger jitter", self.trigger_jitter, "s")
 
     @property
     def count(self) -> int:
@@ -210,8 +206,6 @@ class VirtualRigSettings:
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
-        if self.seed < 0:
-            raise ParameterError(f"seed is {self.seed}: it must be 0 or more")
         check_between("contact time scatter", self.contact_time_scatter, 0.0, 0.2)
         check_between("amplitude scatter", self.amplitude_scatter, 0.0, 0.2)
         check_between("contact exponent", self.contact_exponent, 0.5, 4.0)
