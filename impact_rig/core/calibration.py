@@ -19,7 +19,7 @@ from impact_rig.core.quantity import Comparable, Quantity
 from impact_rig.core.records import HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.setup import RigSetup
-from impact_rig.core.uncertainty import compute_quantity, make_ensemble, make_input
+from impact_rig.core.uncertainty import compute_quantity, make_input, make_scatter
 from impact_rig.core.verdict import Reason
 
 LARGEST_MISFIT = 0.05
@@ -221,10 +221,8 @@ def estimate_sensitivity(
             f" {FEWEST_HITS} or more"
         )
     ratios = np.array([fit.ratio for fit in used])
-    mean, variance = float(ratios.mean()), float(ratios.var(ddof=1)) / len(used)
-    (scatter,) = make_ensemble(
-        "scatter of the hits", [abs(mean)], np.array([[variance]]), len(used) - 1
-    )
+    mean = float(ratios.mean())
+    scatter = make_scatter("scatter of the hits", abs(mean), ratios, len(used))
     # What the misfit may have changed: its square, taken as rectangular.
     misfit = float(np.mean([fit.misfit for fit in used]))
     distortion = make_input("misfit of the traces", 1.0, misfit**2 / math.sqrt(3.0))

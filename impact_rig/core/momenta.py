@@ -16,10 +16,12 @@ from impact_rig.core.sensors import Sensor
 from impact_rig.core.tail import ZERO_AFTER
 from impact_rig.core.uncertainty import (
     LEAST_HITS,
+    ONE_HIT,
     RigNumbers,
     compute_quantity,
     make_ensemble,
     make_input,
+    make_scatter,
 )
 
 _T = TypeVar("_T", bound=np.floating)
@@ -70,13 +72,11 @@ def compare_momenta(mean: MeanHit, contact: slice, masses: RigNumbers, sample: s
     value = _divide_changes(mean.traces[:, contact])
     number = value * masses.moving_mass / masses.hammer_mass
     number = number * masses.gains[1] / masses.gains[0]
-    if len(mean.hits) >= LEAST_HITS:
-        ratios = [_divide_changes(hit[:, contact]) for hit in mean.cut_hits()]
-        standard = float(np.std(ratios, ddof=1)) / math.sqrt(mean.count)
-        source = f"scatter of the hits on {sample}"
-        covariance = np.array([[standard**2]])
-        scatter = make_ensemble(source, [0.0], covariance, len(ratios) - 1.0, owner=sample)
-        number = number + masses.moving_mass.x / masses.hammer_mass.x * scatter[0]
+    if len(mean.hits) < LEAST_HITS:
+        return Quantity(number.x, notes=(ONE_HIT,))
+    ratios = [_divide_changes(hit[:, contact]) for hit in mean.cut_hits()]
+    scatter = make_scatter(f"scatter of the hits on {sample}", 0.0, ratios, mean.count, sample)
+    number = number + masses.moving_mass.x / masses.hammer_mass.x * scatter
     if np.any(mean.zero_uncertainty):
         # Evenly over the contact.
         sums = np.abs(mean.traces[:, contact].sum(axis=1)) / mean.traces[:, contact].shape[1]
@@ -195,7 +195,9 @@ def name_hits(hits: list[str]) -> str:
 
 def check_momenta(ratio: Quantity) -> tuple[str, ...]:
     """Warn of a momentum ratio that is not 1 within its uncertainty."""
-    if not ratio.is_known or abs(ratio.value - 1.0) <= max(ratio.expanded, LIMITS.balanced):
+    if not ratio.is_known or abs(ratio.value - 1.0) <= max(
+        np.nan_to_num(ratio.expanded), LIMITS.balanced
+    ):
         return ()
     told = (
         "the momenta do not balance: a gain, a mass or the zero after the impact is wrong, a trace"

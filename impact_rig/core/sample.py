@@ -37,8 +37,8 @@ from impact_rig.core.uncertainty import (
     compute_quantity,
     find_decaying_body,
     find_identified_body,
-    make_ensemble,
     make_rig_numbers,
+    make_scatter,
     propagate_fit,
 )
 
@@ -406,13 +406,7 @@ def _estimate_peak_force(name: str, mean: MeanHit, setup: RigSetup) -> Quantity:
     if len(mean.hits) < LEAST_HITS:
         return Quantity(setup.hammer_mass * peak, notes=(ONE_HIT,))
     peaks = [hit.pulse.peak for hit in mean.hits]
-    (number,) = make_ensemble(
-        f"scatter of the peaks on {name}",
-        [peak],
-        np.array([[np.var(peaks, ddof=1) / mean.count]]),
-        len(peaks) - 1,
-        owner=name,
-    )
+    number = make_scatter(f"scatter of the peaks on {name}", peak, peaks, mean.count, name)
     rig = make_rig_numbers(setup, name)
     force = rig.hammer_mass * rig.gains[0] * number
     return compute_quantity(setup.hammer_mass * peak, force)

@@ -113,6 +113,15 @@ def make_ensemble(
     return tuple(numbers)
 
 
+def make_scatter(
+    source: str, value: float, values: Sequence[float] | FloatArray, count: int, owner: str = ""
+) -> UncertainNumber:
+    """Make an input whose uncertainty is that of the mean of `count` hits by their `values`."""
+    variance = np.var(values, ddof=1) / count
+    (number,) = make_ensemble(source, [value], np.array([[variance]]), len(values) - 1, owner)
+    return number
+
+
 @lru_cache(maxsize=REMEMBERED_ENSEMBLES)
 def _make_errors(
     source: str, count: int, degrees_of_freedom: float, _factors: bytes, _owner: str
