@@ -245,14 +245,6 @@ def test_a_hit_whose_gain_or_pulse_is_another_is_named():
     assert estimate(label_hits([good] * 6)).warnings == ()
 
 
-def test_a_versed_sine_is_known_not_to_be_a_contact_of_free_bodies():
-    time = np.arange(COUNT) / RATE - START
-    pulse = np.where((time > 0.0) & (time < DURATION), np.sin(np.pi * time / DURATION) ** 2, 0.0)
-    law = estimate(make_mean(700.0 * pulse[np.newaxis], NOISE, 10))
-    assert not law.is_known
-    assert "no law of contact describes the pulse: the best leaves" in law.notes[0]
-
-
 def test_too_few_points_are_not_fitted():
     mean = make_mean(strike(1.5, 0.9).traces)
     coarse = replace(

@@ -58,21 +58,6 @@ def test_contact_time_is_read_within_a_part_of_a_thousand(tau, start, offset):
     assert hit.width_ratio == pytest.approx(1.590, abs=0.02)
 
 
-def test_noise_is_that_of_the_filtered_baseline():
-    random = np.random.default_rng(2)
-    variances = []
-    for _ in range(100):
-        noisy = [trace + 10 * random.standard_normal(COUNT) for trace in make_traces()]
-        hit = judge_hit(make_record(*noisy, rate=RATE, pulse_index=500), SETTINGS)
-        variances.append(hit.filtered.noise**2)
-    # Of 1250 kHz the noise bandwidth of two passes, the integral of 1 / (1 + (f / f1)^4)^2, is
-    # left. A baseline of 140 us holds 14 independent points, less one for its mean; 100 of them
-    # tell a deviation within 2 %, and the mirrored end of the record adds a little.
-    bandwidth = 50e3 / (np.sqrt(2) - 1) ** 0.25 * 3 * np.pi / (8 * np.sqrt(2))
-    expected = 10 * np.sqrt(bandwidth / 1250e3 * 13 / 14)
-    np.testing.assert_allclose(np.sqrt(np.mean(variances, axis=0)), expected, rtol=0.06)
-
-
 def make_jagged(dip: float) -> Any:
     """Return the record of two tops, 23 µs apart, that meet at a part `dip` of the first."""
     time = (np.arange(COUNT) - 500) / RATE
@@ -100,11 +85,6 @@ def test_a_second_contact_that_the_low_pass_hides_is_a_double_hit():
     hit = judge_hit(make_jagged(dip=0.0), SETTINGS)
     assert find_reasons(hit) == {Reason.DOUBLE_HIT}
     assert "85 % of the largest follows after 23 µs" in str(hit.rejections[0])
-
-
-def test_noise_that_the_low_pass_takes_off_is_no_change_of_the_pulse():
-    record = make_record(*make_traces(noise=5.0), rate=RATE, pulse_index=500)
-    assert not judge_hit(record, SETTINGS).findings
 
 
 def test_a_pulse_of_fewer_than_three_points_at_half_amplitude_is_not_accepted():
@@ -187,7 +167,6 @@ class TestRealHits:
         assert hit.filtered.zero_uncertainty[0] > 0.006 * hit.hammer_peak
 
 
-RATE = 2.5e6
 CUTOFF = 50e3
 
 
@@ -265,9 +244,8 @@ def test_an_unknown_hit_is_named(name):
 
 
 def test_a_place_with_several_attempts_is_not_guessed():
-    with pytest.raises(ParameterError) as error:
+    with pytest.raises(ParameterError, match=r"17 \(steel small/3.1\), 18 \(steel small/3.2"):
         find_label("steel small/3", LABELS)
-    assert "17 (steel small/3.1), 18 (steel small/3.2)" in str(error.value)
 
 
 def test_a_hit_named_in_both_is_refused():

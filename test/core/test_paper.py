@@ -1,9 +1,11 @@
-"""The paper computed again from its own printed numbers: Table 3 from Tables 1 and 2."""
+"""The paper computed again from its own printed numbers, and equations (5) and (6)."""
 
 import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.stats import linregress
 
 from impact_rig.core.equations import (
@@ -22,6 +24,8 @@ from impact_rig.core.setup import (
     HAMMER_STIFFNESS,
     PUBLISHED_SAMPLES,
 )
+
+from .contacts import strike_body
 
 CELLS = {cell.name: cell for cell in PUBLISHED_SAMPLES}
 MASSES = {
@@ -92,3 +96,18 @@ def test_table_2_goes_with_the_mass_like_a_hertz_contact():
     assert standard == pytest.approx(0.012, abs=5e-4)
     assert np.std(time - 2 / 5 * mass) == pytest.approx(0.010, abs=5e-4)
     assert np.std(time - 1 / 2 * mass) == pytest.approx(0.036, abs=5e-4)
+
+
+def test_contact_time_is_when_two_bodies_on_a_spring_part():
+    m1, m2, k = 0.1, 0.17, 15e6
+    equivalent = estimate_equivalent_mass(m1, m2)
+    tau = strike_body(1.0, 0.0).time[-1] * np.sqrt(equivalent / k)
+    assert estimate_equivalent_stiffness(equivalent, tau) == pytest.approx(k, rel=1e-7)
+
+
+@given(sample=st.floats(1e3, 1e9), ratio=st.floats(1e-3, 1e3))
+def test_springs_in_series_are_taken_apart_again(sample, ratio):
+    hammer = sample * ratio
+    equivalent = hammer * sample / (hammer + sample)
+    # The difference 1/k_eq - 1/k1 loses the digits of the ratio.
+    assert estimate_sample_stiffness(equivalent, hammer) == pytest.approx(sample, rel=1e-10)

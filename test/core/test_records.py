@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import ParameterError, RigError, SignalError
+from impact_rig.core.errors import RigError, SignalError
 from impact_rig.core.records import (
     IMPORTED,
     MEASURED,
@@ -43,25 +43,17 @@ def test_counts_that_would_be_bent_are_refused(counts):
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"scale": 0.0}, "scale is 0.0 m/s^2 per unit: it must not be zero"),
-        ({"offset": np.inf}, "offset is inf"),
-    ],
+    ("changes", "told"),
+    [({"scale": 0.0}, "scale is 0.0"), ({"offset": np.inf}, "offset is inf")],
 )
-def test_an_impossible_calibration_is_refused(changes, message):
-    with pytest.raises(RigError) as error:
+def test_an_impossible_calibration_is_refused(changes, told):
+    with pytest.raises(RigError, match=told):
         make_channel(**changes)
-    assert message in str(error.value)
 
 
 def test_channels_of_a_block_are_equally_long():
-    with pytest.raises(SignalError) as error:
+    with pytest.raises(SignalError, match="record 7 has 4 hammer points and 5 sample points"):
         Block(100, 1e6, make_channel(4), make_channel(5), LABEL)
-    assert str(error.value) == (
-        "block at point 100 of record 7 has 4 hammer points and 5 sample points: both channels"
-        " must be equally long"
-    )
 
 
 REAL, VIRTUAL = Origin(MEASURED, "digitizer 7"), Origin(SIMULATED, "virtual rig")
@@ -77,11 +69,6 @@ def test_hits_of_one_kind_are_told_by_their_sources():
 def test_one_simulated_hit_among_measured_ones_is_not_lost():
     found = join_origins([REAL] * 9 + [VIRTUAL])
     assert str(found) == "mixed (measured (digitizer 7), simulated (virtual rig))"
-
-
-def test_an_unheard_of_kind_is_refused():
-    with pytest.raises(ParameterError, match=r"'guessed': it must be one of measured, simulated"):
-        Origin("guessed")
 
 
 def test_words_of_a_source_do_not_steer_a_terminal():

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.core.errors import NotDeterminedError, SignalError
+from impact_rig.core.errors import SignalError
 from impact_rig.core.hits import FilteredHit, JudgedHit, average_hits
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import HitLabel
@@ -83,15 +83,6 @@ def test_the_mean_is_that_of_all_hits_bit_by_bit(count):
         alone = average_hits([single.filtered])
         first = alone.origin - shown.origin
         np.testing.assert_array_equal(hit, alone.traces[:, first : first + hit.shape[1]])
-
-
-def test_an_early_outlier_is_taken_out_as_soon_as_there_are_others():
-    # Of four hits none is an outlier; the fifth and on are of another kind, and more.
-    odd = [make_hit(number, factor=1.3) for number in range(3)]
-    others = [make_hit(number) for number in range(3, 20)]
-    series = make_series([*odd, *others])
-    assert list_reasons(series) == dict.fromkeys(range(3), Reason.INCONSISTENT)
-    check_mean(series, others)
 
 
 def test_a_late_outlier_is_taken_out_and_comes_back():
@@ -290,11 +281,6 @@ def test_noise_falls_with_the_square_root_of_the_hits():
     # What is stated is what is there: far from the pulse nothing else is left. Interpolation
     # between points takes up to a third of white noise away.
     assert 0.6 * 0.5 < mean.traces[0, :150].std() < 1.1 * 0.5
-
-
-def test_no_hit_has_no_mean():
-    with pytest.raises(NotDeterminedError, match="mean trace: no hit was accepted"):
-        average_hits([])
 
 
 def test_hits_that_do_not_belong_together_are_refused():

@@ -30,9 +30,8 @@ def test_a_name_or_material_that_would_steer_a_terminal_is_refused(text):
 def test_an_unknown_sample_is_named_with_those_there_are():
     samples = SampleSet((STEEL, BRASS), "")
     for call in (samples.find, samples.get_moving_mass):
-        with pytest.raises(ParameterError) as error:
+        with pytest.raises(ParameterError, match="'stel': the set has 'steel', 'brass'"):
             call("stel")
-        assert str(error.value) == "unknown sample 'stel': the set has 'steel', 'brass'"
 
 
 OAK = SampleSet((Sample("oak", 0.1),), "oak")
@@ -57,11 +56,8 @@ def test_an_impossible_uncertainty_is_refused_by_name(make, name):
 
 
 def test_a_missing_control_sample_is_named_with_those_there_are():
-    with pytest.raises(ParameterError) as error:
-        SampleSet((STEEL, BRASS), "aluminium large")
-    assert str(error.value) == (
-        "control sample 'aluminium large' is missing from the set, which has 'steel', 'brass'"
-    )
+    with pytest.raises(ParameterError, match=r"'alum' is missing .* which has 'steel', 'brass'"):
+        SampleSet((STEEL, BRASS), "alum")
 
 
 SERIES = RigSetup(

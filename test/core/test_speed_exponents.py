@@ -83,9 +83,3 @@ def test_each_angle_has_its_own_control_experiment():
     slow, _, fast = results.samples
     assert fast.stiffness.value > 1.5 * slow.stiffness.value
     assert results.hammer.stiffness.value == pytest.approx(slow.stiffness.value)
-
-
-def test_a_sample_struck_from_one_angle_has_no_exponents():
-    setup = SETUP.for_series("alike 4°")
-    session = Session(setup)
-    assert session.estimate_all().speed_exponents == ()
