@@ -47,17 +47,12 @@ class Failing(Good):
     def find_devices(cls):
         raise KeyError("vendor")
 
-class Bare(Good):
-    @classmethod
-    def find_devices(cls):
-        import serial.nothing_of_the_kind
-
 class Silent(Good):
     @classmethod
     def find_devices(cls):
         raise DeviceError("the vendor's service is not running: start it")
 '''
-SOURCES = ("good", "failing", "bare", "silent")
+SOURCES = ("good", "failing", "silent")
 
 
 @pytest.fixture
@@ -97,12 +92,6 @@ def test_what_keeps_a_driver_from_searching_is_told(name, told):
     assert driver.devices == ()
 
 
-def test_a_library_that_is_missing_is_named_with_the_way_to_get_it():
-    (driver,) = survey_drivers("bare")
-    advice = 'pip install "pyserial"; everything else works without it'
-    assert driver.trouble == f"pyserial is not installed: {advice}"
-
-
 RIG = """\
 [hammer]
 mass = "0.1 kg"
@@ -136,13 +125,6 @@ def test_one_driver_is_shown_with_a_table_to_copy(run):
     assert "good source a digitizer of somebody else ready" in text
     assert "good holder here digitizer 3000" in text
     assert '[source]\ndriver = "good"\nport = 7   # its own key\n' in outcome.stdout
-
-
-def test_a_driver_that_is_not_there_is_named_with_those_that_are(run):
-    outcome = run("devices", "god")
-    assert outcome.exit_code == 2
-    assert "there is no driver 'god': installed are" in outcome.stderr
-    assert "good" in outcome.stderr
 
 
 def test_the_list_fits_a_terminal_and_names_what_is_not_ready(run):

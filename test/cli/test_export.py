@@ -181,7 +181,6 @@ def test_a_simulator_gets_the_contact_that_the_virtual_rig_struck_with(run, law,
     ("words", "sentence"),
     [
         (("-o", "x.sdf"), "x.sdf is not a file of MuJoCo: it has .xml"),
-        (("-o", "x.xml", "--sample", "gold"), "no result of sample 'gold'"),
         (("-o", "x.xml", "--filtered"), "--filtered is not for simulators"),
         (("-o", "x.xml", "--sample", "a", "--sample", "b"), "for one sample"),
     ],

@@ -26,12 +26,7 @@ def save(tmp_path):
         inside = (since > 0) & (since < contact_time)
         hammer = np.where(inside, peak * np.sin(np.pi * since / contact_time) ** 2, 0.0)
         path = tmp_path / name
-        if path.suffix == ".npy":
-            np.save(path, np.stack([time, hammer, 0.5 * hammer]))
-        else:
-            np.savetxt(
-                path, np.stack([time, hammer]).T, header="time [s], force [N]", delimiter=","
-            )
+        np.save(path, np.stack([time, hammer, 0.5 * hammer]))
         return path
 
     return write

@@ -45,17 +45,6 @@ def test_the_first_line_is_the_verdict(run, struck):
         assert words in outcome.stdout
 
 
-def test_json_has_every_hit_and_topic(run, struck):
-    content = json.loads(run("info", struck.parent, "--json").stdout)  # of the run
-    assert content["sound"] is True
-    assert {hit["state"] for hit in content["hits"]} == {"saved"}
-    assert [hit["is_accepted"] for hit in content["hits"]] == [True, True, False] * 4
-    counts = {topic["name"]: topic["messages"] for topic in content["topics"]}
-    assert counts["/acceleration"] == 60
-    assert content["file"]["closed"]
-    assert content["file"]["has_index"]
-
-
 def test_a_cut_off_recording_is_damaged_and_says_what_helps(run, struck, tmp_path):
     path = tmp_path / "cut.mcap"
     path.write_bytes(struck.read_bytes()[:-30_000])
@@ -110,37 +99,6 @@ def test_one_bad_file_does_not_hide_the_others(run, struck, tmp_path):
     assert outcome.exit_code == 2
     assert [line.partition(":")[0] for line in outcome.stderr.splitlines()] == ["error"] * 2
     assert len(json.loads(outcome.stdout)) == 1
-
-
-def test_all_recordings_of_a_run_that_was_resumed_are_shown(run, tmp_path):
-    for name in ("session", "session-2"):
-        write_notes(tmp_path / f"{name}.mcap")
-    found = json.loads(run("info", tmp_path, "--json").stdout)
-    assert [item["messages"] for item in found] == [5, 5]
-
-
-def test_a_running_stream_is_named_with_what_it_lacks(run, tmp_path):
-    from array import array
-
-    from impact_rig_msgs.msg import StreamBlock
-    from rclpy.serialization import serialize_message
-
-    from impact_rig.recordings.schemas import find_message_definition
-
-    path = tmp_path / "stream.mcap"
-    definition = find_message_definition("impact_rig_msgs/msg/StreamBlock")
-    with RecordingWriter(path) as writer:
-        channel = writer.add_channel("/acceleration/stream", definition, (OfferedQos(),))
-        for number, start in enumerate((0, 100, 350)):
-            block = StreamBlock(first_sample=start)
-            block.hammer.counts = block.specimen.counts = array("i", range(100))
-            writer.add_message(channel, serialize_message(block), number, number)
-    text = " ".join(run("info", path).stdout.split())
-    assert "stream /acceleration/stream, 300 points of each channel" in text
-    assert "losses 1 gap of 150 points in /acceleration/stream" in text
-    content = json.loads(run("info", path, "--json").stdout)
-    figures = {"blocks": 3, "points": 300, "gaps": 1, "missing_points": 150}
-    assert figures.items() <= content["streams"]["/acceleration/stream"].items()
 
 
 def test_the_sensors_are_told_of_and_calibrations_that_were_too_old(run, tmp_path):

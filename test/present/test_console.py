@@ -15,7 +15,7 @@ from impact_rig.present.console import (
     print_text,
     print_warning,
 )
-from impact_rig.results.tables import Column, Table, make_optional, make_text_column
+from impact_rig.results.tables import Column, Table, make_text_column
 
 NAMES = ("aluminium", "試料番号十二の鋼の円柱", "a_name_without_any_place_to_break_it_at")
 WHY = "overload: 250 points in a row of the hammer at the rail of 1999 m/s^2"
@@ -49,12 +49,6 @@ def test_nothing_is_wider_than_the_terminal_whatever_the_names(width):
             assert find_letters(words) in find_letters(text)
 
 
-def test_a_terminal_too_narrow_for_the_table_gets_a_line_for_each_cell():
-    lines = [line.rstrip() for line in render(34).splitlines()]
-    assert lines[1:3] == ["aluminium", "  Measured  203.20 ± 0.14"]
-    assert lines[3].startswith("  Why       overload: 250")
-
-
 def test_a_column_for_which_there_is_no_room_is_named_and_its_note_left_out():
     narrow, wide = render(60), render(200)
     assert "1.591" in wide
@@ -63,11 +57,6 @@ def test_a_column_for_which_there_is_no_room_is_named_and_its_note_left_out():
     assert "1.591" not in narrow
     assert "w10/w50: the widths." not in narrow
     assert "A wider terminal shows w10/w50 as well." in narrow
-
-
-def test_words_wrap_before_a_column_of_numbers_is_left_out_for_them():
-    columns = (Column("Why", (WHY,), is_text=True), make_optional("Peak", ("1999",)))
-    assert "1999\n" in render(60, columns)
 
 
 def test_what_would_move_the_cursor_is_shown_as_a_mark(capsys):

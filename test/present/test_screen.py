@@ -19,7 +19,6 @@ REASONS = (
     "overload: 250 points in a row of the hammer at the rail of 1999 m/s^2 (203.8 g)",
     "weak: hammer peak 101.9 m/s^2 is below 300 m/s^2",
 )
-NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?![\w.]*\d)")
 NO_HAMMER = HammerEstimate()
 
 
@@ -61,12 +60,6 @@ def test_twelve_samples_fit_one_screen_with_the_five_largest_remarks(results):
         assert len(re.findall(rf"^{cell.name}(?![,:])", text, re.MULTILINE)) == 1
     assert sum(line.startswith("- ") for line in lines) == 5
     assert "24 hits accepted, 0 rejected. 10 more remarks with --full." in text
-
-
-def test_a_screen_without_remarks_has_no_list_of_them(results):
-    text = render(print_screen, results)
-    assert text.startswith("Origin: simulated (virtual rig, plant published).\n")
-    assert "attention" not in text
 
 
 @pytest.mark.parametrize(("terminal", "no_color"), [(True, ""), (True, "1"), (False, "")])

@@ -8,7 +8,7 @@ from impact_rig.core.sample import SampleEstimate
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
 from impact_rig.results.tables import tabulate_results
-from impact_rig.results.traces import Run, TracedCampaign
+from impact_rig.results.traces import TracedCampaign
 
 from .conftest import HOSTILE
 from .reader import Reader
@@ -77,15 +77,6 @@ def test_every_hit_left_out_stands_with_its_reason(read):
     assert row[4].startswith("weak: ")
     assert row[5] == "weak_hit"
     assert len(read.find_table("Hits in the means: 4")) == 5
-
-
-def test_results_alone_say_what_is_missing_and_where_it_is(told):
-    campaign = TracedCampaign(told.campaign.results, (), ())
-    read = Reader(render_page(make_report([Run("alone", "alone/results.json", campaign)])))
-    assert "made from results alone" in read.text
-    assert "date not known" in read.text
-    assert read.find_table("Table 2")
-    assert read.find_table(f"{HOSTILE}: τp")
 
 
 def test_without_an_accepted_hit_the_rejections_are_what_is_told(told):

@@ -86,16 +86,6 @@ class Recording:
             assert not any(self.find_static(entity, f"Series{kind}:visible_series")), entity
         return hidden
 
-    def quote(self, *parts: str) -> str:
-        """Return an entity path as the reader writes it."""
-        import rerun
-
-        return str(rerun.new_entity_path(list(parts)))
-
-    def count_blueprints(self) -> int:
-        """Return how many layouts were sent."""
-        return len(self._reader.blueprints())
-
     def read_blueprint(self) -> list[dict[str, Any]]:
         """Return every row of the blueprint that the viewer takes."""
         (entry,) = self._reader.blueprints()

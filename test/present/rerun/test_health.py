@@ -1,6 +1,6 @@
 """How the rig is doing: the newest state in words, figures and states over the time of day."""
 
-from impact_rig.present.rerun.health import Level, NodeHealth, choose_kind, format_health
+from impact_rig.present.rerun.health import Level, NodeHealth
 
 STAMP = 1_700_000_000_000_000_000
 
@@ -30,23 +30,3 @@ def test_the_newest_state_is_in_words(record):
 
     (text,) = view.find_static("/health/now", "TextDocument:text")
     assert text == "## ⚠ estimator: warning\n\nactive\n\ngaps **5** · size **31.250 GB**"
-
-
-def test_who_is_not_well_stands_first():
-    text = format_health(
-        [NodeHealth("a"), NodeHealth("b", Level.ERROR, "the disk is full"), NodeHealth("c_d")]
-    )
-
-    assert text.index("b: error") < text.index("a: ok") < text.index("c\\_d: ok")
-
-
-def test_figures_are_followed_by_their_name():
-    kinds = {
-        "blocks/s": "rates",
-        "hits per second": "rates",
-        "missing points": "losses",
-        "views dropped": "losses",
-        "impacts rejected": "losses",
-        "file": None,
-    }
-    assert {name: choose_kind(name) for name in kinds} == kinds

@@ -126,29 +126,17 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path, open_view):
         open_view(output=str(tmp_path / "taken" / "view.rrd"))
 
 
-@pytest.mark.parametrize(
-    "address",
-    [
-        "localhost",
-        "http://127.0.0.1:9876/proxy",
-        "rerun+http://:9876/proxy",
-        "rerun+http://h:x/proxy",
-        "rerun+http://h:1/",
-    ],
-)
+@pytest.mark.parametrize("address", ["localhost", "rerun+http://:9876/proxy", "rerun+http://h:1/"])
 def test_a_wrong_address_is_named_with_a_right_one(address):
     with pytest.raises(ParameterError, match=r"rerun\+http://127\.0\.0\.1:9876/proxy") as caught:
         check_viewer_address(address)
     assert repr(address) in str(caught.value)
 
 
-def test_a_viewer_that_is_not_installed_is_named(monkeypatch):
+def test_what_is_not_installed_is_named_with_the_command_that_installs_it(monkeypatch):
     monkeypatch.setattr(viewers.importlib.util, "find_spec", lambda _: None)
     with pytest.raises(RigError, match="pip install rerun-sdk"):
         viewers.find_viewer()
-
-
-def test_a_missing_rerun_is_named_with_the_command_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(RigError, match=r"pip install 'rerun-sdk>=0\.41'"):
         viewers.import_rerun()

@@ -15,7 +15,6 @@ from impact_rig.present.rerun.blueprint import (
     TAB_HEALTH,
     TAB_HIT,
     TAB_SAMPLE,
-    TABS,
 )
 from impact_rig.present.rerun.entities import HIT, HIT_TIME, WALL_CLOCK
 from impact_rig.present.rerun.health import Level, NodeHealth
@@ -235,13 +234,3 @@ def test_a_tab_is_drawn(viewer, path, timeline, expected):
             assert time.monotonic() < deadline, f"{name}: {blank}"
     state = insist(viewer.client.get_state)
     assert [(view.name, report) for view in state.views for report in view.reports] == []
-
-
-def test_every_tab_is_looked_at_here():
-    looked_at = {
-        mark.args[1][i][0][0]
-        for mark in test_a_tab_is_drawn.pytestmark
-        for i in range(len(mark.args[1]))
-    }
-
-    assert looked_at == set(TABS)

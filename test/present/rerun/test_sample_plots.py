@@ -54,11 +54,9 @@ def show_sample(traces):
     return lambda log: log.log_sample(traces, NO_LAW, PAPER_SETUP)
 
 
-def make_aligned(record, start=START, rows=2):
+def make_aligned(record, start=START):
     label = HitLabel("steel small", record=record)
-    return AlignedHit(
-        label, RATE, start, np.stack([make_pulse(-800.0), make_pulse(1600.0)])[:rows]
-    )
+    return AlignedHit(label, RATE, start, np.stack([make_pulse(-800.0), make_pulse(1600.0)]))
 
 
 def test_hits_are_laid_over_each_other_as_they_come(record):
@@ -130,28 +128,10 @@ def test_a_new_mean_takes_the_place_of_the_last_one_of_the_same_sample_only(reco
     assert r"/samples/a\/b\ \*c\*/hammer/models/1" in view.entities
 
 
-def test_a_sample_whose_response_was_not_measured_has_its_hammer(record):
-    traces = make_traces(models=(), mean=make_pulse(800.0)[np.newaxis])
-
-    view = record(
-        lambda log: log.log_aligned_hits([make_aligned(1, rows=1)]),
-        show_sample(traces),
-    )
-
-    assert view.find_traces(f"{PARENT}/hammer/models/1")[1].max() == 800.0
-    assert not [entity for entity in view.entities if entity.startswith(f"{PARENT}/sample/")]
-    assert view.find_static(f"{PARENT}/hammer/models/1", "SeriesLines:names") == [
-        "hammer, mean (no model)"
-    ]
-
-
 @pytest.fixture(scope="module")
 def found(contacts):
     """Return a sample's traces, its law, the set-up."""
     return contacts.samples[1], contacts.results.samples[1].contact_law, contacts.results.setup
-
-
-LAW_PARTS = ("law", "law residual")
 
 
 def test_pulse_and_residual_are_those_of_the_report(record, found):
@@ -159,11 +139,11 @@ def test_pulse_and_residual_are_those_of_the_report(record, found):
 
     view = record(lambda log: log.log_sample(*found))
 
-    time, forces = view.find_traces(view.quote("samples", "steel medium", "law", "1"))
+    time, forces = view.find_traces(r"/samples/steel\ medium/law/1")
     measured = np.interp(time, curves.time, curves.measured)
     np.testing.assert_allclose(forces[:, 0], measured, atol=1e-3)
     assert forces[:, 0].max() == pytest.approx(curves.measured.max())
-    _, left = view.find_traces(view.quote("samples", "steel medium", "law residual", "1"))
+    _, left = view.find_traces(r"/samples/steel\ medium/law\ residual/1")
     assert np.abs(left).max(axis=0) == pytest.approx(
         [
             np.abs(curves.measured - curves.law).max(),
@@ -171,8 +151,6 @@ def test_pulse_and_residual_are_those_of_the_report(record, found):
         ],
         rel=1e-3,
     )
-    _, law, _ = view.find_static(
-        view.quote("samples", "steel medium", "law", "1"), "SeriesLines:names"
-    )
+    _, law, _ = view.find_static(r"/samples/steel\ medium/law/1", "SeriesLines:names")
     exponent = float(law.removeprefix("law, n = ").split()[0])
     assert exponent == pytest.approx(found[1].exponent.value, abs=1e-3)
