@@ -1,9 +1,10 @@
 """Simulated campaigns and faults: errors within their intervals, faults rightly named."""
 
+import numpy as np
 import pytest
 
 from impact_rig.core.setup import PAPER_SETUP
-from study.campaigns import ASKED, find_least, find_most, run_campaign
+from study.campaigns import ASKED, draw_truth, run_campaign
 from study.selection import FAULTS, SURE, strike_fault, strike_good_hits
 
 
@@ -17,9 +18,11 @@ def test_errors_are_as_large_as_they_are_said_to_be(plant):
     assert run_campaign(plant, PAPER_SETUP, 2, 4) != outcomes
 
 
-def test_chance_leaves_what_a_binomial_distribution_says():
-    # P(X <= 29) of 36 at 0.95 is 0.0016, P(X <= 28) 0.0003.
-    assert (find_least(36, 0.95), find_most(36, 0.05)) == (29, 7)
+def test_true_masses_scatter_by_their_stated_uncertainty():
+    generator = np.random.default_rng(5)
+    masses = [draw_truth(PAPER_SETUP, generator)[0].hammer_mass for _ in range(2000)]
+    # 2000 draws know their scatter to 1.6 %: four of those.
+    assert np.std(masses) == pytest.approx(PAPER_SETUP.hammer_mass_uncertainty, rel=0.064)
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.reason.value)
