@@ -13,7 +13,7 @@ from impact_rig.analysis.measured_files import (
     make_recorded_settings,
     make_series,
 )
-from impact_rig.analysis.sources import find_repeated_files
+from impact_rig.analysis.sources import RESULTS_SUFFIX, find_repeated_files
 from impact_rig.cli import options
 from impact_rig.cli.output import (
     print_json,
@@ -85,9 +85,6 @@ def report_batch(
     elif campaigns:
         print_batch(make_console(), campaigns)
     return errors
-
-
-RESULTS_SUFFIX = ".json"
 
 
 def run(

@@ -10,7 +10,7 @@ import click
 
 from impact_rig.analysis.exporting import ExportedCampaign, ExportedHit, read_campaigns
 from impact_rig.analysis.sources import find_run, read_runs
-from impact_rig.cli.info import describe_hits
+from impact_rig.cli.info import EXIT_DAMAGED, describe_hits
 from impact_rig.cli.options import refuse_given
 from impact_rig.cli.output import show_progress
 from impact_rig.core.errors import FileError, ParameterError
@@ -37,7 +37,6 @@ DEFAULT_PARTS = {".json": {"results"}, ".csv": {"hits"}}
 TRACES = {"hits", "means"}
 TRACE_OPTIONS = {"what", "hits", "accepted_only", "filtered", "suffix"}
 AWKWARD = re.compile(r"[^\w.+-]+")  # what is replaced in file names
-EXIT_DAMAGED = 1  # a sound copy was written of a recording that is not sound
 
 Group = tuple[str, tuple[MeasuredChannel, ...]]
 """Name and channels of one hit or mean."""

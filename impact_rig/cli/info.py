@@ -231,11 +231,9 @@ def _print_samples(console: Console, contents: Contents) -> None:
 
 def _print_incomplete_hits(console: Console, contents: Contents) -> None:
     hits = [hit for hit in contents.hits if hit.state is not HitState.SAVED]
-    for hit in hits[:MOST_HITS]:
+    for hit in hits[:MOST_HITS]:  # --json names all
         name = describe_label(hit.label) if hit.label else f"record {hit.record}"
         print_item(console, f"{name}: {hit.state.value}, {hit.reason}")
-    if len(hits) > MOST_HITS:
-        print_item(console, f"and {len(hits) - MOST_HITS} more, all named by --json")
 
 
 def _print_topics(console: Console, contents: Contents) -> None:

@@ -20,7 +20,3 @@ def load_module(name: str) -> ModuleType:
         return importlib.import_module(name)
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-if __name__ == "__main__":
-    main()
