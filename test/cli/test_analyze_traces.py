@@ -102,18 +102,6 @@ def test_a_real_clipped_shock_is_rejected_with_the_rail_that_its_readme_states(r
     ]
 
 
-def save_series(save, peaks):
-    return [save(f"hit_{i}.npy", make_pulse(peak=peak)) for i, peak in enumerate(peaks, 1)]
-
-
-def find_reasons(content):
-    return {
-        Path(hit["file"]).name: [reason.split(":")[0] for reason in hit["reasons"]]
-        for hit in content["hits"]
-        if not hit["accepted"]
-    }
-
-
 def test_a_record_of_many_impacts_is_a_double_hit_and_says_how_to_cut_it(run, save, tmp_path):
     rows = np.tile(make_pulse(), 4)
     rows[0] = np.arange(rows.shape[1]) / RATE
@@ -125,24 +113,6 @@ def test_a_record_of_many_impacts_is_a_double_hit_and_says_how_to_cut_it(run, sa
     imported = run("import", "--hammer-unit", "g", many, "-o", tmp_path / "many.mcap")
     assert imported.exit_code == 0
     assert advice in imported.stderr
-
-
-def test_a_person_goes_before_the_verdict(run, save):
-    double = make_pulse()
-    double[1] += np.roll(0.5 * double[1], 400)
-    files = [*save_series(save, [500.0, 501.0]), save("double.npy", double)]
-    content = read_json(run("analyze", "--json", *files))
-    assert find_reasons(content) == {"double.npy": ["double_hit"]}
-    by_hand = read_json(
-        run("analyze", "--json", "--accept", "double.npy", "--reject", files[0], *files)
-    )
-    assert find_reasons(by_hand) == {"hit_1.npy": ["operator"]}
-    (sample,) = by_hand["samples"]
-    assert sample["impacts_accepted"] == 2
-    (note,) = [text for text in sample["warnings"] if "by hand" in text]
-    assert note.startswith(
-        "hit 3 (sample/3.1) accepted by hand, although double_hit: a second pulse of 50"
-    )
 
 
 def test_a_folder_of_measured_files_says_how_to_name_them(run, tmp_path):

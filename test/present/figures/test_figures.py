@@ -62,18 +62,6 @@ def test_a_campaign_has_the_paper_s_figures_3_to_6(struck):
     assert places == sorted(places)
 
 
-@pytest.mark.parametrize(("field", "titles"), [("contact_time", []), ("mass", ["Fig. 4."])])
-def test_what_is_not_known_is_not_drawn(results, field, titles):
-    if field == "mass":
-        changed = replace(results, setup=replace(results.setup, hammer_mass=NAN))
-    else:
-        unknown = replace(results.samples[0].contact_time, value=NAN)
-        changed = replace(
-            results, samples=tuple(replace(item, contact_time=unknown) for item in results.samples)
-        )
-    assert [picture.title[:7] for picture in make_contact_pictures(changed)] == titles
-
-
 def test_figure_3_has_every_hit_the_means_and_the_paper_s_points_the_misprint_corrected(
     results, rows
 ):
