@@ -43,15 +43,9 @@ def declare_stream(node: RigNode) -> None:
         " comes, on `acceleration/stream`, in which the estimator finds the impacts",
         choices=MODES,
     )  # fmt: skip
-    node.declare("block_size", 1000, "points per block of a hit [-]", low=1, high=10_000_000)
     node.declare(
         "stream_block_size", 25_000, "points per block of the running stream [-]",
         low=1, high=10_000_000,
-    )  # fmt: skip
-    node.declare(
-        "stream_depth", interfaces.STREAM_DEPTH,
-        "blocks of the running stream that may wait before the oldest are lost [-]",
-        low=1, high=100_000,
     )  # fmt: skip
     node.declare(
         "required_subscribers", "estimator, recorder",
@@ -66,7 +60,7 @@ def declare_stream(node: RigNode) -> None:
 
 
 ARMING_PAUSE = 0.05
-"""How long an answer waits for the source to arm before it is "not yet" [s], our choice: a fast
+"""How long an answer waits for the source to arm before it is "later" [s], our choice: a fast
 device is armed in one request, and nothing else of the node waits for long."""
 
 
@@ -119,10 +113,9 @@ class AccelerometerNode(DeviceNode):
         The publisher stays when the node is unconfigured, so that the last blocks reach all
         subscribers, and a device that is back finds them connected.
         """
-        topic, is_continuous = interfaces.ACCELERATION, self.get_value("mode") == CONTINUOUS
-        if is_continuous:
-            topic = interfaces.make_stream_topic(self.get_value("stream_depth"))
-        if topic == self._topic:
+        is_continuous = self.get_value("mode") == CONTINUOUS
+        topic = interfaces.STREAM if is_continuous else interfaces.ACCELERATION
+        if topic is self._topic:
             return
         if self._blocks is not None:
             self.destroy_publisher(self._blocks)
@@ -170,16 +163,16 @@ class AccelerometerNode(DeviceNode):
         """Publish in the node's state that the source is lost, and why."""
         self._publish(AcquisitionState.FAULT, text)
 
-    def describe_warning(self) -> str:
+    def describe_warning(self) -> str | None:
         """Return what has been lost since the node was activated."""
-        return self._thread.describe_warning() if self._thread else ""
+        lost = self._thread.flow.missing_points if self._thread else 0
+        if not lost:
+            return None
+        return f"{lost} points of the source were lost: this computer does not hold its rate"
 
     def diagnose(self) -> dict[str, Any]:
-        """Return the source, and how much it has streamed."""
+        """Return how much was streamed, and to how many."""
         return {
-            "source": self._open.acquisition.identity if self._open else "",
-            "record": self._record,
-            "armed": self._arming is not None,
             **(self._thread.diagnose() if self._thread else {}),
             "subscribers": self._blocks.get_subscription_count() if self._blocks else 0,
         }
@@ -227,7 +220,7 @@ class AccelerometerNode(DeviceNode):
             if response.message or self._thread is None:
                 return response
             if delay := self._describe_delay():
-                response.message = interfaces.NOT_YET + delay
+                response.message, response.later = delay, True
                 return response
             arming = self._arming = Arming(label)
             self._record = label.record
@@ -236,7 +229,7 @@ class AccelerometerNode(DeviceNode):
         if response.success:
             self._publish(AcquisitionState.ARMED, "waiting for the trigger", label.sample)
         else:
-            response.message = interfaces.NOT_YET + "the source is being armed"
+            response.message, response.later = "the source is being armed", True
         return response
 
     def _describe_delay(self) -> str:

@@ -31,6 +31,7 @@ from impact_rig.devices.protocols import (
 from impact_rig.devices.source_table import make_source, override_source
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import Membership
+from impact_rig.nodes.interfaces import STREAM_DEPTH
 from impact_rig.nodes.messages import block_to_msg, fill_block
 from impact_rig.nodes.rig_node import RateMeter
 from impact_rig.recordings.hits import BlockCount
@@ -75,8 +76,8 @@ def open_source(node: DeviceNode, *, continuous: bool) -> OpenSource:
             override_source(file.source, node.get_value("source")),
             file.setup,
             continuous=continuous,
-            block_size=node.get_value("stream_block_size" if continuous else "block_size"),
-            depth=node.get_value("stream_depth"),
+            block_size=node.get_value("stream_block_size") if continuous else BLOCK_SIZE,
+            depth=STREAM_DEPTH,
         )
         try:
             return OpenSource(source, plan, source.configure(plan))
@@ -105,6 +106,8 @@ class Arming:
         self.latest_contact = time.monotonic() + longest_wait
 
 
+BLOCK_SIZE = 1000
+"""Points per block of a hit [-]."""
 LONGEST_READ = 0.05
 """How long one read may wait for a block [s], our choice: it is the longest delay of an order."""
 STOP_TIMEOUT = 3.0
@@ -190,13 +193,6 @@ class SourceThread:
     def end(self, arming: Arming, *, is_judged: bool = False) -> None:
         """End an arming, unless it has ended; a hit that is judged needs no end of its record."""
         self._orders.put(lambda: self._end(arming, is_judged=is_judged))
-
-    def describe_warning(self) -> str:
-        """Return what has been lost; empty: nothing."""
-        lost = self.flow.missing_points
-        if not lost:
-            return ""
-        return f"{lost} points of the source were lost: this computer does not hold its rate"
 
     def diagnose(self) -> dict[str, Any]:
         """Return the flow, with the rate since the last call, for the diagnostics."""
@@ -284,7 +280,7 @@ class SourceThread:
     def _end_record(self, *, is_awaited: bool) -> None:
         """End the record of the arming under way, if there is one or a verdict is awaited."""
         if self._has_begun or is_awaited:
-            self._publish_end(self._record_points if self._has_begun and is_awaited else 0)
+            self._publish_end(self._record_points if self._has_begun else 0)
         self._arming, self._has_begun = None, False
 
     def _finish(self) -> None:

@@ -1,12 +1,10 @@
 """A node whose callbacks wait for conditions and for other nodes' answers."""
 
-import contextlib
 import time
 from collections.abc import Callable
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import InvalidHandle
 from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
 
@@ -37,9 +35,10 @@ class AsyncNode(LifecycleNode):
         self.pace = pace
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.stop_requested: Future = Future()
-        self._waiters: list[Callable[[], None]] = []
+        self._look: Future = Future()  # done: nothing waits
+        self._look.set_result(None)
         # Runs while something waits: a new timer for each wait would cost as much as the wait.
-        self._looking = self.create_timer(WAITING_PERIOD, self.wake_waiters)
+        self._looking = self.create_timer(WAITING_PERIOD, self._look_again)
         self._looking.cancel()
 
     def create_timer(
@@ -78,8 +77,13 @@ class AsyncNode(LifecycleNode):
 
     def wake_waiters(self) -> None:
         """Let `wait_until` check its conditions now."""
-        for look in tuple(self._waiters):
-            look()
+        if not self._look.done():
+            self._look.set_result(None)
+
+    def _look_again(self) -> None:
+        if self._look.done():
+            self._looking.cancel()
+        self.wake_waiters()
 
     async def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Wait for a condition for so many seconds; return whether it came true.
@@ -91,37 +95,18 @@ class AsyncNode(LifecycleNode):
         DeviceError
             If the node is to stop: nothing may hold up its end.
         """
-        future: Future = Future(executor=self.executor)
         deadline = time.monotonic() + timeout
-
-        def look() -> None:
-            if future.done():
-                return
+        while True:
             if self.stop_requested.done():
-                future.set_exception(DeviceError(f"the {self.get_name()} node has been stopped"))
-            elif condition():
-                future.set_result(True)
-            elif time.monotonic() >= deadline:
-                future.set_result(False)
-
-        look()
-        if future.done():
-            return bool(future.result())
-        self._waiters.append(look)
-        if len(self._waiters) == 1:
-            self._looking.reset()
-        try:
-            return bool(await future)
-        finally:
-            self._waiters.remove(look)
-            if not self._waiters:
-                # The node may have been destroyed meanwhile.
-                with contextlib.suppress(InvalidHandle):
-                    self._looking.cancel()
-
-    async def pause(self, delay: float) -> None:
-        """Wait for so many seconds."""
-        await self.wait_until(lambda: False, delay)
+                raise DeviceError(f"the {self.get_name()} node has been stopped")
+            if condition():
+                return True
+            if time.monotonic() >= deadline:
+                return False
+            if self._look.done():
+                self._look = Future(executor=self.executor)
+                self._looking.reset()
+            await self._look
 
     async def call(
         self,

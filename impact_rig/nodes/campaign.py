@@ -4,6 +4,9 @@ import contextlib
 import math
 import time
 from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import cached_property
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -17,27 +20,96 @@ from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.setup import PAPER_SETUP, RigSetup, format_angle
+from impact_rig.core.setup import PAPER_SETUP, RigSetup, Sample, format_angle
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.campaign_plan import plan_campaign
-from impact_rig.nodes.campaign_state import TRANSITIONS, Campaign, State
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
+from impact_rig.recordings.messages import setup_from_msg
 
 LOOK_PERIOD = 0.5
 """How often a campaign checks whether its pause is over [s]."""
 ATTEMPTS = 10
 """Strikes in a row without an accepted hit that end a campaign whose goal has no limit [-]."""
-NOT_YET_TIMEOUT = 10.0
-"""How long accelerometers or hammer may answer "not yet" [s], our choice: nodes that have just
-started take a while to find each other."""
-NOT_YET_PERIOD = 0.02
-"""How soon they are asked again [s], our choice: a state takes a few milliseconds to arrive."""
+LATER_TIMEOUT = 10.0
+"""How long accelerometers or hammer may answer "later" [s]: nodes that have just started take a
+while to find each other."""
+LATER_PERIOD = 0.02
+"""How soon they are asked again [s]: a state takes a few milliseconds to arrive."""
 ANSWER_TIMEOUT = 5.0
 """How long a node may take to answer [s]; only the estimator may have much to read first."""
 RESULTS_TIMEOUT = 600.0
 """How long the estimator may take to read a run, or to fit the model to a hundred samples [s]."""
+
+
+class State(IntEnum):
+    """What a campaign does, numbered as in the feedback of the action `RunCampaign`."""
+
+    JOINING = 0
+    COUNTING = 1
+    WAITING_FOR_SAMPLE = 2
+    PAUSED = 3
+    WAITING_FOR_HAMMER = 4
+    STRIKING = 5
+    DISARMING = 6
+    COMPLETE = 7
+
+
+TRANSITIONS: Mapping[State, tuple[State, ...]] = {
+    State.JOINING: (State.COUNTING, State.PAUSED),
+    State.COUNTING: (
+        State.STRIKING,
+        State.WAITING_FOR_SAMPLE,
+        State.WAITING_FOR_HAMMER,
+        State.PAUSED,
+        State.DISARMING,
+        State.COMPLETE,
+    ),
+    State.WAITING_FOR_SAMPLE: (State.COUNTING,),
+    State.PAUSED: (State.JOINING,),
+    State.WAITING_FOR_HAMMER: (State.COUNTING, State.DISARMING),
+    State.STRIKING: (State.COUNTING, State.DISARMING),
+    State.DISARMING: (State.JOINING,),
+    State.COMPLETE: (),
+}
+"""From which state a campaign goes where. A fault, whatever it is, leads to DISARMING and back to
+the top; an end with a reason is possible in every state."""
+
+
+@dataclass
+class Campaign:
+    """A campaign that is under way, with its feedback."""
+
+    handle: ServerGoalHandle
+    setup: RigSetupMessage  # with id and plan: enough to go on with the campaign
+    feedback: RunCampaign.Feedback = field(default_factory=RunCampaign.Feedback)
+    stream_id: bytes = bytes(16)
+    recording: str = ""
+    has_armed: bool = False
+    mounted: str = ""
+    hit: dict[str, Any] = field(default_factory=dict)  # the next one's label
+    newest_record: int = 0
+    verdict: Impact = field(default_factory=Impact)
+    failures: int = 0  # strikes in a row without an accepted hit [-]
+    failure: str = ""  # of the last of them
+    stands_since: float = math.inf  # no hit since [s], by the monotonic clock
+
+    @cached_property
+    def find_sample(self) -> Callable[[str], Sample]:
+        """Finds a sample by its name."""
+        return setup_from_msg(self.setup).samples.find
+
+    def publish(self, **fields: Any) -> None:
+        """Publish the feedback with some fields changed."""
+        for name, value in fields.items():
+            setattr(self.feedback, name, value)
+        self.handle.publish_feedback(self.feedback)
+
+    @property
+    def is_cancelled(self) -> bool:
+        """Whether the client has cancelled the campaign."""
+        return bool(self.handle.is_cancel_requested)
 
 
 class EndError(RigError):
@@ -105,14 +177,6 @@ class CampaignNode(RigNode):
     def activate(self) -> None:
         """Publish the set-up, so that the rig's other nodes know what it is."""
         self._setup.publish(messages.setup_to_msg(self._setup_of_rig, Time()))
-
-    def diagnose(self) -> dict[str, Any]:
-        """Return where the campaign stands."""
-        if self._campaign is None:
-            return {"campaign": "none"}
-        feedback = self._campaign.feedback
-        where = f"{feedback.sample}, {feedback.impact} hits"
-        return {"campaign": where, "state": State(feedback.state).name}
 
     # The states.
 
@@ -204,7 +268,6 @@ class CampaignNode(RigNode):
         counts |= {count.sample: count for count in ledger.counts}
         missing = [name for name in plan.samples if counts[name].accepted < plan.impacts]
         sample = missing[0] if missing else plan.samples[-1]
-        accepted = sum(min(counts[name].accepted, plan.impacts) for name in plan.samples)
         campaign.publish(
             sample=sample,
             sample_number=plan.samples.index(sample) + 1,
@@ -212,7 +275,6 @@ class CampaignNode(RigNode):
             impact=min(counts[sample].accepted, plan.impacts),
             impacts=plan.impacts,
             rejected=sum(count.rejected for count in ledger.counts),
-            time_left=campaign.estimate_time_left(accepted),
         )
         if not missing:
             return State.COMPLETE
@@ -350,18 +412,17 @@ class CampaignNode(RigNode):
         await self.wait_until(lambda: condition() or campaign.is_cancelled, timeout)
 
     async def _ask(self, campaign: Campaign, client: Any, request: Any) -> Any:
-        """Return the good answer of a node; ask again at "not yet"."""
-        deadline = time.monotonic() + NOT_YET_TIMEOUT
+        """Return the good answer of a node; ask again at "later"."""
+        deadline = time.monotonic() + LATER_TIMEOUT
         while True:
             answer = await self.call(
                 client, request, ANSWER_TIMEOUT, lambda: campaign.is_cancelled
             )
             if answer.success:
                 return answer
-            is_final = not answer.message.startswith(interfaces.NOT_YET)
-            if is_final or time.monotonic() > deadline or campaign.is_cancelled:
-                raise DeviceError(answer.message.removeprefix(interfaces.NOT_YET))
-            await self.pause(NOT_YET_PERIOD)
+            if not answer.later or time.monotonic() > deadline or campaign.is_cancelled:
+                raise DeviceError(answer.message)
+            await self.wait_until(lambda: False, LATER_PERIOD)
 
     async def _call_if_there(self, client: Any, request: Any, timeout: float) -> Any:
         """Return the answer of a node; None: it gives none."""

@@ -59,11 +59,6 @@ class DeviceNode(RigNode):
         if self.get_value("autostart") and not self._start():
             self._tell_fault(self.fault)
 
-    def report_fault(self, text: str) -> None:
-        """Log an error, once while it stays the same, and show it in the diagnostics."""
-        if text != self.fault:
-            super().report_fault(text)
-
     def _start(self) -> bool:
         if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
             return False

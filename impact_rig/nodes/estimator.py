@@ -13,10 +13,12 @@ from impact_rig.core.errors import RigError
 from impact_rig.core.hits import JudgedHit
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import Session
+from impact_rig.core.setup import AnalysisSettings
+from impact_rig.core.stream import StreamCutter, StreamFlow
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.estimator_stream import StreamCutting, StreamListener
-from impact_rig.nodes.identity import Identity, id_from_msg
+from impact_rig.nodes.identity import Identity, id_from_msg, identity_from_msg
 from impact_rig.nodes.ledger import Ledger
+from impact_rig.nodes.messages import block_to_msg
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.result_messages import (
     comparison_to_msg,
@@ -24,8 +26,13 @@ from impact_rig.nodes.result_messages import (
     hit_to_msg,
     record_to_msg,
 )
-from impact_rig.nodes.rig_node import RigNode
-from impact_rig.recordings.messages import NO_ID, setup_from_msg, stamp_from_msg
+from impact_rig.nodes.rig_node import RateMeter, RigNode
+from impact_rig.recordings.messages import (
+    NO_ID,
+    block_from_msg,
+    setup_from_msg,
+    stamp_from_msg,
+)
 
 WAITING_BLOCKS = 1000
 """Blocks kept while no set-up has arrived [-], our choice: a few seconds of streaming."""
@@ -46,13 +53,76 @@ LIBRARIES = (
 """What the core loads when it first needs it: no hit waits for that."""
 
 
+class StreamCutting:
+    """Cuts impacts out of `StreamBlock` messages, and publishes them as `AccelerationBlock`.
+
+    The publisher is made when the first block comes: where there is no stream, the accelerometers
+    publish the impacts.
+
+    Parameters
+    ----------
+    node : RigNode
+        The estimator.
+    """
+
+    def __init__(self, node: RigNode) -> None:
+        self._node = node
+        self._settings: AnalysisSettings | None = None
+        self._cutter: StreamCutter | None = None
+        self._publisher: Any = None
+        self._rate = RateMeter()
+
+    def use_settings(self, settings: AnalysisSettings) -> None:
+        """Cut by other settings from the next block on."""
+        if settings != self._settings:
+            self._settings, self._cutter = settings, StreamCutter(settings)
+
+    def feed(self, message: StreamBlock) -> None:
+        """Take the next block of the stream, and publish the impact that it completes.
+
+        Raises
+        ------
+        RigError
+            If the stream cannot be searched.
+        """
+        if self._publisher is None:
+            self._publisher = self._node.advertise(interfaces.ACCELERATION)
+        if self._cutter is None:
+            return
+        identity = identity_from_msg(message)
+        for cut in self._cutter.feed(block_from_msg(message)):
+            self._publisher.publish(block_to_msg(cut, identity))
+
+    def describe(self) -> dict[str, Any]:
+        """Return the flow, by names for the diagnostics, and the rate since the last call."""
+        if self._publisher is None:
+            return {}
+        flow = self._cutter.flow if self._cutter else StreamFlow()
+        return {
+            "stream blocks": flow.blocks,
+            "stream gaps": flow.gaps,
+            "stream points missing": flow.missing_points,
+            "stream points per second": round(self._rate.measure(flow.points)),
+            "impacts while not armed": flow.other_impacts,
+        }
+
+    def describe_warning(self) -> str | None:
+        """Return how much of the stream has been lost."""
+        lost = self._cutter.flow.missing_points if self._cutter else 0
+        if not lost:
+            return None
+        return (
+            f"{lost} points of the stream were lost: this computer does not hold its rate;"
+            " hits that lack points are rejected"
+        )
+
+
 class EstimatorNode(RigNode):
     """Feeds the core's session with what the accelerometers publish.
 
     In a campaign that is recorded, a record is judged when the recorder has stored it: whatever
     dies at whatever moment, the hit of a published verdict is on the disk. What is cut out of a
-    running stream goes the same way: it is published, and comes back. A separate thread receives
-    and cuts the stream, however long an evaluation takes.
+    running stream goes the same way: it is published, and comes back.
 
     Asked to join a campaign that the run's recordings have hits of, it reads those. Without a
     campaign that asks, it follows the set-ups that it receives: those of a replay.
@@ -60,11 +130,6 @@ class EstimatorNode(RigNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("estimator", **options)
-        self.declare(
-            "stream_depth", interfaces.STREAM_DEPTH,
-            "blocks of a running stream that may wait before the oldest are lost [-]",
-            low=1, high=100_000,
-        )  # fmt: skip
         self._setup: RigSetup | None = None
         self._ledger: Ledger | None = None
         self._incomplete: dict[str, None] = {}
@@ -76,37 +141,29 @@ class EstimatorNode(RigNode):
         self._estimate = self.advertise(interfaces.ESTIMATE)
         self._hammer_estimate = self.advertise(interfaces.HAMMER_ESTIMATE)
         self._comparison = self.advertise(interfaces.COMPARISON)
-        self._counts = {"impacts accepted": 0, "impacts rejected": 0, "blocks": 0}
         self.listen(interfaces.SETUP, self._on_setup)
         self.listen(interfaces.RECORD_STORED, self._on_stored)
         self.listen(interfaces.ACCELERATION, self._on_block)
+        self.listen(interfaces.STREAM, self._on_stream_block)
         self.create_service(GetResults, interfaces.GET_RESULTS, self._on_get_results)
         self.offer_to_join()
-        self._stream: StreamListener | None = None
 
     def configure(self) -> None:
-        """Load what the first hit will need, and listen to a running stream."""
+        """Load what the first hit will need."""
         for name in LIBRARIES:
             import_module(name)
-        topic = interfaces.make_stream_topic(self.get_value("stream_depth"))
-        self._stream = StreamListener(self, topic, self._on_stream_block)
-
-    def cleanup(self) -> None:
-        """Take no more of a running stream."""
-        if self._stream is not None:
-            self._stream.stop()
 
     def deactivate(self) -> None:
         """Forget what has come: a campaign that goes on reads it again."""
         self._ledger = self._setup = None
 
     def diagnose(self) -> dict[str, Any]:
-        """Return how much has been judged, and what a record waits for."""
+        """Return what a record waits for, and the flow of a running stream."""
         waiting = self._ledger.waiting_record if self._ledger else 0
         text = f"the recorder has not said that record {waiting} is stored" if waiting else ""
-        return {**self._counts, "waiting for": text, **self._cutting.describe()}
+        return {"waiting for": text, **self._cutting.describe()}
 
-    def describe_warning(self) -> str:
+    def describe_warning(self) -> str | None:
         """Return what has been lost of a running stream."""
         return self._cutting.describe_warning()
 
@@ -165,7 +222,6 @@ class EstimatorNode(RigNode):
         if self._ledger is None or not is_ours:
             self._early.append(message)
             return
-        self._counts["blocks"] += 1
         self._publish_hits(self._ledger.session, self._ledger.add_block(message))
 
     def _on_stream_block(self, message: StreamBlock) -> None:
@@ -187,7 +243,6 @@ class EstimatorNode(RigNode):
             numbers = session.estimate_numbers(struck) if hit.accepted else None
         finally:
             self._impact.publish(hit_to_msg(hit, self.membership.identity))
-            self._counts["impacts accepted" if hit.accepted else "impacts rejected"] += 1
         if numbers is None:
             return
         stamp = self.get_clock().now().to_msg()

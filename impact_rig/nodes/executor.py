@@ -1,4 +1,4 @@
-"""What runs the callbacks of a node: rclpy's events executor, or its default one without it."""
+"""What runs the callbacks of a node: rclpy's events executor, as its wheels have it."""
 
 import contextlib
 import inspect
@@ -7,14 +7,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.context import Context
-from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.executors import Executor
+from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
-
-try:
-    from rclpy.experimental import EventsExecutor
-except ImportError:
-    # Before rclpy 7.1.4 there was none; the default one costs three times as much a message.
-    EventsExecutor = SingleThreadedExecutor
 
 LONGEST_SPIN = 3600.0
 """How long is spun at a time [s]. Without a limit the events executor of rclpy's wheels neither

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from builtin_interfaces.msg import Time
-from impact_rig_msgs.msg import AcquisitionState, HammerRelease, RecorderState
+from impact_rig_msgs.msg import AcquisitionState, HammerRelease
 from impact_rig_msgs.srv import Release, SetAngle
 from std_srvs.srv import Trigger
 
@@ -66,7 +66,6 @@ class HammerNode(DeviceNode):
         self._holder = ""
         self._released: Release.Request | None = None
         self._armed_record = 0
-        self._was_recorded = False
         self._swing = self.create_timer(1.0, self._on_swing_time)
         self._swing.cancel()
         self._last_seen, self._is_caught_up_at = _read_clock(), 0.0
@@ -78,8 +77,9 @@ class HammerNode(DeviceNode):
             self._check_rig,
         )  # fmt: skip
         self._recorder = RigMember(
-            self, "recorder", interfaces.RECORDER_STATE, self._on_recorder_state, self._check_rig
-        )
+            self, "recorder", interfaces.RECORDER_STATE, lambda _: self._check_rig(),
+            self._check_rig,
+        )  # fmt: skip
         # A bag that is played has set-ups, too.
         self._campaign = RigMember(
             self, "campaign", interfaces.SETUP, on_liveliness=self._check_rig, is_single=False
@@ -137,18 +137,9 @@ class HammerNode(DeviceNode):
         self._hammer.lose(str(error))
         super().lose_device(error)
 
-    def diagnose(self) -> dict[str, Any]:
-        """Return what the hammer does."""
-        condition = self._hammer.condition
-        return {
-            "holder": self._holder,
-            "armed": condition.is_armed,
-            "held": condition.place is HammerPlace.HELD,
-        }
-
-    def describe_warning(self) -> str:
+    def describe_warning(self) -> str | None:
         """Return that an emergency stop lasts."""
-        return "an emergency stop lasts" if self._hammer.is_stopped else ""
+        return "an emergency stop lasts" if self._hammer.is_stopped else None
 
     def _publish_condition(self, condition: HammerCondition) -> None:
         if self.context.ok():
@@ -179,10 +170,6 @@ class HammerNode(DeviceNode):
         ):
             self._end_swing("the record has ended")
 
-    def _on_recorder_state(self, message: RecorderState) -> None:
-        self._was_recorded = self._was_recorded or message.recording
-        self._check_rig()
-
     def _watch(self) -> None:
         """Check that what a release needs is still there; never releases."""
         self._check_clock()
@@ -212,11 +199,9 @@ class HammerNode(DeviceNode):
             if loss := member.describe_loss():
                 return loss
         recorder = self._recorder.state
-        if self._recorder not in members or not self._was_recorded:
+        if self._recorder not in members or recorder is None or recorder.recording:
             return ""
-        if recorder.recording or recorder.waiting:
-            return ""
-        return f"the recorder has stopped: {recorder.message}"
+        return f"nothing is being recorded ({recorder.message}): start the recorder"
 
     def _describe_obstacle(self, request: Release.Request) -> str:
         """Return why the rest of the rig could not record a hit; empty: it could."""
@@ -234,10 +219,8 @@ class HammerNode(DeviceNode):
                 f" {acquisition.sample!r}, not for record {request.record} on"
                 f" {request.sample!r}"
             )
-        recorder = self._recorder.state
-        if self.get_value("require_recorder") and not (recorder and recorder.recording):
-            why = recorder.message if recorder else "no recorder has reported"
-            return f"nothing is being recorded ({why}): start the recorder first"
+        if self.get_value("require_recorder") and self._recorder.state is None:
+            return "no recorder has reported: start the recorder first"
         return ""
 
     # The services.
@@ -272,8 +255,8 @@ class HammerNode(DeviceNode):
         except ParameterError as error:
             return _answer(response, str(error))
         reason = self._run_guarded(lambda: self._hammer.set_angle(request.angle))
-        is_moving = reason == ON_ITS_WAY
-        return _answer(response, interfaces.NOT_YET * is_moving + reason, "there")
+        response.later = reason == ON_ITS_WAY
+        return _answer(response, reason, "there")
 
     def _on_emergency_stop(
         self, _: Trigger.Request, response: Trigger.Response
@@ -310,7 +293,7 @@ class HammerNode(DeviceNode):
             obstacle = self._describe_obstacle(request)
             # The states of accelerometers and recorder travel by other topics than the request.
             if obstacle and not self._hammer.describe_obstacle():
-                response.message = interfaces.NOT_YET + obstacle
+                response.message, response.later = obstacle, True
                 return response
             stamp = self.get_clock().now().to_msg()
             response.message = self._run_guarded(lambda: self._hammer.release(obstacle))
@@ -318,9 +301,7 @@ class HammerNode(DeviceNode):
                 self.get_logger().warning(f"release refused: {response.message}")
                 return response
             self._begin_swing(request, stamp)
-        recorder = self._recorder.state
         response.success = True
-        response.recording = recorder.uri if recorder and recorder.recording else ""
         response.latest_contact = self._compute_latest_contact()
         return response
 

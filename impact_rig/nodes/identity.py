@@ -15,9 +15,6 @@ from unique_identifier_msgs.msg import UUID
 
 from impact_rig.recordings.messages import NO_ID
 
-WARNED = 1000
-"""How many foreign campaigns are remembered to have been warned of [-]."""
-
 
 def make_id() -> bytes:
     """Return a new id."""
@@ -92,7 +89,7 @@ class Membership:
         if isinstance(message, StreamBlock) and not self.is_foreign_stream(message):
             return False
         # A node that has just been started has not been asked to join yet.
-        if campaign_id not in self.foreign and campaign_id != NO_ID and len(self.foreign) < WARNED:
+        if campaign_id not in self.foreign and campaign_id != NO_ID:
             self.foreign.add(campaign_id)
             self._warn(
                 f"{what} carries the id of another campaign, {uuid.UUID(bytes=campaign_id)}: a"

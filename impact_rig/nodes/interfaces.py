@@ -4,7 +4,7 @@ All names are relative, so that a rig can be put into a namespace and remapped.
 """
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -39,10 +39,10 @@ RESULT_DEPTH = 256
 campaigns."""
 COMPARISON_DEPTH = 64
 """The same for traces of 80 kB [messages]."""
-STREAM_DEPTH = 400
-"""How much of a running stream may wait, where no parameter says otherwise [messages], our choice:
-4 s in blocks of 10 ms, for which a computer may do something else. Only what waits takes memory,
-of the paper's rate 20 MB each second."""
+STREAM_DEPTH = 500
+"""How much of a running stream may wait before the oldest is lost [messages]: 5 s in blocks of
+10 ms, for which a node may do something else. Only what waits takes memory, at the paper's rate
+20 MB each second."""
 
 LEASE = 2.0
 """After what time without a sign of life a node counts as silent [s], our choice: an operator who
@@ -85,11 +85,6 @@ STREAM = Topic("acceleration/stream", StreamBlock, _make_qos(STREAM_DEPTH, latch
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
 
 
-def make_stream_topic(depth: int) -> Topic:
-    """Return `STREAM` with another number of blocks that may wait."""
-    return replace(STREAM, qos=_make_qos(depth, latched=False))
-
-
 RELEASE = Topic("release", HammerRelease, _make_qos(RESULT_DEPTH, latched=True))
 VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _make_qos(RESULT_DEPTH, latched=True))
 IMPACT = Topic("impact", Impact, _make_qos(RESULT_DEPTH, latched=True))
@@ -125,9 +120,6 @@ RECORDED_TOPICS = (
     NOTE,
 )
 """Every topic of the rig; what else lies under its namespace is recorded as it is discovered."""
-
-NOT_YET = "not yet, because "
-"""How a service's message begins when what it lacks comes by itself: ask again."""
 
 
 def make_join_name(node: str) -> str:

@@ -3,6 +3,7 @@
 import contextlib
 from collections.abc import Callable
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -43,30 +44,23 @@ class RecorderNode(RigNode):
         )  # fmt: skip
         self.declare("compression", "zstd", "of chunks", choices=COMPRESSIONS)
         self.declare(
-            "required_topics", "acceleration, release, impact",
-            "topics, by commas, that must be connected before the recorder calls itself"
-            " recording, and a release is possible", live=True,
-        )  # fmt: skip
-        self.declare(
             "record_stream", False,
             "in continuous mode, whether the running stream of the accelerometers is recorded as"
             " a whole, beside the hits that are found in it; 72 GB an hour at 2.5 MS/s,"
             " uncompressed",
         )  # fmt: skip
-        self.declare(
-            "stream_depth", 10 * interfaces.STREAM_DEPTH,
-            "how many blocks of the running stream may wait to be written; more are lost",
-            low=interfaces.STREAM_DEPTH, high=100_000,
-        )  # fmt: skip
         self.declare("notes", "", "in the operator's words; they go into the recording")
         self.declare("attachments", "", "files, by commas, that go into the recording")
         self._run: RecordingRun | None = None
-        self._is_connected = False
-        self._warning = self._message = ""
+        self._message = ""
+        self._warning: str | None = None
         self._publish = self.advertise_state(interfaces.RECORDER_STATE)
         self._stored = self.advertise(interfaces.RECORD_STORED)
-        self.create_timer(DISCOVERY_PERIOD / self.pace, lambda: self._run_guarded(self._discover))
-        self.create_timer(HEALTH_PERIOD / self.pace, lambda: self._run_guarded(self._check_health))
+        for period, work in (
+            (DISCOVERY_PERIOD, RecordingRun.discover),
+            (HEALTH_PERIOD, self._check_health),
+        ):
+            self.create_timer(period / self.pace, partial(self._run_guarded, work))
         self.offer_to_join()
 
     def configure(self) -> None:
@@ -86,16 +80,15 @@ class RecorderNode(RigNode):
             self._open(),
             self._stored,
             self._on_failed,
-            stream_depth=self.get_value("stream_depth") * self.get_value("record_stream"),
+            record_stream=self.get_value("record_stream"),
         )
-        self._is_connected, self._warning = False, ""
+        self._warning = None
         run.write_provenance(self.get_value("notes"))
         for file in attachments:
             run.writer.add_attachment(file.name, file.media_type, file.data)
         self.get_logger().info(f"recording to {run.writer.path}")
-        self._discover()
-        if not self._is_connected:
-            self._publish_state(f"waiting: {self._describe_missing_topics()}")
+        run.discover()
+        self._publish_state(f"recording since {datetime.now().astimezone():%Y-%m-%d %H:%M:%S}")
 
     def deactivate(self) -> None:
         """Finish the recording."""
@@ -131,30 +124,20 @@ class RecorderNode(RigNode):
         super().report_fault(text)
         self._publish_state(text)
 
-    def describe_warning(self) -> str:
+    def describe_warning(self) -> str | None:
         """Return what the recording lacks."""
-        return self._run.describe_losses() if self._run else ""
+        return self._run.describe_losses() if self._run else None
 
     def diagnose(self) -> dict[str, Any]:
         """Return what was written so far, and what was not."""
         return {
             "recording": self._is_recording,
-            "waiting for": self._describe_missing_topics(),
             **(self._run.diagnose() if self._run else {}),
         }
 
-    def count_messages(self, topic: str) -> int:
-        """Return how many messages of a topic, by its full name, are in the recording."""
-        return self._run.writer.count_messages(topic) if self._run else 0
-
-    @property
-    def _is_open(self) -> bool:
-        return self._run is not None and not self._run.writer.closed
-
     @property
     def _is_recording(self) -> bool:
-        """Whether a recording is open and connected to the required topics."""
-        return self._is_open and self._is_connected
+        return self._run is not None and not self._run.writer.closed
 
     def _open(self) -> RecordingWriter:
         output = self.get_value("output")
@@ -166,37 +149,20 @@ class RecorderNode(RigNode):
             library=f"impact_rig {__version__}",
         )
 
-    def _describe_missing_topics(self) -> str:
-        """Return which required topics have no publisher; empty: all have one."""
-        if self._run is None or not self._is_open:
-            return ""
-        required = split_names(self.get_value("required_topics"))
-        missing = self._run.find_unconnected(required)
-        return f"no publisher yet of {', '.join(missing)}" if missing else ""
-
-    def _run_guarded(self, work: Callable[[], None]) -> None:
+    def _run_guarded(self, work: Callable[[RecordingRun], None]) -> None:
         """Do some of the work of an open recording; it ends with an error of the file."""
-        if self._is_open:
+        run = self._run
+        if run is not None and not run.writer.closed:
             try:
-                work()
+                work(run)
             except FileError as error:
                 self._on_failed(error)
 
-    def _discover(self) -> None:
-        """Record further topics; publish that everything is recorded once it is."""
-        if self._run is not None:
-            self._run.discover()
-        if not self._is_connected and not self._describe_missing_topics():
-            self._is_connected = True
-            now = datetime.now().astimezone()
-            self._publish_state(f"recording since {now:%Y-%m-%d %H:%M:%S}")
-
-    def _check_health(self) -> None:
+    def _check_health(self, run: RecordingRun) -> None:
         """Write what waits to the disk, and publish further losses."""
-        if self._run is not None:
-            self._run.writer.flush()
-        warning = self.describe_warning()
-        if warning != self._warning and self._is_connected:
+        run.writer.flush()
+        warning = run.describe_losses()
+        if warning is not None and warning != self._warning:
             self._warning = warning
             self.get_logger().warning(warning)
             self._publish_state(f"warning: {warning}")
@@ -204,7 +170,7 @@ class RecorderNode(RigNode):
     def _on_failed(self, error: FileError) -> None:
         """Keep what was written, and publish that nothing is recorded any more."""
         # The first error names the cause; the finished chunks are on disk.
-        if self._run is not None and self._is_open:
+        if self._run is not None and self._is_recording:
             with contextlib.suppress(FileError):
                 self._run.close("disk full" if isinstance(error, DiskFullError) else "error")
         self.report_fault(str(error))
@@ -213,22 +179,10 @@ class RecorderNode(RigNode):
         self._message = message
         fields: dict[str, Any] = {}
         if self._run is not None:
-            writer, total, stream = self._run.writer, self._run.records.total, self._run.stream
-            fields = {
-                "uri": str(writer.path),
-                "messages": writer.messages,
-                "size": writer.size,
-                "gaps": total.gaps + stream.gaps,
-                "missing_points": total.missing_points + stream.missing_points,
-                "messages_lost": self._run.messages_lost,
-            }
+            fields["uri"] = str(self._run.writer.path)
+            fields["messages_lost"] = self._run.messages_lost
         if self.context.ok():
-            self._publish(
-                recording=self._is_recording,
-                waiting=self._is_open and not self._is_connected,
-                message=message,
-                **fields,
-            )
+            self._publish(recording=self._is_recording, message=message, **fields)
 
 
 def _split_paths(text: str) -> list[str]:

@@ -8,19 +8,20 @@ from typing import Any
 
 import rclpy
 from impact_rig_msgs.msg import AccelerationBlock, RecordStored, StreamBlock
+from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
-from impact_rig.core.errors import FileError, RigError
+from impact_rig.core.errors import DeviceError, FileError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.executor import accept_message_info
 from impact_rig.nodes.identity import Identity
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import stamp_to_msg
-from impact_rig.nodes.recorder_node_parameters import NodeParameters
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, name_type
 from impact_rig.recordings.hits import BlockCount, RecordCount, RecordWatch
@@ -29,6 +30,7 @@ from impact_rig.recordings.provenance import (
     PARAMETERS_RECORD,
     PROVENANCE_RECORD,
     describe_provenance,
+    format_parameters,
 )
 from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.schemas import find_message_definition
@@ -41,6 +43,63 @@ PARAMETER_EVENTS = "/parameter_events"
 GLOBAL_TOPICS = ("/diagnostics", "/rosout", PARAMETER_EVENTS)
 """Topics outside the rig's namespace that are recorded."""
 _STREAM_TYPE = name_type(interfaces.STREAM.type)
+
+
+ANSWER_TIMEOUT = 3.0
+"""How long an answer may take until a node is asked again [s], our choice."""
+NODES = (
+    "accelerometer", "campaign", "estimator", "hammer", "recorder", "replayer", "visualizer"
+)  # fmt: skip
+LISTER = "/list_parameters"
+"""Ends the name of the service by which a node lists its parameters."""
+
+
+class NodeParameters:
+    """Asks the rig's nodes in a node's namespace for their parameters.
+
+    `on_change` is called with all texts, by full node name, when one of them has changed.
+    """
+
+    def __init__(self, node: RigNode, on_change: Callable[[dict[str, str]], None]) -> None:
+        self._node = node
+        self._on_change = on_change
+        self._texts: dict[str, str] = {}
+        self._asked: set[str] = set()
+
+    def ask_new_nodes(self) -> None:
+        """Ask nodes of the rig that have not been asked; others may never answer."""
+        prefix = self._node.get_namespace().rstrip("/") + "/"
+        services = {name for name, _ in self._node.get_service_names_and_types()}
+        for full_name in (prefix + name for name in NODES):
+            if full_name + LISTER in services and full_name not in self._asked:
+                self._asked.add(full_name)
+                self._node.executor.create_task(self._ask, full_name)
+
+    def ask_again(self, full_name: str) -> None:
+        """Ask a node again, since one of its parameters was set."""
+        self._asked.discard(full_name)
+
+    async def _ask(self, full_name: str) -> None:
+        node = self._node
+        lister = node.create_client(ListParameters, full_name + LISTER)
+        getter = node.create_client(GetParameters, f"{full_name}/get_parameters")
+        try:
+            listed = await node.call(lister, ListParameters.Request(), ANSWER_TIMEOUT)
+            names = sorted(listed.result.names)
+            got = await node.call(getter, GetParameters.Request(names=names), ANSWER_TIMEOUT)
+        except DeviceError:
+            self._asked.discard(full_name)
+            return
+        finally:
+            # Idle clients would cost the executor time.
+            node.destroy_client(lister)
+            node.destroy_client(getter)
+        # One that was undeclared meanwhile has no value.
+        found = dict(zip(names, map(parameter_value_to_python, got.values), strict=False))
+        text = format_parameters(found)
+        if self._texts.get(full_name) != text:
+            self._texts[full_name] = text
+            self._on_change(dict(self._texts))
 
 
 class RecordingRun:
@@ -59,8 +118,8 @@ class RecordingRun:
         Of `RecordStored`.
     on_failed : callable
         Called with the error if something cannot be written.
-    stream_depth : int
-        How many blocks of the running stream may wait to be written; 0: it is not recorded.
+    record_stream : bool
+        Whether the running stream is recorded.
 
     Raises
     ------
@@ -75,7 +134,7 @@ class RecordingRun:
         publisher: Any,
         on_failed: Callable[[FileError], None],
         *,
-        stream_depth: int,
+        record_stream: bool,
     ) -> None:
         self.writer = writer
         self.records = RecordWatch()
@@ -86,7 +145,7 @@ class RecordingRun:
         self._on_failed = on_failed
         self._subscriptions: dict[str, Any] = {}
         self._skipped: dict[str, str] = {}  # topics that are not recorded, and why
-        self._stream_depth = stream_depth
+        self._record_stream = record_stream
         self._parameters = NodeParameters(node, self._write_parameters)
         self._on_written: dict[str, Callable[[Any], None]] = {
             node.resolve_topic_name(interfaces.ACCELERATION.name): self._on_block,
@@ -94,11 +153,10 @@ class RecordingRun:
             PARAMETER_EVENTS: lambda message: self._parameters.ask_again(message.node),
         }
         try:
-            # All of several states in quick succession are wanted, not only the last.
             for topic in interfaces.RECORDED_TOPICS:
-                self._record_own(topic, QUEUE_DEPTH)
-            if stream_depth:
-                self._record_own(interfaces.STREAM, stream_depth)
+                self._record_own(topic)
+            if record_stream:
+                self._record_own(interfaces.STREAM)
         except FileError:
             with contextlib.suppress(FileError):
                 self.writer.close()
@@ -109,15 +167,6 @@ class RecordingRun:
         middleware = rclpy.get_rmw_implementation_identifier()
         self.writer.add_metadata(PROVENANCE_RECORD, describe_provenance(middleware, notes))
 
-    def find_unconnected(self, names: list[str]) -> list[str]:
-        """Return those of some topics, by their relative names, that have no publisher yet."""
-        inputs = {
-            name: self._subscriptions.get(self._node.resolve_topic_name(name)) for name in names
-        }
-        return [
-            name for name, item in inputs.items() if not item or not item.get_publisher_count()
-        ]
-
     def discover(self) -> None:
         """Record further topics below the namespace and global ones, and nodes' parameters."""
         prefix = self._node.get_namespace().rstrip("/") + "/"
@@ -125,15 +174,15 @@ class RecordingRun:
             if topic in self._subscriptions or topic in self._skipped:
                 continue
             is_ours = topic.startswith(prefix) and not topic_or_service_is_hidden(topic)
-            is_left_out = _STREAM_TYPE in types and not self._stream_depth
+            is_left_out = _STREAM_TYPE in types and not self._record_stream
             if (is_ours or topic in GLOBAL_TOPICS) and not is_left_out:
                 publishers = self._node.get_publishers_info_by_topic(topic)
                 if publishers:
                     self._record_discovered(topic, types, publishers)
         self._parameters.ask_new_nodes()
 
-    def describe_losses(self) -> str:
-        """Return what the recording lacks; empty: nothing."""
+    def describe_losses(self) -> str | None:
+        """Return what the recording lacks."""
         parts = [
             f"the {name} {count.gaps} gap{'s' * (count.gaps > 1)}, {count.missing_points} points"
             " are missing"
@@ -142,7 +191,7 @@ class RecordingRun:
         ]
         if lost := self.messages_lost:
             parts.append(f"{lost} message{'s' * (lost > 1)} did not get through")
-        return "; ".join(parts)
+        return "; ".join(parts) or None
 
     def describe_health(self) -> dict[str, Any]:
         """Return what was counted, by names for the recording and the diagnostics."""
@@ -185,9 +234,10 @@ class RecordingRun:
         self._subscriptions.clear()
         self.writer.close()
 
-    def _record_own(self, topic: Topic, depth: int) -> None:
+    def _record_own(self, topic: Topic) -> None:
+        # All of several states in quick succession are wanted, not only the last.
         qos = copy(topic.qos)
-        qos.depth = max(qos.depth, depth)
+        qos.depth = max(qos.depth, QUEUE_DEPTH)
         self._record(topic.name, topic.type, qos, (describe_qos(topic.qos),), own=topic)
 
     def _record_discovered(

@@ -28,10 +28,7 @@ from impact_rig.nodes.message_check import MessageCheck
 
 RCLError = rclpy_implementation.RCLError
 DIAGNOSTIC_PERIOD = 1.0
-"""Time between two diagnostic messages of a node that has news [s]."""
-SIGN_OF_LIFE = 3
-"""After how many of these periods a node without news repeats its message [-]: aggregators, and
-the view, call one silent after five."""
+"""Time between two diagnostic messages of a node [s]."""
 ACKNOWLEDGEMENT_TIMEOUT = 0.2
 """How long the last state may take to reach its subscribers [s], our choice."""
 _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
@@ -73,8 +70,6 @@ class RigNode(AsyncNode):
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS.name, 10, event_callbacks=_NO_PUBLISHER_EVENTS
         )
-        self._published = DiagnosticStatus()
-        self._periods_without_news = 0
         self.create_timer(DIAGNOSTIC_PERIOD / self.pace, self._publish_diagnostics)
 
     # Overridden by the nodes.
@@ -98,9 +93,9 @@ class RigNode(AsyncNode):
     def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> None:
         """Take part in a campaign, or go on with it; the message says why no hit can come now."""
 
-    def describe_warning(self) -> str:
-        """Return what needs attention though the node works; empty: nothing."""
-        return ""
+    def describe_warning(self) -> str | None:
+        """Return what needs attention though the node works."""
+        return None
 
     # Used by the nodes.
 
@@ -255,9 +250,10 @@ class RigNode(AsyncNode):
         return response
 
     def report_fault(self, text: str) -> None:
-        """Log an error and show it in the diagnostics until the next good transition."""
-        self.fault = text
-        self.get_logger().error(text)
+        """Log an error, once while it stays the same; the next good transition ends it."""
+        if text != self.fault:
+            self.fault = text
+            self.get_logger().error(text)
 
     # Lifecycle.
 
@@ -360,10 +356,6 @@ class RigNode(AsyncNode):
                 }.items()
             ],
         )
-        self._periods_without_news += 1
-        if status == self._published and self._periods_without_news < SIGN_OF_LIFE:
-            return
-        self._published, self._periods_without_news = status, 0
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)

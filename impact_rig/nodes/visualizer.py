@@ -1,8 +1,8 @@
 """The visualizer: model against measured traces, verdicts, tables and the rig's health, in Rerun.
 
 A separate process that only listens: it may drop views, never data, and nothing waits for it.
-The file is written as hits come. What it keeps is bounded: the newest 1000 verdicts for the
-tables, the names of what is shown, and 512 MB for viewers of this host that come late.
+The file is written as hits come. What it keeps of a hit is its verdict; 512 MB wait for viewers of
+this host that come late.
 """
 
 import os
@@ -115,7 +115,6 @@ class VisualizerNode(RigNode):
         self._latest: dict[Hashable, Work] = {}  # to be logged at the next refresh
         self._refreshing: Any = None
         self._is_behind = False
-        self._left_out = 0
         self._last_reason = ""
         self._subscriptions_of_view: list[Any] = []
         self._assembler = TraceAssembler()
@@ -123,7 +122,7 @@ class VisualizerNode(RigNode):
         self._early: deque[Finding] = deque(maxlen=WAITING_MESSAGES)
         self._health = RigHealth(self.get_namespace())
         self._rates = {name: RateMeter() for name in ("blocks", "hits")}
-        self._counts = {"campaigns": 0, "blocks": 0, "hits": 0, "comparisons": 0}
+        self._counts = {"blocks": 0, "hits": 0, "comparisons": 0}
 
     def configure(self) -> None:
         """Open the file and the viewers."""
@@ -179,16 +178,15 @@ class VisualizerNode(RigNode):
                 for name, meter in self._rates.items()
             },
             "hits missing": self._campaign.missing if self._campaign else 0,
-            "views dropped": self._left_out,
         }
 
-    def describe_warning(self) -> str:
+    def describe_warning(self) -> str | None:
         """Return why the view is not complete."""
         if self._is_behind:
             return "a viewer takes no data, or the disk is full: the view may be behind"
         missing = self._campaign.missing if self._campaign else 0
         if not missing:
-            return ""
+            return None
         return (
             f"{missing} hits are missing: the view was too slow for them;"
             " impact-rig view shows all of the recording"
@@ -200,7 +198,6 @@ class VisualizerNode(RigNode):
         try:
             work(self._view.log)
         except RigError as error:
-            self._left_out += 1
             if str(error) != self._last_reason:
                 self._last_reason = str(error)
                 self.get_logger().warning(f"a view is left out: {error}")
@@ -224,7 +221,6 @@ class VisualizerNode(RigNode):
         shown = self._campaign
         if shown is not None and (not stamp or campaign_id == shown.campaign_id != NO_ID):
             return
-        self._counts["campaigns"] += 1
         self._log_latest()
         campaign = self._campaign = ShownCampaign(setup, campaign_id)
         contact_times = [sample.reference_contact_time for sample in setup.samples.samples]

@@ -1,7 +1,7 @@
 """The campaign that goes on now, as the topics tell it: results, traces, hits over each other."""
 
 import math
-from collections import Counter, OrderedDict, deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
@@ -96,8 +96,7 @@ Finding: TypeAlias = VirtualImpact | Impact | SampleEstimate | HammerEstimate | 
 WAITING_RECORDS = 10
 """Records that may wait for the estimator's verdict [-], our choice: in a campaign one does."""
 LARGEST_CAMPAIGN = 1000
-"""Most hits that tables and figures show, the newest [-], our choice: eight of the paper's
-campaigns. It bounds the node's memory."""
+"""Most hits that tables show, the newest [-]: eight of the paper's campaigns."""
 
 
 class ShownCampaign:
@@ -110,9 +109,9 @@ class ShownCampaign:
         self._low_corners = [response.low_corner for response in setup.responses]
         self._records: deque[Record] = deque(maxlen=WAITING_RECORDS)
         self._numbers: Counter[str] = Counter()
-        self._shown: OrderedDict[HitLabel, None] = OrderedDict()  # records whose traces came
-        self._hits: OrderedDict[HitLabel, HitResults] = OrderedDict()
-        self._faults: OrderedDict[HitLabel, tuple[str, ...]] = OrderedDict()
+        self._shown: set[int] = set()  # records whose traces came
+        self._hits: dict[HitLabel, HitResults] = {}
+        self._faults: dict[HitLabel, tuple[str, ...]] = {}
         self._hammer: HammerEstimate | None = None
         self._estimates: dict[str, SampleEstimate] = {}
         self._comparisons: dict[str, dict[str, ModelComparison]] = {}
@@ -143,11 +142,10 @@ class ShownCampaign:
         """Keep what was found, in place of what was known of the same hit, sample and model."""
         match message:
             case VirtualImpact():
-                _keep(self._faults, label_from_msg(message), tuple(message.faults))
+                self._faults[label_from_msg(message)] = tuple(message.faults)
             case Impact():
                 label = label_from_msg(message)
-                hit = hit_results_from_msg(message, self._faults.get(label, ()))
-                _keep(self._hits, label, hit)
+                self._hits[label] = hit_results_from_msg(message, self._faults.get(label, ()))
             case SampleEstimate():
                 self._estimates[message.name] = message
             case HammerEstimate():
@@ -159,18 +157,14 @@ class ShownCampaign:
 
     def note_shown(self, label: HitLabel) -> None:
         """Keep that all traces of a record came."""
-        _keep(self._shown, label, None)
+        self._shown.add(label.record)
 
     @property
     def missing(self) -> int:
         """How many hits have a verdict but no traces, between the first and the last shown."""
-        first, last = next(iter(self._shown), None), next(reversed(self._shown), None)
-        if first is None or last is None:
-            return 0
-        return sum(
-            first.record < label.record < last.record and label not in self._shown
-            for label in self._hits
-        )
+        first, last = min(self._shown, default=0), max(self._shown, default=0)
+        judged = {label.record for label in self._hits}
+        return sum(first < record < last for record in judged - self._shown)
 
     @property
     def newest_hit(self) -> HitResults:
@@ -190,7 +184,7 @@ class ShownCampaign:
                 for name in self.setup.samples.names
                 if name in estimates
             ),
-            hits=tuple(self._hits.values()),
+            hits=tuple(self._hits.values())[-LARGEST_CAMPAIGN:],
         )
 
     def make_traces(self, sample: str) -> SampleTraces:
@@ -203,9 +197,3 @@ class ShownCampaign:
         """Return the contact law of one sample as it is known now."""
         estimate = self._estimates.get(sample)
         return from_message(ContactLaw, estimate.contact_law) if estimate else NO_LAW
-
-
-def _keep(table: OrderedDict[HitLabel, Any], label: HitLabel, value: Any) -> None:
-    table[label] = value
-    while len(table) > LARGEST_CAMPAIGN:
-        table.popitem(last=False)

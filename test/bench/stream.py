@@ -21,7 +21,6 @@ ESTIMATOR = "/estimator"
 SEEN, MISSED = "stream blocks", "stream points missing"  # of the estimator's diagnostics
 COMPRESSION = "lz4"
 PERIOD = 0.01  # [s], between two blocks, as asked for
-DEPTH = 500  # blocks that may wait anywhere on their way: 5 s
 FLOWING = 1_000_000  # [byte], of a recording that the stream has reached
 WARM_UP = 4.0  # [s]: nodes that have just started import what they use first
 SAMPLING_RATE = 2.5e6  # [Hz], of each channel: the paper's
@@ -91,15 +90,13 @@ def run_stream(recording: Path, sampling_rate: float, seconds: float) -> StreamR
                 output=str(recording),
                 compression=COMPRESSION,
                 record_stream=True,
-                stream_depth=DEPTH,
             ),
-            "estimator": processes.start_node("estimator", stream_depth=DEPTH),
+            "estimator": processes.start_node("estimator"),
             "accelerometer": processes.start_node(
                 "accelerometer",
                 mode="continuous",
                 source=f'sampling_rate = "{sampling_rate} Hz"',
                 stream_block_size=round(PERIOD * sampling_rate),
-                stream_depth=DEPTH,
             ),
         }
         processes.wait_until(

@@ -25,7 +25,7 @@ from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.nodes.async_node import RESEND_PERIOD
 from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.nodes.executor import make_executor, spin_until
-from impact_rig.nodes.interfaces import NOT_YET, RECORD_STORED, RECORDER_STATE, SETUP, Topic
+from impact_rig.nodes.interfaces import RECORD_STORED, RECORDER_STATE, SETUP, Topic
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.rig_member import RigMember
@@ -192,12 +192,12 @@ class Harness:
         return answers
 
     def ask(self, kind: Any, name: str, request: Any) -> Any:
-        """Call a service, again while it answers "not yet", and return its answer."""
+        """Call a service, again while it answers "later", and return its answer."""
         answers: list[Any] = []
 
         def is_final() -> bool:
             answers.append(self.call(kind, name, request))
-            return not answers[-1].message.startswith(NOT_YET)
+            return not answers[-1].later
 
         wait_until(is_final)
         return answers[-1]
@@ -312,7 +312,7 @@ def recorder(
         states = harness.listen(RECORDER_STATE, namespace)
         stored = harness.listen(RECORD_STORED, namespace)
         output = str(tmp_path / "session.mcap")
-        node = harness.add(RecorderNode, **{"output": output, "required_topics": "", **parameters})
+        node = harness.add(RecorderNode, **{"output": output, **parameters})
         states.wait(lambda messages: messages[-1].recording)
         return states, stored, node
 

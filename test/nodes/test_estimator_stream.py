@@ -1,6 +1,5 @@
-"""The estimator's thread that cuts records out of a running stream, and its reports."""
+"""The estimator cuts records out of a running stream."""
 
-import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,8 +9,7 @@ from impact_rig_msgs.msg import StreamBlock
 from impact_rig.core.records import Block, ChannelBlock, HitLabel
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.estimator import EstimatorNode
-from impact_rig.nodes.estimator_stream import StreamCutting
+from impact_rig.nodes.estimator import EstimatorNode, StreamCutting
 from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.messages import fill_block, setup_to_msg, stamp_to_msg
 
@@ -41,10 +39,7 @@ def test_other_settings_go_on_with_the_stream_from_where_it_is():
     for number in range(7, 12):
         cutting.feed(make_block(number, impact=number == 8))
     assert len(published[0].hammer.counts) == 1200
-    assert cutting.describe_warning() == ""
-
-
-STREAM = interfaces.make_stream_topic(400)
+    assert cutting.describe_warning() is None
 
 
 def count_blocks(node):
@@ -58,7 +53,7 @@ def stream(harness):
     setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(1))
     IDENTITY.fill(setup)
     harness.advertise(interfaces.SETUP).publish(setup)
-    publisher = harness.advertise(STREAM)
+    publisher = harness.advertise(interfaces.STREAM)
     harness.wait_until(lambda: publisher.get_subscription_count() == 1)
     # Until the set-up has come, what comes is not searched.
     numbers = iter(range(1_000_000))
@@ -71,26 +66,6 @@ def stream(harness):
     last = next(numbers)
     publisher.publish(make_block(last))
     return publisher, node, last
-
-
-def test_a_stream_is_cut_while_the_estimator_does_something_else(harness, stream):
-    publisher, node, last = stream
-    verdicts = harness.listen(interfaces.IMPACT)
-    gate = threading.Event()
-    busy = threading.Thread(target=lambda: harness.run(gate.wait))
-    busy.start()
-    try:
-        before = count_blocks(node)
-        for number in range(last + 1, last + 7):
-            publisher.publish(make_block(number, impact=number == last + 2))
-        harness.wait_until(lambda: count_blocks(node) >= before + 6)
-        assert verdicts.messages == []
-    finally:
-        gate.set()
-        busy.join()
-    # What was cut meanwhile is judged as soon as there is time.
-    (verdict,) = verdicts.wait_for_count(1)
-    assert (verdict.sample, verdict.record) == ("steel small", 4)
 
 
 def test_a_stream_that_cannot_be_searched_is_a_fault_of_the_estimator(harness, stream):

@@ -1,4 +1,4 @@
-"""rclpy's executors as the nodes use them: the events executor, and the default one without it."""
+"""rclpy's events executor as the nodes use it."""
 
 import threading
 import time
@@ -6,13 +6,11 @@ from collections.abc import Callable, Iterator
 
 import pytest
 import rclpy
-from rclpy.executors import Executor, SingleThreadedExecutor
-from rclpy.experimental import EventsExecutor
+from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.task import Future
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.nodes import executor as module
 from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.rig_node import RigNode
@@ -32,11 +30,8 @@ def node() -> Iterator[RigNode]:
         context.try_shutdown()
 
 
-@pytest.fixture(params=[EventsExecutor, SingleThreadedExecutor])
-def executor(
-    request: pytest.FixtureRequest, node: Node, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Executor]:
-    monkeypatch.setattr(module, "EventsExecutor", request.param)
+@pytest.fixture
+def executor(node: Node) -> Iterator[Executor]:
     made = make_executor(node.context)
     made.add_node(node)
     yield made

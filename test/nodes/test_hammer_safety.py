@@ -82,7 +82,6 @@ def test_the_hammer_goes_when_armed_held_recorded_and_the_accelerometers_are_arm
     rig.start()
     answer = rig.release()
     assert answer.success, answer.message
-    assert answer.recording == "a.mcap"
     (command,) = rig.releases.wait_for_count(1)
     assert (command.record, command.sample, command.impact, command.swing_time) == (
         4, "steel small", 2, 0.01,
@@ -92,27 +91,21 @@ def test_the_hammer_goes_when_armed_held_recorded_and_the_accelerometers_are_arm
 
 
 def test_the_hammer_refuses_with_the_reason(rig):
-    rig.start(arming=OTHER, recorder=RecorderState(message="disk full"), arm=False)
+    rig.start(arming=OTHER, arm=False)
     assert "not armed: call hammer/arm" in rig.ask().message
     assert rig.call(interfaces.ARM_HAMMER).success
     assert "armed for record 3" in rig.ask().message
-    rig.acquisition.publish(ARMED)
-    answers = rig._harness.ask_until("disk full", rig.ask)
-    assert not any(answer.success for answer in answers)
     assert not rig.releases.messages
 
 
 def test_the_hammer_says_not_yet_while_others_are_not_ready(rig):
-    waiting = RecorderState(waiting=True, uri="a.mcap", message="waiting for topics")
-    rig.start(recorder=waiting, arming=AcquisitionState(message="ready"))
+    rig.start(arming=AcquisitionState(message="ready"))
     answer = rig.ask()
-    assert not answer.success
+    assert (answer.success, answer.later) == (False, True)
     assert answer.message == (
-        "not yet, because the accelerometers are not armed (ready): call accelerometer/arm first"
+        "the accelerometers are not armed (ready): call accelerometer/arm first"
     )
     rig.acquisition.publish(ARMED)
-    rig._harness.ask_until("waiting for topics", rig.ask)
-    rig.recorder.publish(RECORDING)
     assert rig.release().success
 
 
@@ -132,11 +125,11 @@ def test_accelerometers_at_fault_or_a_recorder_that_stops_disarm_the_hammer_unti
     rig.acquisition.publish(ARMED)
     rig._harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)
     rig.recorder.publish(RecorderState(recording=False, message="disk full"))
-    rig.wait(lambda item: item.message.endswith("the recorder has stopped: disk full"))
+    rig.wait(lambda item: "nothing is being recorded (disk full)" in item.message)
     assert not rig.states.messages[-1].armed
     rig.recorder.publish(RecorderState(recording=True, uri="b.mcap"))
     rig._harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)
-    assert rig.release().recording == "b.mcap"
+    assert rig.release().success
 
 
 @pytest.mark.parametrize("name", ["acquisition", "recorder", "campaign"])
@@ -153,15 +146,6 @@ def test_without_a_recorder_none_is_missed(rig, harness):
     harness.wait_until(lambda: not rig.hammer._recorder.state.recording)
     rig.hammer._watch()
     assert rig.release().success
-
-
-def test_the_normal_end_of_an_arming_is_no_loss(rig, harness):
-    rig.start()
-    rig.acquisition.publish(AcquisitionState(state=AcquisitionState.IDLE, record=4))
-    accelerometer = rig.hammer._accelerometer
-    harness.wait_until(lambda: accelerometer.state.state == AcquisitionState.IDLE)
-    rig.hammer._watch()
-    assert rig.states.messages[-1].armed
 
 
 def test_a_stop_works_in_every_state_of_the_node_and_outlasts_it(rig, harness):

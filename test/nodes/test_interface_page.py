@@ -9,8 +9,7 @@ from impact_rig_msgs.msg import HammerState
 
 from impact_rig.nodes import guarded_hammer, interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
-from impact_rig.nodes.campaign import CampaignNode
-from impact_rig.nodes.campaign_state import TRANSITIONS, State
+from impact_rig.nodes.campaign import TRANSITIONS, CampaignNode, State
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.guarded_hammer import HammerPlace
 from impact_rig.nodes.hammer import HammerNode

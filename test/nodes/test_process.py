@@ -2,7 +2,6 @@
 
 import itertools
 import os
-import platform
 import signal
 import subprocess
 import sys
@@ -12,10 +11,6 @@ import pytest
 
 from impact_rig.cli.up import make_command
 from impact_rig.configuration.processes import ACTIVE, LAUNCHER, NodeProcess
-from impact_rig.nodes import interfaces, rig_node
-from impact_rig.nodes.hammer import HammerNode
-
-from .conftest import PACE
 
 PATIENCE = 60.0
 """How long a process may take before the test fails [s]."""
@@ -39,7 +34,7 @@ def run_script(ros_domain):
 
 
 PARAMETERS = {
-    "block_size:=0": ("block_size", "0"),
+    "stream_block_size:=0": ("stream_block_size", "0"),
     "trigger_timeout:=soon": ("trigger_timeout", "soon"),
     "mode:=always": ("mode", "always", "must be one of triggered, continuous"),
 }
@@ -161,6 +156,24 @@ raise SystemExit(code)
     assert process.stdout == "dds.shm.wdog\n"
 
 
+def test_a_middleware_that_does_not_end_holds_up_no_process(run_script):
+    process = run_script("""
+import gc, os, signal, time
+from impact_rig.nodes.hammer import HammerNode
+from impact_rig.nodes.process import run_node
+
+class Interrupted(HammerNode):
+    def autostart(self):
+        super().autostart()
+        os.kill(os.getpid(), signal.SIGINT)
+
+gc.collect = lambda: time.sleep(1000.0)
+run_node(Interrupted)
+""")
+    assert process.returncode == 1
+    assert "run_node" in process.stderr  # where it stood
+
+
 def test_a_signal_ends_a_node_quietly_that_still_imports(start_process, monkeypatch):
     monkeypatch.setenv("PYTHONPROFILEIMPORTTIME", "1")
     process = start_process("hammer")
@@ -168,17 +181,3 @@ def test_a_signal_ends_a_node_quietly_that_still_imports(start_process, monkeypa
     process.send_signal(signal.SIGINT)
     assert process.wait() == 0
     assert "Traceback" not in process.output
-
-
-def test_without_news_a_node_speaks_seldom_and_names_its_computer(harness):
-    diagnostics = harness.listen(interfaces.DIAGNOSTICS)
-    harness.add(HammerNode)
-    periods = harness.make_collector()
-    harness.peer.create_timer(rig_node.DIAGNOSTIC_PERIOD / PACE, lambda: periods.take(None))
-    periods.wait_for_count(1)
-    before = len(diagnostics.messages)
-    periods.wait_for_count(10)
-    said = diagnostics.messages[before:]
-    # In nine periods of nothing new, a sign of life every third; one more on the border.
-    assert 2 <= len(said) <= 5
-    assert {status.hardware_id for item in said for status in item.status} == {platform.node()}

@@ -112,23 +112,12 @@ def list_values(diagnostics):
     return [(item.key, item.value) for item in diagnostics.status[0].values]
 
 
-def test_it_calls_itself_recording_once_the_required_topics_are_connected(harness, tmp_path):
+def test_a_recorder_that_is_not_started_says_so_to_those_who_would_wait_for_it(harness):
     states = harness.listen(interfaces.RECORDER_STATE)
-    node = harness.add(
-        RecorderNode,
-        output=str(tmp_path / "session.mcap"),
-        required_topics="acceleration, impact",
-        autostart=False,
-    )
+    harness.add(RecorderNode, autostart=False)
     (state,) = states.wait_for_count(1)
-    assert (state.recording, state.waiting) == (False, False)
-    assert "not active" in state.message
-    harness.change_state(node.get_name(), "configure", "activate")
-    state = states.wait(lambda got: "acceleration, impact" in got[-1].message)[-1]
     assert not state.recording
-    harness.advertise(interfaces.ACCELERATION)
-    harness.advertise(interfaces.IMPACT)
-    states.wait(lambda got: got[-1].recording)
+    assert "not active" in state.message
 
 
 def test_other_libraries_read_all_messages_of_all_topics(harness, recorder, tmp_path):
@@ -145,8 +134,8 @@ def test_other_libraries_read_all_messages_of_all_topics(harness, recorder, tmp_
             publisher.publish(topic.type(**sound))
             assert publisher.wait_for_all_acked()
     stored.wait_for_count(COUNT)
-    harness.wait_until(lambda: node.count_messages("/recorder/stored") == COUNT)
-    harness.wait_until(lambda: node.count_messages("/setup") == 1)
+    harness.wait_until(lambda: node._run.writer.count_messages("/recorder/stored") == COUNT)
+    harness.wait_until(lambda: node._run.writer.count_messages("/setup") == 1)
     after = harness.peer.get_clock().now().nanoseconds
     harness.change_state("recorder", "deactivate")
 
@@ -190,7 +179,7 @@ def test_further_topics_below_the_namespace_are_discovered(harness, recorder, tm
     for publisher in (outside, hidden, stream):
         assert not publisher.get_subscription_count()
     for topic in ("/hall/notes", "/hall/name"):
-        harness.wait_until(lambda topic=topic: node.count_messages(topic) > 0)
+        harness.wait_until(lambda topic=topic: node._run.writer.count_messages(topic) > 0)
     harness.change_state("/hall/recorder", "deactivate")
 
     path = tmp_path / "session.mcap"
@@ -239,7 +228,7 @@ def test_what_cannot_be_recorded_is_refused_in_one_sentence(harness):
 def test_a_signal_leaves_a_sound_recording(harness, start_process, tmp_path):
     states = harness.listen(interfaces.RECORDER_STATE)
     path = tmp_path / "session.mcap"
-    process = start_process("recorder", output=str(path), required_topics="''")
+    process = start_process("recorder", output=str(path))
     states.wait(lambda got: got[-1].recording)
     publish(connect(harness), [make_blocks(record, 1)[0] for record in range(COUNT)])
     harness.wait_until(lambda: count_whole_messages(path, "/acceleration") == COUNT)
@@ -308,7 +297,6 @@ def test_every_record_is_on_the_disk_when_the_recorder_says_so_and_what_it_lacks
     assert (second.blocks, second.gaps) == (3, 0)
     warned = states.wait(lambda messages: messages[-1].message.startswith("warning:"))[-1]
     assert warned.recording
-    assert (warned.gaps, warned.missing_points) == (2, 2 * POINTS)
     found = diagnostics.wait(lambda got: got[-1].status[0].level == DiagnosticStatus.WARN)[-1]
     assert "2 gaps, 2000 points are missing" in found.status[0].message
     assert ("gaps", "2") in list_values(found)
@@ -384,7 +372,6 @@ def test_the_running_stream_is_recorded_when_asked_for_and_its_gaps_are_counted(
     starts = [0, POINTS, 4 * POINTS, 7 * POINTS]
     publish(connect(harness, interfaces.STREAM), make_stream(*starts))
     warned = states.wait(lambda messages: messages[-1].message.startswith("warning:"))[-1]
-    assert (warned.gaps, warned.missing_points) == (2, 4 * POINTS)
     assert "the stream has 2 gaps, 4000 points are missing" in warned.message
     harness.close(node)
     path = tmp_path / "session.mcap"

@@ -71,7 +71,7 @@ def nodes(harness, tmp_path):
     """All nodes of a rig, active."""
     kinds = {
         AccelerometerNode: {}, HammerNode: {}, EstimatorNode: {}, CampaignNode: {},
-        RecorderNode: {"output": str(tmp_path / "session.mcap"), "required_topics": ""},
+        RecorderNode: {"output": str(tmp_path / "session.mcap")},
         VisualizerNode: {"output": str(tmp_path / "session.rrd")},
     }  # fmt: skip
     return [harness.add(kind, **parameters) for kind, parameters in kinds.items()]

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from impact_rig_msgs.msg import AcquisitionState
 
 from impact_rig.nodes import interfaces
@@ -13,25 +14,35 @@ from impact_rig.recordings.messages import block_from_msg
 from .desk_rig import arm, make_record, wait_for_release, wait_for_state
 
 
-def test_a_running_stream_passes_gaps_on_and_counts_them(harness, desk, rig):
+def test_a_running_stream_passes_gaps_on_and_each_node_counts_and_names_them(harness, desk, rig):
     seen = harness.listen(interfaces.DIAGNOSTICS)
-    stream = harness.listen(interfaces.make_stream_topic(400))
+    stream = harness.listen(interfaces.STREAM)
+    estimator = harness.add(EstimatorNode)
     node = rig(mode="continuous", stream_block_size=2500)
     record = replace(make_record(), last=False)
-    harness.wait_until(lambda: node.diagnose()["subscribers"])
+    harness.wait_until(lambda: node.diagnose()["subscribers"] == 2 and estimator._setup)
     desk.deliver(record, replace(record, first_sample=7500))
     got = [block_from_msg(item) for item in stream.wait_for_count(4)]
     assert [block.first_sample for block in got] == [0, 2500, 7500, 10000]
     assert not any(block.last for block in got)
     assert desk.calls == ["configure", "arm"]
-    values = seen.wait(lambda got: read_values(got).get("points lost") == "2500")
-    assert read_values(values)["blocks sent"] == "4"
+    for name, figure, word in (
+        ("accelerometer", "points lost", "2500 points of the source were lost"),
+        ("estimator", "stream points missing", "2500 points of the stream were lost"),
+    ):
+        status = wait_for_losses(seen, f"/{name}", figure)
+        assert (status.level, word in status.message) == (DiagnosticStatus.WARN, True)
 
 
-def read_values(messages):
-    """Return the newest figures of the accelerometers; none if they have not come yet."""
-    found = [item for array in messages for item in array.status if item.name == "/accelerometer"]
-    return {item.key: item.value for item in found[-1].values} if found else {}
+def wait_for_losses(collector, node, figure):
+    """Wait until a figure of a node's diagnostics is above 0; return the diagnostics."""
+
+    def find(arrays):
+        newest = [array.status[0] for array in arrays if array.status[0].name == node][-1:]
+        values = {item.key: item.value for status in newest for item in status.values}
+        return newest if int(values.get(figure, 0)) > 0 else []
+
+    return find(collector.wait(find))[0]
 
 
 def make_quiet():
@@ -59,7 +70,7 @@ def stream_rig(rig):
 def test_a_hit_that_the_end_of_the_stream_cuts_off_is_rejected_at_once(
     harness, desk, stream_rig, states, impacts, release, end
 ):
-    stream = harness.listen(interfaces.make_stream_topic(400))
+    stream = harness.listen(interfaces.STREAM)
     node = stream_rig(0.0)
     desk.deliver(make_quiet())
     record = arm(harness).record
