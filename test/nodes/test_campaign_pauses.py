@@ -1,6 +1,5 @@
 """A campaign pauses while something is missing, says why, and goes on with its hits."""
 
-import pytest
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
 from std_srvs.srv import Trigger
@@ -69,43 +68,43 @@ def arm(harness):
     harness.wait_until(lambda: harness.call(Trigger, interfaces.ARM_HAMMER).success)
 
 
-@pytest.mark.parametrize("service", [interfaces.DISARM_HAMMER, interfaces.EMERGENCY_STOP])
-def test_whatever_disarms_the_hammer_a_person_arms_it(harness, service):
+def test_whatever_disarms_the_hammer_a_person_arms_it(harness):
     handle, feedback = strike_on(harness)
-    harness.call(Trigger, service)
-    assert "hammer/arm" in wait_for_state(feedback, PAUSED, "is not armed")
-    heard = harness.listen(interfaces.HAMMER_STATE)
-    harness.call(Trigger, interfaces.RESET_HAMMER)
-    wait_for_state(feedback, PAUSED, "is not armed")
-    assert not [state for state in heard.messages if state.armed]
-    arm(harness)
-    wait_for_more_hits(feedback)
+    for service in (interfaces.DISARM_HAMMER, interfaces.EMERGENCY_STOP):
+        harness.call(Trigger, service)
+        assert "hammer/arm" in wait_for_state(feedback, PAUSED, "is not armed")
+        heard = harness.listen(interfaces.HAMMER_STATE)
+        harness.call(Trigger, interfaces.RESET_HAMMER)
+        wait_for_state(feedback, PAUSED, "is not armed")
+        assert not [state for state in heard.messages if state.armed]
+        arm(harness)
+        wait_for_more_hits(feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
 
 
-@pytest.mark.parametrize("kind", [HammerNode, AccelerometerNode])
-def test_a_device_that_was_lost_and_is_back_is_used_again_once_a_person_has_armed(harness, kind):
+def test_a_device_that_was_lost_and_is_back_is_used_again_once_a_person_has_armed(harness):
     handle, feedback = strike_on(harness, hammer=FOR_GOOD, **FOR_GOOD)
-    node = find_node(harness, kind)
-    harness.run(lambda: node.lose_device(DeviceError("its cable was pulled")))
-    wait_for_state(feedback, PAUSED, "its cable was pulled")
-    harness.run(node.autostart)
-    wait_for_state(feedback, PAUSED, "is not armed")
-    arm(harness)
-    wait_for_more_hits(feedback)
+    for kind in (HammerNode, AccelerometerNode):
+        node = find_node(harness, kind)
+        harness.run(lambda node=node: node.lose_device(DeviceError("its cable was pulled")))
+        wait_for_state(feedback, PAUSED, "its cable was pulled")
+        harness.run(node.autostart)
+        wait_for_state(feedback, PAUSED, "is not armed")
+        arm(harness)
+        wait_for_more_hits(feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
 
 
-@pytest.mark.parametrize("kind", [EstimatorNode, AccelerometerNode, HammerNode])
-def test_a_node_that_was_deactivated_and_is_active_again_is_used_again(harness, tmp_path, kind):
+def test_a_node_that_was_deactivated_and_is_active_again_is_used_again(harness, tmp_path):
     harness.add(RecorderNode, output=str(tmp_path / "session.mcap"))
     handle, feedback = strike_on(harness, campaign={**SOON, "require_recorder": True})
-    node = find_node(harness, kind)
-    harness.run(node.trigger_deactivate)
-    wait_for_state(feedback, PAUSED, f"the {node.get_name()} node is not active")
-    harness.run(node.trigger_activate)
-    arm(harness)
-    wait_for_more_hits(feedback)
+    for kind in (EstimatorNode, AccelerometerNode, HammerNode):
+        node = find_node(harness, kind)
+        harness.run(node.trigger_deactivate)
+        wait_for_state(feedback, PAUSED, f"the {node.get_name()} node is not active")
+        harness.run(node.trigger_activate)
+        arm(harness)
+        wait_for_more_hits(feedback)
     # Of an estimator, too: what it had judged before is in the recording.
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
 
