@@ -227,9 +227,7 @@ def make_hit(label: HitLabel, *rejections: Finding, pulse: bool = True) -> Judge
         ("17", FIRST),
         ("3", OTHER),
         ("steel small/3.1", FIRST),
-        ("steel small/3.2", SECOND),
         ("brass/1", OTHER),
-        ("brass/1.1", OTHER),
     ],
 )
 def test_a_hit_is_called_by_record_or_by_place(name, label):

@@ -90,7 +90,6 @@ def test_a_series_is_as_fast_as_its_pendulum_falls(degrees):
     ("degrees", "told"),
     [
         ([0.0], "release angle is 0°: it must be above 0° and 90° at most"),
-        ([math.nan], "release angle is nan°"),
         ([5.0, 10.0, 5.0], "release angle 5° is given twice"),
     ],
 )

@@ -192,13 +192,10 @@ def test_only_what_a_hit_may_still_need_is_kept():
         assert kept <= 4
 
 
-HIT = HitLabel("steel", record=1)
-
-
 def make_short_stream(counts: Counts, size: int = 1000, first: int = 0) -> list[Block]:
     """Cut counts into the blocks of a stream that is armed all the time."""
     return [
-        replace(block, first_sample=block.first_sample + first, label=HIT, last=False)
+        replace(block, first_sample=block.first_sample + first, label=FIRST, last=False)
         for block in make_blocks(counts, counts, [size])
     ]
 
@@ -219,7 +216,7 @@ def end_stream(stream: list[Block]) -> Block:
 def test_a_hit_that_the_stream_begins_in_is_rejected_for_what_it_lacks(pulse, first):
     whole = make_counts([(200 + pulse, 900.0)], 9200)
     (record,) = detect(cut(make_short_stream(whole[200:], first=first)))
-    assert record.label == HIT
+    assert record.label == FIRST
     assert "missing at point 0" in record.flaws[0]
     assert Reason.GAP in {item.reason for item in judge_hit(record, SETTINGS).rejections}
 
@@ -227,7 +224,7 @@ def test_a_hit_that_the_stream_begins_in_is_rejected_for_what_it_lacks(pulse, fi
 def test_a_stream_that_begins_in_a_hit_is_not_deaf_for_the_next_one():
     counts = make_counts([(0, 900.0), (6000, 900.0)], 12_000)
     stream = make_short_stream(counts)
-    following = [replace(item, label=replace(HIT, record=2)) for item in stream[4:]]
+    following = [replace(item, label=replace(FIRST, record=2)) for item in stream[4:]]
     first, second = detect(cut([*stream[:4], *following]))
     assert (first.label.record, second.label.record) == (1, 2)
     assert first.flaws
@@ -250,5 +247,5 @@ def test_a_hit_that_the_end_of_the_stream_cuts_off_is_judged_at_once(arming_ends
     cuts = cut([*stream, *ends, end_stream(stream)])
     assert [block.last for block in cuts] == [False, True]
     (record,) = detect(cuts)
-    assert record.label == HIT
+    assert record.label == FIRST
     assert record.flaws[0].endswith(f"missing at point {cuts[0].hammer.output.size}")
