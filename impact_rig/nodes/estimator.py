@@ -245,11 +245,7 @@ class EstimatorNode(RigNode):
             self._impact.publish(hit_to_msg(hit, self.membership.identity))
         if numbers is None:
             return
-        stamp = self.get_clock().now().to_msg()
-        self._publish_estimate(numbers, stamp)
-        if is_control:
-            hammer = session.estimate_hammer(struck)
-            self._hammer_estimate.publish(estimate_to_msg(hammer, stamp, self.membership.identity))
+        self._publish_estimate(session, numbers)
         # Everything beside the numbers takes most of the time, and the next hit replaces it.
         # The hammer's stiffness from the control sample changes every other sample's k2.
         self._incomplete |= dict.fromkeys(session.names if is_control else [struck])
@@ -263,16 +259,21 @@ class EstimatorNode(RigNode):
         name = next(iter(self._incomplete))
         del self._incomplete[name]
         try:
-            stamp = self.get_clock().now().to_msg()
-            self._publish_estimate(self._ledger.session.estimate_sample(name), stamp)
+            session = self._ledger.session
+            self._publish_estimate(session, session.estimate_sample(name))
         except RigError as error:
             self.report_fault(str(error))
 
-    def _publish_estimate(self, estimate: SampleEstimate, stamp: Time) -> None:
+    def _publish_estimate(self, session: Session, estimate: SampleEstimate) -> None:
+        """Publish a sample's estimate and, of the control sample, the hammer's with it."""
         if not estimate.contact_time.is_known:
             return
-        self._estimate.publish(estimate_to_msg(estimate, stamp, self.membership.identity))
+        stamp, identity = self.get_clock().now().to_msg(), self.membership.identity
+        self._estimate.publish(estimate_to_msg(estimate, stamp, identity))
         self._publish_comparisons(estimate, stamp)
+        if session.is_control(estimate.name):
+            hammer = session.estimate_hammer(estimate.name)
+            self._hammer_estimate.publish(estimate_to_msg(hammer, stamp, identity))
 
     def _publish_comparisons(self, estimate: SampleEstimate, stamp: Time) -> None:
         for comparison in estimate.comparisons:
@@ -302,6 +303,8 @@ class EstimatorNode(RigNode):
             self._estimate.publish(message)
             if estimate.name in self._incomplete:
                 self._publish_comparisons(estimate, stamp)
+        if results.hammer.stiffness.is_known:
+            self._hammer_estimate.publish(response.hammer)
         self._incomplete.clear()
         response.accepted = [hit_to_msg(hit, identity) for hit in results.accepted]
         response.rejected = [hit_to_msg(hit, identity) for hit in results.rejected]
