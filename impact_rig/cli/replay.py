@@ -6,8 +6,7 @@ from impact_rig.cli import options
 from impact_rig.cli.output import show_progress, show_results
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes.replay_client import ReplayClient
-from impact_rig.nodes.replayer import run_replayer
-from impact_rig.nodes.replayer_recording import RecordingToReplay
+from impact_rig.nodes.replayer import RecordingToReplay, run_replayer
 from impact_rig.present.console import print_warning
 
 PLAYER_ONLY = ("rate", "loop", "namespace", "network")  # options of the player alone
@@ -53,7 +52,7 @@ def _estimate(file: Path, recording: RecordingToReplay, *, as_json: bool) -> Non
     ):
         found = list(
             client.estimate(
-                recording, lambda done: follow(f"replaying {file}", done, recording.size)
+                recording, lambda done: follow(f"replaying {file}", done, recording.duration)
             )
         )
     if not found:

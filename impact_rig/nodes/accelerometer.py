@@ -216,7 +216,7 @@ class AccelerometerNode(DeviceNode):
             or arming.is_released
             or arming.label != replace(label, record=arming.label.record)
         ):
-            response.message = self._describe_obstacle(label)
+            response.message = self._describe_obstacle(label) or ""
             if response.message or self._thread is None:
                 return response
             if delay := self._describe_delay():
@@ -232,8 +232,8 @@ class AccelerometerNode(DeviceNode):
             response.message, response.later = "the source is being armed", True
         return response
 
-    def _describe_delay(self) -> str:
-        """Return what arming waits for that comes by itself; empty: nothing."""
+    def _describe_delay(self) -> str | None:
+        """Return what arming waits for that comes by itself."""
         if self._arming is not None:
             return f"record {self._arming.label.record} has not ended"
         if self._setup is None:
@@ -249,24 +249,24 @@ class AccelerometerNode(DeviceNode):
             )
         if not self.is_connected(blocks):
             return f"a subscriber of {blocks.topic_name} is still connecting"
-        return ""
+        return None
 
-    def _describe_obstacle(self, label: HitLabel) -> str:
-        """Return why the accelerometers may not be armed, now or soon; empty: they may."""
+    def _describe_obstacle(self, label: HitLabel) -> str | None:
+        """Return why the accelerometers may not be armed, now or soon."""
         if not self.is_active:
             why = self.fault or "activate it first"
             return f"the accelerometer node is not active: {why}"
         if self._arming is not None and not self._arming.is_released:
             return f"already armed for record {self._arming.label.record}: disarm first"
         if self._setup is None:
-            return ""
+            return None
         try:
             self._setup.samples.find(label.sample)
             if self._open is not None and self._open.hammerless is not None:
                 self._open.hammerless.check_sample(label.sample)
         except RigError as error:
             return str(error)
-        return ""
+        return None
 
     def _on_release(self, message: HammerRelease) -> None:
         arming, opened = self._arming, self._open

@@ -3,15 +3,15 @@
 import contextlib
 import math
 import time
-from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cached_property
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import HammerState, Impact, SampleCount
+from impact_rig_msgs.msg import CampaignPlan, HammerState, Impact, SampleCount
 from impact_rig_msgs.msg import RigSetup as RigSetupMessage
 from impact_rig_msgs.srv import Arm, ConfirmSample, GetResults, JoinCampaign, Release, SetAngle
 from rclpy.action import ActionServer, CancelResponse
@@ -19,11 +19,10 @@ from rclpy.action.server import ServerGoalHandle
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import load_rig_file
-from impact_rig.core.errors import DeviceError, RigError
+from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.setup import PAPER_SETUP, RigSetup, Sample, format_angle
 from impact_rig.nodes import interfaces, messages
-from impact_rig.nodes.campaign_plan import plan_campaign
-from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg
+from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.messages import setup_from_msg
@@ -114,6 +113,58 @@ class Campaign:
 
 class EndError(RigError):
     """The campaign ends here, with a reason."""
+
+
+def plan_campaign(
+    goal: RunCampaign.Goal, setup: RigSetup, angles: Sequence[float], stamp: Time
+) -> RigSetupMessage:
+    """Return the set-up of the campaign that a goal asks for, with its id and its plan.
+
+    Parameters
+    ----------
+    goal : RunCampaign.Goal
+        Of a new campaign, or of one that goes on.
+    setup : RigSetup
+        Of the rig file.
+    angles : sequence of float
+        Release angles of the rig file [rad].
+    stamp : Time
+        When the campaign begins.
+
+    Raises
+    ------
+    ParameterError
+        If the goal cannot be run.
+    """
+    if goal.resumed.plan.impacts:
+        setup_from_msg(goal.resumed)
+        goal.resumed.plan.confirm_samples = goal.confirm_samples
+        return goal.resumed
+    if goal.impacts < 1:
+        raise ParameterError("impacts is 0: a campaign needs at least 1 per sample")
+    if goal.keep_hits > goal.impacts:
+        raise ParameterError(
+            f"keep_hits is {goal.keep_hits} of {goal.impacts} impacts: no more hits can be"
+            " kept than are struck"
+        )
+    samples = list(goal.samples) or list(setup.samples.names)
+    for name in samples:
+        setup.samples.find(name)
+        if samples.count(name) > 1:
+            raise ParameterError(f"sample {name!r} is asked for twice: once is enough")
+    if angles := list(goal.release_angles) or angles:
+        setup = setup.at_angles(angles)
+    if goal.keep_hits:
+        setup = replace(setup, analysis=replace(setup.analysis, keep_hits=goal.keep_hits))
+    message = messages.setup_to_msg(setup, stamp)
+    message.campaign_id = id_to_msg(make_id())
+    message.plan = CampaignPlan(
+        samples=setup.samples.find_series(samples),
+        impacts=goal.impacts,
+        attempts_per_impact=goal.attempts_per_impact,
+        confirm_samples=goal.confirm_samples,
+    )
+    return message
 
 
 class CampaignNode(RigNode):

@@ -261,8 +261,8 @@ class EstimatorNode(RigNode):
         try:
             session = self._ledger.session
             self._publish_estimate(session, session.estimate_sample(name))
-        except RigError as error:
-            self.report_fault(str(error))
+        except Exception as error:  # noqa: BLE001 - the verdicts and numbers are published already
+            self.report_fault(str(error) if isinstance(error, RigError) else repr(error))
 
     def _publish_estimate(self, session: Session, estimate: SampleEstimate) -> None:
         """Publish a sample's estimate and, of the control sample, the hammer's with it."""

@@ -186,10 +186,11 @@ class HammerNode(DeviceNode):
 
     def _check_rig(self) -> None:
         """Take the enable back if accelerometers, recorder or campaign are lost."""
-        self._hammer.disarm_by_loss(self._describe_loss())
+        if loss := self._describe_loss():
+            self._hammer.disarm_by_loss(loss)
 
-    def _describe_loss(self) -> str:
-        """Return what was there and is lost; empty: nothing."""
+    def _describe_loss(self) -> str | None:
+        """Return what was there and is lost."""
         if self.count_publishers(interfaces.HAMMER_STATE.name) > 1:
             return f"another node publishes {interfaces.HAMMER_STATE.name}: end it"
         members = [self._accelerometer, self._campaign]
@@ -200,11 +201,11 @@ class HammerNode(DeviceNode):
                 return loss
         recorder = self._recorder.state
         if self._recorder not in members or recorder is None or recorder.recording:
-            return ""
+            return None
         return f"nothing is being recorded ({recorder.message}): start the recorder"
 
-    def _describe_obstacle(self, request: Release.Request) -> str:
-        """Return why the rest of the rig could not record a hit; empty: it could."""
+    def _describe_obstacle(self, request: Release.Request) -> str | None:
+        """Return why the rest of the rig could not record a hit."""
         if loss := self._describe_loss():
             return loss
         if _read_clock() < self._is_caught_up_at:
@@ -221,7 +222,7 @@ class HammerNode(DeviceNode):
             )
         if self.get_value("require_recorder") and self._recorder.state is None:
             return "no recorder has reported: start the recorder first"
-        return ""
+        return None
 
     # The services.
 
@@ -296,7 +297,7 @@ class HammerNode(DeviceNode):
                 response.message, response.later = obstacle, True
                 return response
             stamp = self.get_clock().now().to_msg()
-            response.message = self._run_guarded(lambda: self._hammer.release(obstacle))
+            response.message = self._run_guarded(lambda: self._hammer.release(obstacle or ""))
             if response.message:
                 self.get_logger().warning(f"release refused: {response.message}")
                 return response

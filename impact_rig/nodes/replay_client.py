@@ -12,7 +12,7 @@ from impact_rig.core.errors import RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
 from impact_rig.nodes.estimator import EstimatorNode
-from impact_rig.nodes.replayer_recording import RecordingToReplay
+from impact_rig.nodes.replayer import RecordingToReplay
 from impact_rig.nodes.result_messages import results_from_msg
 from impact_rig.recordings.messages import stamp_from_msg
 from impact_rig.results.campaign import Results
@@ -54,7 +54,7 @@ class ReplayClient(RigClient):
         super().__exit__()
 
     def estimate(
-        self, recording: RecordingToReplay, report: Callable[[int], None]
+        self, recording: RecordingToReplay, report: Callable[[float], None]
     ) -> Iterator[Results]:
         """Yield the results of each campaign with hits.
 
@@ -63,7 +63,7 @@ class ReplayClient(RigClient):
         recording : RecordingToReplay
             What is published.
         report : callable
-            Gets now and then how far the recording was read [byte].
+            Gets how far the recording was replayed, in its own time [ns].
 
         Raises
         ------
@@ -75,7 +75,8 @@ class ReplayClient(RigClient):
             CONNECTION_TIMEOUT,
         )
         has_setup = has_blocks = False
-        for message in recording.read_messages(report):
+        for message in recording.read_messages():
+            report(message.time)
             if message.topic is interfaces.VIRTUAL_IMPACT:
                 truth = deserialize_message(message.data, VirtualImpact)
                 self._faults[truth.record] = truth.faults

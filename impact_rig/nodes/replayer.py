@@ -2,21 +2,40 @@
 
 import time
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from impact_rig_msgs.msg import ReplayerState
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.stream import StreamCutter
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.identity import identity_from_msg
+from impact_rig.nodes.interfaces import Topic
+from impact_rig.nodes.messages import block_to_msg
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.replayer_recording import RecordedMessage, RecordingToReplay
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.recordings.messages import NANOSECONDS
+from impact_rig.nodes.topics import name_type
+from impact_rig.recordings.messages import (
+    NANOSECONDS,
+    NO_ID,
+    SETUP_TYPE,
+    STREAM_TYPE,
+    block_from_msg,
+    campaign_id_from_msg,
+    setup_from_msg,
+)
+from impact_rig.recordings.reader import holds_blocks, is_stream, list_namespaces
+from impact_rig.recordings.records import Channel
+from impact_rig.recordings.scan import Scan
+from impact_rig.recordings.schemas import SchemaDecoder, check_interfaces, find_message_definition
+from impact_rig.recordings.source import find_recordings
 
 FASTEST = 1000.0
 """Times the original speed [-]."""
@@ -26,6 +45,107 @@ PUBLISHING_PERIOD = 0.005
 """How often what is due is published [s]."""
 STATE_PERIOD = 1.0
 """How often the state is published while it does not change but in its numbers [s]."""
+INPUTS = (
+    interfaces.SETUP,
+    interfaces.ACCELERATION,
+    interfaces.RELEASE,
+    interfaces.VIRTUAL_IMPACT,
+)
+"""What is replayed: all else in a recording are results and states."""
+
+
+class RecordedMessage(NamedTuple):
+    """One message that is to be published."""
+
+    topic: Topic
+    time: int  # of its reception, since the first message [ns]
+    data: bytes  # serialised
+
+
+class RecordingToReplay:
+    """The inputs in the recording of one rig; of a run that was resumed, all its files in turn.
+
+    Of a running stream in which no impacts were found before, the impacts are replayed.
+
+    Parameters
+    ----------
+    path : Path
+        See `find_recordings`.
+
+    Raises
+    ------
+    FileError
+        If there is none, it is damaged, holds nothing to replay or several rigs, or is of another
+        version of the interfaces. So does every method that reads.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        files = [Scan(part) for part in find_recordings(path)]
+        namespaces = list_namespaces(files[0])
+        if len(namespaces) > 1:
+            raise FileError(
+                f"{path} holds several rigs, in the namespaces {', '.join(namespaces)}:"
+                " `ros2 bag play` plays the topics of one"
+            )
+        prefix = namespaces[0].rstrip("/") + "/" if namespaces else "/"
+        self._files = [(file, _find_topics(file, prefix)) for file in files]
+        self.topics = {topic.name: topic for _, found in self._files for topic in found.values()}
+        if interfaces.ACCELERATION.name not in self.topics:
+            raise FileError(f"{path} holds nothing to replay: no hits of a rig")
+        self.warnings = tuple(warning for file in files for warning in file.warnings)
+        ranges = [file.read_time_range() for file in files]
+        self.duration = sum(last - first for first, last in ranges)  # [ns], of all files
+
+    def read_messages(self) -> Iterator[RecordedMessage]:
+        """Yield the messages in file order."""
+        decoder = SchemaDecoder()
+        cutter: StreamCutter | None = None
+        campaign = NO_ID
+        elapsed = 0
+        for file, topics in self._files:
+            first, last = file.read_time_range()
+            for message in file.read_messages(partial(_is_replayed, topics)):
+                channel, time = message.channel, elapsed + message.log_time - first
+                topic = topics[channel.id]
+                if is_stream(channel):
+                    segment = decoder.decode(channel, message.data)
+                    identity = identity_from_msg(segment)
+                    for cut in cutter.feed(block_from_msg(segment)) if cutter else ():
+                        data = serialize_message(block_to_msg(cut, identity))
+                        yield RecordedMessage(topic, time, data)
+                    continue
+                if channel.type_name == SETUP_TYPE:
+                    setup = decoder.decode(channel, message.data)
+                    cutter = StreamCutter(setup_from_msg(setup).analysis)
+                    before, campaign = campaign, campaign_id_from_msg(setup)
+                    # A run that was resumed has the set-up of its campaign in each file.
+                    if campaign == before != NO_ID:
+                        continue
+                yield RecordedMessage(topic, time, message.data)
+            elapsed += last - first
+
+
+def _is_replayed(topics: dict[int, Topic], channel: Channel) -> bool:
+    return channel.id in topics
+
+
+def _find_topics(file: Scan, prefix: str) -> dict[int, Topic]:
+    """Return what is replayed of a file, by the numbers of its channels."""
+    by_type = {name_type(topic.type): topic for topic in INPUTS}
+    if not holds_blocks(file):
+        by_type[STREAM_TYPE] = interfaces.ACCELERATION
+    topics: dict[int, Topic] = {}
+    for channel in file.read_channels():
+        topic = by_type.get(channel.type_name)
+        if topic is None or not channel.topic.startswith(prefix):
+            continue
+        try:
+            check_interfaces(channel, find_message_definition(channel.type_name))
+        except FileError as error:
+            raise FileError(f"{file.path}: {error}") from None
+        topics[channel.id] = topic
+    return topics
 
 
 class ReplayerNode(RigNode):
@@ -165,11 +285,11 @@ class ReplayerNode(RigNode):
         ):
             self._passes += 1
             if self._passes == self.get_value("loop"):
-                self._finish("")
+                self._finish()
             else:
                 self._begin_pass(recording)
 
-    def _finish(self, problem: str) -> None:
+    def _finish(self, problem: str | None = None) -> None:
         """End at the end of the recording, or where it is damaged."""
         self._set_state(ReplayerState.DONE, problem or f"done: {self._count} messages")
         if self.get_value("exit_when_done"):

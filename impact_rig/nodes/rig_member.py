@@ -62,8 +62,8 @@ class RigMember:
         # A message may come before its first sign of life, and one of this process gives none.
         return self._was_there and not self._subscription.get_publisher_count()
 
-    def describe_loss(self) -> str:
-        """Return how it is lost; empty: it is not, or was never there."""
+    def describe_loss(self) -> str | None:
+        """Return how it is lost; None: it is not, or was never there."""
         if self.is_gone:
             return (
                 f"the {self.name} node has gone: start it again, or see to the network between you"
@@ -76,7 +76,7 @@ class RigMember:
         state = self.state
         if isinstance(state, AcquisitionState) and state.state == AcquisitionState.FAULT:
             return f"the {self.name}'s device is lost: {state.message}"
-        return ""
+        return None
 
     def _keep_state(self, message: Any) -> None:
         self._was_there = True

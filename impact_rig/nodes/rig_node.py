@@ -194,12 +194,12 @@ class RigNode(AsyncNode):
             ),
         )
 
-    def find_missing_subscriber(self, topic: str, required: str) -> str:
+    def find_missing_subscriber(self, topic: str, required: str) -> str | None:
         """Return which of the required nodes, named by commas, does not subscribe to a topic."""
         names = {item.node_name for item in self.get_subscriptions_info_by_topic(topic)}
         if _UNKNOWN_NODE in names:  # it may be any of them
-            return ""
-        return next((name for name in split_names(required) if name not in names), "")
+            return None
+        return next((name for name in split_names(required) if name not in names), None)
 
     def is_connected(self, publisher: Any) -> bool:
         """Return whether all subscribers that the graph knows are connected to a publisher.

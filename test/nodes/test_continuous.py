@@ -15,7 +15,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.recorder import RecorderNode
-from impact_rig.nodes.replayer_recording import RecordingToReplay
+from impact_rig.nodes.replayer import RecordingToReplay
 from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.schemas import MessageDefinition
 from impact_rig.recordings.writer import RecordingWriter

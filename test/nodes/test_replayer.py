@@ -16,8 +16,7 @@ from impact_rig.core.errors import FileError
 from impact_rig.core.setup import CONTROL_SAMPLE
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
-from impact_rig.nodes.replayer import ReplayerNode
-from impact_rig.nodes.replayer_recording import RecordingToReplay
+from impact_rig.nodes.replayer import RecordingToReplay, ReplayerNode
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import MessageDefinition, find_message_definition
 from impact_rig.recordings.writer import RecordingWriter
