@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("nidaqmx", reason="the drivers need the Python package nidaqmx")
 
-from fakes.ni_driver import LINES, FakeDriver, Interpreter
+from fakes.ni_driver import LINE, FakeDriver, Interpreter
 from nidaqmx import Task, utils
 from nidaqmx.errors import DaqNotFoundError
 from nidaqmx.stream_writers import DigitalSingleChannelWriter
@@ -55,7 +55,6 @@ RIG_FILE = read_template() + SOURCE
 RANGE = 5.0
 STEP = RANGE / 2**15  # [V], of the device's converter
 TIMEOUT = 10.0
-LINE = LINES[0]
 
 
 @pytest.fixture
@@ -102,13 +101,9 @@ def strike(driver, source, hit):
     return block
 
 
-def measure(channel):
-    return channel.acceleration
-
-
 def digitize(channel, sensitivity):
     """Return what a converter of 16 bits makes of a channel of a hit [m/s^2]."""
-    counts = np.round(measure(channel) * sensitivity / STEP)
+    counts = np.round(channel.acceleration * sensitivity / STEP)
     return np.clip(counts, -32768, 32767) * STEP / sensitivity
 
 
@@ -120,14 +115,14 @@ def test_a_record_is_what_was_fed_with_the_trigger_in_its_place(driver, open_sou
     source, plan = open_source()
     source.configure(plan)
     block = strike(driver, source, hit)
-    assert find_start(measure(block.hammer), plan.trigger_level) == plan.pre_trigger_points == 500
+    assert find_start(block.hammer.acceleration, plan.trigger_level) == 500
     for name, sensitivity in zip(("hammer", "specimen"), SENSITIVITIES, strict=True):
         fed = digitize(getattr(hit, name), sensitivity)
         if name == "hammer":
             shift = find_start(fed, plan.trigger_level) - plan.pre_trigger_points
         begin, end = max(0, -shift), min(plan.points, fed.size - shift)
         assert end - begin > 4900
-        found = measure(getattr(block, name))
+        found = getattr(block, name).acceleration
         assert found.size == plan.points == 5000
         np.testing.assert_allclose(
             found[begin:end], fed[begin + shift : end + shift], rtol=1e-12, atol=1e-9
@@ -146,10 +141,10 @@ def test_both_signs_trigger_whichever_way_the_sensor_looks(driver, open_source, 
     driver.sensitivities = (sign * SENSITIVITIES[0], SENSITIVITIES[1])
     source, plan = open_source(change('"10 mV/g"', f'"{sign * 10} mV/g"'))
     source.configure(plan)
-    acceleration = measure(hit.hammer)
+    acceleration = hit.hammer.acceleration
     if (acceleration[np.argmax(np.abs(acceleration))] > 0) != rises:
         hit = replace(hit, hammer=replace(hit.hammer, scale=-hit.hammer.scale))
-    found = measure(strike(driver, source, hit).hammer)
+    found = strike(driver, source, hit).hammer.acceleration
     start = find_start(found, plan.trigger_level)
     assert start == plan.pre_trigger_points
     assert (found[start] > 0) == rises
@@ -160,7 +155,7 @@ def test_a_channel_beyond_its_range_is_overloaded_and_no_other(driver, open_sour
     driver.has_overload_detection = detects
     source, plan = open_source()
     source.configure(plan)
-    peak = np.max(np.abs(measure(hit.specimen))) * abs(SENSITIVITIES[1])
+    peak = np.max(np.abs(hit.specimen.acceleration)) * abs(SENSITIVITIES[1])
     loud = replace(hit, specimen=replace(hit.specimen, scale=hit.specimen.scale * 6.0 / peak))
     block = strike(driver, source, loud)
     assert (block.hammer.overloaded, block.specimen.overloaded) == (False, True)
@@ -173,7 +168,7 @@ def test_a_sensor_with_a_supply_of_its_own_is_a_voltage(driver, open_source, hit
     for refused in ("create_ai_accel_chan", "set_chan_attribute_int32"):
         driver.errors[refused] = -1  # neither a supply nor a coupling is asked for
     source.configure(plan)
-    found = measure(strike(driver, source, hit).specimen)
+    found = strike(driver, source, hit).specimen.acceleration
     assert np.max(found) == pytest.approx(np.max(digitize(hit.specimen, SENSITIVITIES[1])))
 
 
@@ -212,10 +207,8 @@ def test_a_stream_that_is_read_too_late_loses_samples_and_goes_on(open_source):
         ("Dev1/ai0", "Dev7/ai0", "NI-DAQmx knows no device 'Dev7': known are Dev1", "Dev7"),
         ("Dev1/ai0", "Dev1/ai9", "does not exist on this device. Name: Dev1/ai9", "[source.h"),
         ("Dev1/ai0", "ai0", "give device and terminal, like Dev1/ai0", '"ai0"'),
-        ('range = "5 V"', 'range = "30 V"', "Property: AI.Max", "[source.h"),
         ('sensitivity = "10 mV/g"', "", "has no sensitivity", "[source.h"),
         ('range = "5 V"', "", r"lacks range: give it, for example range = \"5 V\"", "[source.h"),
-        ('"4 mA"', '"7 mA"', "Property: AI.Excit.Val.*-200077", "[source.h"),
         ('iepe_current = "4 mA"', "", "lacks iepe_current", "[source.h"),
         ('"2.5 MHz"', '"20 MHz"', "SampClk.Rate Requested Value: 20000000.0", "20 MHz"),
         ('"2.5 MHz"', '"3.9 MHz"', r"the nearest rate of the device is 3.84615e\+06", "3.9 MHz"),
@@ -290,16 +283,10 @@ def test_a_line_that_contradicts_what_it_was_told_is_an_error(driver):
         holder.read_state()
 
 
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("Dev2/port0/line0", "NI-DAQmx knows no device 'Dev2': known are Dev1"),
-        ("Dev1/port7/line0", "does not exist on this device. Name: Dev1/port7/line0"),
-    ],
-)
-def test_a_wrong_line_is_refused_with_its_line_of_the_rig_file(driver, line, message):
-    table = parse_toml_table(f'[holder]\nline = "{line}"\n').take_table("holder")
-    with pytest.raises((DeviceError, ParameterError), match=f"line 2: .*{message}") as found:
+def test_a_wrong_line_is_refused_with_its_line_of_the_rig_file(driver):
+    table = parse_toml_table('[holder]\nline = "Dev1/port7/line0"\n').take_table("holder")
+    message = "line 2: .*does not exist on this device. Name: Dev1/port7/line0"
+    with pytest.raises(ParameterError, match=message) as found:
         NidaqmxHolder(table).configure()
     check_sentence(found.value)
 

@@ -1,10 +1,9 @@
 """The driver of sound cards, with a separate PulseAudio server."""
 
+import ctypes.util
 import os
-import subprocess
 import sys
 from collections.abc import Iterator
-from ctypes.util import find_library
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -26,7 +25,7 @@ PACKAGES = ("libportaudio2", "pulseaudio", "pulseaudio-utils", "libasound2-plugi
 @pytest.fixture
 def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeSoundCard]:
     """Return a card that PortAudio finds in this process."""
-    if not find_library("portaudio") or not is_installed():
+    if not ctypes.util.find_library("portaudio") or not is_installed():
         pytest.skip(f"no virtual sound card: on Debian, apt-get install {' '.join(PACKAGES)}")
     peer = FakeSoundCard()
     for key, value in peer.environment.items():
@@ -69,7 +68,7 @@ def test_a_scale_that_is_unknown_is_refused(sensor, words):
         compute_count_scale(make_channel(sensor))
 
 
-@pytest.mark.parametrize("bits", [16, 24, 32])
+@pytest.mark.parametrize("bits", [16, 32])
 def test_the_largest_count_of_every_converter_is_an_overload(bits):
     scale = compute_count_scale(make_channel(Sensor("hammer", full_scale=1.0)))
     unused = 32 - bits
@@ -142,7 +141,7 @@ def test_a_stream_is_what_the_card_heard_bit_by_bit(card, make_source):
 def test_one_channel_may_be_all(card, make_source):
     source = make_source(replace(PLAN, hammer=replace(PLAN.hammer, name="2"), specimen=None))
     source.arm()
-    card.feed(make_pulse(RATE, height=0.5))
+    card.feed(make_pulse())
     blocks = [read_next(source)]
     while not blocks[-1].last:
         blocks.append(read_next(source))
@@ -205,20 +204,11 @@ def test_a_channel_that_the_card_has_not_is_refused(make_source):
             make_source(replace(PLAN, hammer=hammer))
 
 
-def test_port_audio_that_is_not_installed_is_told_with_its_package():
-    program = (
-        "import ctypes.util; ctypes.util.find_library = lambda name: None\n"
-        "from impact_rig.core.errors import DeviceError\n"
-        "from impact_rig.devices.sound import SoundSource\n"
-        "try: SoundSource.find_devices()\n"
-        "except DeviceError as error: print(error)\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        capture_output=True, text=True, timeout=60, check=True,
-    )  # fmt: skip
-    assert "package libportaudio2" in done.stdout
+def test_port_audio_that_is_not_installed_is_told_with_its_package(monkeypatch):
+    monkeypatch.delitem(sys.modules, "sounddevice", raising=False)
+    monkeypatch.setattr(ctypes.util, "find_library", lambda _: None)
+    with pytest.raises(DeviceError, match="package libportaudio2"):
+        SoundSource.find_devices()
 
 
 class SoundBench(SourceBench):
@@ -238,7 +228,7 @@ class SoundBench(SourceBench):
 
     def strike(self, source: SoundSource) -> None:
         begin = source.count
-        self._card.feed(make_pulse(RATE))
+        self._card.feed(make_pulse())
 
         def has_come() -> bool:
             new = [block for block in source.blocks if block.first_sample >= begin]

@@ -2,10 +2,10 @@
 
 It stands where NI's driver would: all of `nidaqmx` above it is NI's own. It is written from that
 library and NI's manual, and knows what the drivers need: reservation, accelerometers and voltages,
-a 16-bit converter with three ranges, a sample clock that is a whole part of 100 MHz, a reference
+a 16-bit converter with every range, a sample clock that is a whole part of 100 MHz, a reference
 trigger on the level of a channel, continuous acquisition with a buffer that overflows, overload,
-one static output line for each task, and errors by NI's numbers. A record is complete as soon as
-its hit is fed. Excitation, coupling, filters, delays and noise are not simulated.
+one static output line, and errors by NI's numbers. A record is complete as soon as its hit is fed.
+Excitation, coupling, filters, delays and noise are not simulated.
 """
 
 import threading
@@ -13,6 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -25,12 +26,10 @@ Volts = NDArray[np.float64]
 
 NAME = "Dev1"
 INPUTS = ("Dev1/ai0", "Dev1/ai1")  # of the hammer's and the sample's sensors
-LINES = ("Dev1/port0/line0", "Dev1/port0/line1")
-RANGES = (1.0, 5.0, 10.0)  # [V], of the inputs, either sign
+LINE = "Dev1/port0/line0"
 HIGHEST_RATE = 5e6  # [Hz]
 TIMEBASE = 100e6  # [Hz], of which a sampling rate is a whole part
 LARGEST = 2**15  # counts of the converter, either sign
-EXCITATIONS = (0.0, 0.004, 0.01)  # [A], that the inputs can drive
 
 # NI's numbers.
 CONTINUOUS = 10123
@@ -144,7 +143,7 @@ class FakeDriver:
         self.changed = threading.Condition()  # held by every call
         self._tasks: dict[str, SimulatedTask] = {}
         self._owners: dict[str, SimulatedTask] = {}
-        self._count = 0
+        self._names = map("task {}".format, count(1))
 
     def feed(self, hit: VirtualHit) -> None:
         """Strike: running tasks see the sensors' voltages from now on."""
@@ -183,7 +182,7 @@ class FakeDriver:
             if owner != NAME or not self.is_present:
                 raise DaqError(f"Device identifier is invalid.\n\nDevice: {owner}", -200220)
             return of_device[attribute]
-        task = self._find_task(owner)
+        task = self._tasks[owner]
         overloaded = task.list_overloaded()
         if attribute == 0x2174 and not self.has_overload_detection:
             raise DaqError("Specified property is not supported by the device.", -200452)
@@ -198,14 +197,13 @@ class FakeDriver:
         }[attribute]
 
     def set_read_attribute_int32(self, task: str, attribute: int, value: int) -> None:
-        self._find_task(task).settings[attribute] = value
+        self._tasks[task].settings[attribute] = value
 
     def set_chan_attribute_int32(self, *_: Any) -> None:
         """Take the coupling, which makes no difference here."""
 
     def create_task(self, _: str) -> tuple[str, bool]:
-        self._count += 1
-        name = f"task {self._count}"
+        name = next(self._names)
         self._tasks[name] = SimulatedTask()
         return name, True
 
@@ -215,37 +213,35 @@ class FakeDriver:
 
     def create_ai_accel_chan(
         self, task: str, physical: str, name: str, _terminal: int, low: float, high: float,
-        units: int, sensitivity: float, sensitivity_units: int, _source: int, current: float,
+        units: int, sensitivity: float, sensitivity_units: int, _source: int, _current: float,
         _scale: str,
     ) -> None:  # fmt: skip
         assert (units, sensitivity, sensitivity_units) == ACCELERATION_UNITS
-        if current not in EXCITATIONS:
-            raise _make_refusal("AI.Excit.Val", current)
         self.create_ai_voltage_chan(task, physical, name, _terminal, low, high, 0, "")
 
     def create_ai_voltage_chan(
-        self, task: str, physical: str, name: str, _terminal: int, low: float, high: float,
+        self, task: str, physical: str, name: str, _terminal: int, _low: float, high: float,
         _units: int, _scale: str,
     ) -> None:  # fmt: skip
         if physical not in INPUTS:
             raise _make_unknown(physical)
-        # A part in a billion beyond a range is rounding.
-        fitting = [limit for limit in RANGES if limit >= max(-low, high) * (1 - 1e-9)]
-        if not fitting:
-            raise _make_refusal("AI.Max", high)
-        self._find_task(task).inputs[name] = Input(physical, fitting[0])
+        self._tasks[task].inputs[name] = Input(physical, high)
 
     def create_do_chan(self, task: str, line: str, _name: str, _grouping: int) -> None:
-        if line not in LINES:
+        if line != LINE:
             raise _make_unknown(line)
-        self._find_task(task).line = line
+        self._tasks[task].line = line
 
     def cfg_samp_clk_timing(
         self, task: str, rate: float, _source: str, _edge: int, mode: int, count: int
     ) -> None:
         if rate > HIGHEST_RATE:
-            raise _make_refusal("SampClk.Rate", rate)
-        found = self._find_task(task)
+            raise DaqError(
+                "Requested value is not a supported value for this property.\n\n"
+                f"Property: SampClk.Rate\nRequested Value: {rate}",
+                -200077,
+            )
+        found = self._tasks[task]
         found.rate = TIMEBASE / round(TIMEBASE / rate)
         found.is_continuous, found.buffer = mode == CONTINUOUS, count
 
@@ -253,11 +249,11 @@ class FakeDriver:
         self, task: str, source: str, top: float, bottom: float, pretrigger: int, when: int
     ) -> None:
         assert (when, bottom) == (LEAVING_WINDOW, -top)
-        self._find_task(task).trigger = Trigger(source, pretrigger, top)
+        self._tasks[task].trigger = Trigger(source, pretrigger, top)
 
     def task_control(self, task: str, action: int) -> None:
         if action == COMMIT:
-            self._reserve(self._find_task(task))
+            self._reserve(self._tasks[task])
 
     def start_task(self, task: str) -> None:
         self._find_usable(task).start()
@@ -266,7 +262,7 @@ class FakeDriver:
         self._find_usable(task).is_running = False
 
     def wait_until_task_done(self, task: str, timeout: float) -> None:
-        found = self._find_task(task)
+        found = self._tasks[task]
         self.changed.wait_for(lambda: found.is_lost or found.first is not None, timeout)
         if self._find_usable(task).first is None:
             raise DaqError("Wait Until Done did not indicate that the task was done.", -200560)
@@ -320,13 +316,8 @@ class FakeDriver:
         array[0] = self.levels.get(self._find_usable(task).line, False)
         return array, 1, 1
 
-    def _find_task(self, task: str) -> SimulatedTask:
-        if task not in self._tasks:
-            raise DaqError("Task specified is invalid or does not exist.", -200088)
-        return self._tasks[task]
-
     def _find_usable(self, task: str) -> SimulatedTask:
-        found = self._find_task(task)
+        found = self._tasks[task]
         if found.is_lost:
             raise DaqError("No transfer is in progress: it was aborted by the client.", -50405)
         return found
@@ -337,14 +328,6 @@ class FakeDriver:
             raise DaqError("Device cannot be accessed.\n\nDevice is not powered.", -201003)
         if self._owners.setdefault(task.line or "analog input", task) is not task:
             raise DaqError("The specified resource is reserved.", -50103)
-
-
-def _make_refusal(what: str, value: Any) -> DaqError:
-    return DaqError(
-        "Requested value is not a supported value for this property.\n\n"
-        f"Property: {what}\nRequested Value: {value}",
-        -200077,
-    )
 
 
 def _make_unknown(physical: str) -> DaqError:

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.records import ChannelBlock, FloatArray
-from impact_rig.devices.virtual.choices import Fault
+from impact_rig.core.records import FloatArray
 from impact_rig.devices.virtual.rig import VirtualHit
 
 CountArray = NDArray[np.int16]
@@ -38,8 +37,8 @@ DEFAULTS = {
     "ACQ:TRIG": "DISABLED",
 }
 """Settings of a board that is switched on."""
-TRIGGERS = {"CH1_PE": (0, 1), "CH1_NE": (0, -1), "CH2_PE": (1, 1), "CH2_NE": (1, -1)}
-"""Channel, counted from 0, and sign of the slope."""
+SLOPES = {"CH1_PE": 1, "CH1_NE": -1}
+"""Of the triggers, all on the hammer's input."""
 
 
 class RedPitaya:
@@ -142,12 +141,12 @@ class RedPitaya:
         """Return the point that crosses the level, behind one that is below its hysteresis."""
         if self._settings["ACQ:TRIG"] == "DISABLED":
             return None
-        channel, sign = TRIGGERS[self._settings["ACQ:TRIG"]]
+        sign = SLOPES[self._settings["ACQ:TRIG"]]
         level, hysteresis = (
-            round(float(self._settings[name]) / self._get_step(channel))
+            round(float(self._settings[name]) / self._get_step(0))
             for name in ("ACQ:TRIG:LEV", "ACQ:TRIG:HYST")
         )
-        height = sign * counts[channel].astype(float)
+        height = sign * counts[0].astype(float)
         low = np.flatnonzero(height < sign * level - hysteresis)
         above = np.flatnonzero(height >= sign * level)
         above = above[above > low[0]] if low.size else low
@@ -172,9 +171,6 @@ class RedPitaya:
 HOST = "127.0.0.1"
 ABORT = struct.pack("ii", 1, 0)  # SO_LINGER: a connection that is closed is gone at once
 
-Taker = Callable[[bytes], tuple[bytes, bool]]
-"""Takes a line without its end; returns what to send back, and whether the connection goes on."""
-
 
 class _Connection(socketserver.StreamRequestHandler):
     disable_nagle_algorithm = True
@@ -184,66 +180,20 @@ class _Connection(socketserver.StreamRequestHandler):
         self.server.connections.add(self.connection)
         with contextlib.suppress(OSError):
             for line in self.rfile:
-                answer, goes_on = self.server.owner.take(line)
-                self.wfile.write(answer)
-                if not goes_on:
-                    return
+                self.wfile.write(self.server.owner.take(line))
 
 
 class _Server(socketserver.ThreadingTCPServer):
     allow_reuse_address = True
     daemon_threads = True
 
-    def __init__(self, owner: "LineServer", port: int) -> None:
+    def __init__(self, owner: "ScpiDigitizer", port: int) -> None:
         self.owner = owner
         self.connections: set[socket.socket] = set()
         super().__init__((HOST, port), _Connection)
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
         return not self.owner.is_busy
-
-
-class LineServer:
-    """Serves any number of connections, each in a thread.
-
-    Parameters
-    ----------
-    take : callable
-        Answers a line; called by several threads.
-
-    Attributes
-    ----------
-    is_busy : bool
-        Every connection is closed as soon as it is made.
-    """
-
-    def __init__(self, take: Taker) -> None:
-        self.is_busy = False
-        self.take = take
-        self._port = 0  # any that is free, and the same one ever after
-        self._server: _Server | None = None
-
-    @property
-    def address(self) -> str:
-        """Host and port."""
-        return f"{HOST}:{self._port}"
-
-    def open(self) -> None:
-        """Listen."""
-        self._server = _Server(self, self._port)
-        self._port = self._server.server_address[1]
-        threading.Thread(target=self._server.serve_forever, args=(0.01,), daemon=True).start()
-
-    def close(self) -> None:
-        """Close listener and connections; nothing happens if they are closed."""
-        server, self._server = self._server, None
-        if server is not None:
-            server.shutdown()
-            server.server_close()
-            for connection in server.connections:
-                with contextlib.suppress(OSError):
-                    connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, ABORT)
-                    connection.shutdown(socket.SHUT_RDWR)
 
 
 END = b"\r\n"
@@ -256,51 +206,58 @@ class ScpiDigitizer:
     ----------
     hammer_sensitivity, specimen_sensitivity : float
         Of the sensors, signed [V per m/s^2].
+
+    Attributes
+    ----------
+    is_busy : bool
+        Every connection is closed as soon as it is made.
+    spoil : callable
+        What becomes of the answer to a command.
     """
 
     def __init__(self, hammer_sensitivity: float, specimen_sensitivity: float) -> None:
         self._sensitivities = (hammer_sensitivity, specimen_sensitivity)
-        self.server = LineServer(self._take)
+        self.is_busy = False
+        self.spoil: Callable[[str, bytes], bytes] = lambda _, answer: answer
         self.board = RedPitaya()
         self._lock = threading.Lock()
+        self._port = 0  # any that is free, and the same one ever after
+        self._server: _Server | None = None
 
     @property
     def address(self) -> str:
         """Where it listens: host and port."""
-        return self.server.address
-
-    def unplug(self) -> None:
-        """Let listener and connections vanish at once."""
-        self.server.close()
+        return f"{HOST}:{self._port}"
 
     def plug(self) -> None:
         """Be there, always at the same address, with the settings of a new start."""
         with self._lock:
             self.board.reset()
-        self.server.open()
+        self._server = _Server(self, self._port)
+        self._port = self._server.server_address[1]
+        threading.Thread(target=self._server.serve_forever, args=(0.01,), daemon=True).start()
+
+    def unplug(self) -> None:
+        """Let listener and connections vanish at once; nothing happens if they are gone."""
+        server, self._server = self._server, None
+        if server is not None:
+            server.shutdown()
+            server.server_close()
+            for connection in server.connections:
+                with contextlib.suppress(OSError):
+                    connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, ABORT)
+                    connection.shutdown(socket.SHUT_RDWR)
 
     def feed(self, hit: VirtualHit) -> bool:
         """Let the hammer strike now; return whether that triggers."""
-        if Fault.MISSED_TRIGGER in hit.faults:
-            return False
-        hammer, specimen = (
-            sensitivity * _compute_acceleration(channel, hit.hammer.output.size)
-            for sensitivity, channel in zip(
-                self._sensitivities, (hit.hammer, hit.specimen), strict=True
-            )
-        )
+        channels = (hit.hammer.acceleration, hit.specimen.acceleration)
+        volts = np.stack(channels) * np.array(self._sensitivities)[:, np.newaxis]
         with self._lock:
-            return self.board.strike(np.stack([hammer, specimen]), hit.sampling_rate)
+            return self.board.strike(volts, hit.sampling_rate)
 
-    def _take(self, line: bytes) -> tuple[bytes, bool]:
-        """Return the answer to a line, and that the connection goes on."""
+    def take(self, line: bytes) -> bytes:
+        """Return the answer to a line; empty: it has none."""
+        text = line.decode("latin-1").strip()
         with self._lock:
-            answer = self.board.answer(line.decode("latin-1"))
-        return (b"" if answer is None else answer + END), True
-
-
-def _compute_acceleration(channel: ChannelBlock, size: int) -> FloatArray:
-    """Return what a channel of a hit means [m/s^2], zero where it is not measured."""
-    if not channel.output.size:
-        return np.zeros(size)
-    return channel.acceleration
+            answer = self.board.answer(text)
+        return b"" if answer is None else self.spoil(text, answer + END)

@@ -19,6 +19,7 @@ from impact_rig.devices.streaming import CountArray
 CHANNELS = 2
 SAMPLING_RATE = 192_000  # [Hz]
 STEP = 0.01  # [s], played at a time
+PULSE_WIDTH = 2e-3  # [s]
 START_TIMEOUT = 20.0  # [s], for PulseAudio
 SYSTEM_CONFIG = Path("/usr/share/alsa/alsa.conf")
 _CONFIG = """\
@@ -138,18 +139,8 @@ def is_installed() -> bool:
     return plugin and all(map(shutil.which, ("pulseaudio", "pactl")))
 
 
-def make_pulse(sampling_rate: int, width: float = 2e-3, height: float = 0.5) -> CountArray:
-    """Return a versed-sine on the first channel and half of it on the other.
-
-    Parameters
-    ----------
-    sampling_rate : int
-        [Hz]
-    width : float
-        Of the pulse [s].
-    height : float
-        Of full scale [-].
-    """
-    count = round(width * sampling_rate)
-    pulse = height * 2**31 * np.sin(np.pi * np.arange(count) / count) ** 2
+def make_pulse() -> CountArray:
+    """Return a versed-sine of half of full scale, and half of it on the other channel."""
+    count = round(PULSE_WIDTH * SAMPLING_RATE)
+    pulse = 2**30 * np.sin(np.pi * np.arange(count) / count) ** 2
     return np.stack([pulse, 0.5 * pulse], axis=1).astype(np.int32)

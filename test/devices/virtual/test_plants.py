@@ -83,9 +83,6 @@ def test_the_published_sample_rises_with_the_pulse_and_decays_freely(name):
     s = time[late] - top
     decay = peak * np.exp(-a * s) * (np.cos(w * s) + a / w * np.sin(w * s))
     np.testing.assert_allclose(specimen[late], decay, rtol=0, atol=1e-9 * peak)
-    second = find_peaks(specimen[late])[0]
-    second = second[second > 50][0]
-    assert specimen[late][second] == pytest.approx(peak * math.exp(-a * 2 * math.pi / w), rel=1e-3)
 
 
 @pytest.mark.parametrize(
