@@ -37,16 +37,14 @@ def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser("bench", description="Measure what is claimed.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--full", action="store_true", help="50 faults, 2000 damaged files ...")
-    for name in ("seconds", "kills", "mutations", "seed"):
+    extents = ("seconds", "kills", "mutations", "seed")
+    for name in extents:
         parser.add_argument(f"--{name}", type=int, metavar="N")
     given = parser.parse_args(words)
     if unknown := set(given.parts) - set(PARTS):
         parser.error(f"there is no part {min(unknown)!r}: choose of {', '.join(PARTS)}")
-    numbers = {name: getattr(given, name) for name in ("seconds", "kills", "mutations", "seed")}
-    extent = replace(
-        FULL if given.full else Extent(),
-        **{name: value for name, value in numbers.items() if value is not None},
-    )
+    numbers = {name: value for name in extents if (value := getattr(given, name)) is not None}
+    extent = replace(FULL if given.full else Extent(), **numbers)
     found: list[Figure] = []
     errors = []
     with tempfile.TemporaryDirectory(prefix="impact_rig_campaigns_") as folder:

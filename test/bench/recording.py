@@ -1,7 +1,7 @@
 """Recordings written and read, beside the library `mcap`."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -28,13 +28,7 @@ PERIOD = 10_000_000
 """Between two messages [ns]."""
 SMALLEST_SPEED = 0.8
 """Over that of the peer [-], as asked for."""
-COMPRESSIONS = {
-    "zstd": CompressionType.ZSTD,
-    "lz4": CompressionType.LZ4,
-    "none": CompressionType.NONE,
-}
-"""Those of MCAP, by the names that the recorder has for them."""
-Write = Callable[[Path, Sequence[bytes], str], None]
+COMPRESSIONS = ("zstd", "lz4", "none")
 DEFINITION = MessageDefinition("std_msgs/msg/UInt8MultiArray", "uint8[] data\n", "")
 
 
@@ -48,35 +42,21 @@ def measure_write(bench: Bench) -> Iterator[Figure]:
     ]
     data = [different[number % DIFFERENT] for number in range(MESSAGES)]
     megabytes = sum(map(len, data)) / 1e6
+    path = bench.folder / "new.mcap"
     for compression in COMPRESSIONS:
-        run, run_peer = (
-            _with_new_file(bench.folder / "new.mcap", write, data, compression)
-            for write in (write_as_recorder, write_bare)
+        ours, peers = compare_times(
+            partial(write_as_recorder, path, data, compression),
+            partial(write_bare, path, data, compression),
+            bench.extent.repeats,
         )
-        ours, peers = compare_times(run, run_peer, bench.extent.repeats)
         name = f"recorder, {compression}, speed over mcap.writer"
-        note = (
-            f"{megabytes / min(ours):.0f} MB/s at best, of one core;"
-            f" {run() / run_peer():.3f} of the peer's size"
-        )
+        note = f"{megabytes / min(ours):.0f} MB/s at best, of one core"
         yield Figure(name, divide(peers, ours), note=note, least=SMALLEST_SPEED)
-
-
-def _with_new_file(
-    path: Path, write: Write, data: Sequence[bytes], compression: str
-) -> Callable[[], int]:
-    def run() -> int:
-        """Return the size of the file [byte]."""
-        write(path, data, compression)
-        size = path.stat().st_size
-        path.unlink()
-        return size
-
-    return run
 
 
 def write_as_recorder(path: Path, data: Sequence[bytes], compression: str) -> None:
     """Write as the recorder does."""
+    path.unlink(missing_ok=True)
     writer = RecordingWriter(path, compression=compression)
     channel = writer.add_channel("/acceleration", DEFINITION, (OfferedQos(),))
     for number, message in enumerate(data):
@@ -90,7 +70,8 @@ def write_bare(path: Path, data: Sequence[bytes], compression: str) -> None:
     The recorder's is, in the end: what that costs must not be charged to one of them.
     """
     with path.open("wb") as file:
-        writer = Writer(file, chunk_size=DEFAULT_CHUNK_SIZE, compression=COMPRESSIONS[compression])
+        kind = CompressionType[compression.upper()]
+        writer = Writer(file, chunk_size=DEFAULT_CHUNK_SIZE, compression=kind)
         writer.start("ros2", "bench")
         schema = writer.register_schema(DEFINITION.type_name, "ros2msg", DEFINITION.text.encode())
         channel = writer.register_channel("/acceleration", "cdr", schema)

@@ -3,7 +3,6 @@
 import subprocess
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
@@ -41,38 +40,30 @@ def measure_stream(bench: Bench) -> Iterator[Figure]:
 def _measure_rate(bench: Bench, multiple: int, seconds: float) -> Iterator[Figure]:
     """Stream at a multiple of the paper's rate."""
     recording = bench.folder / "stream.mcap"
-    run = run_stream(recording, multiple * SAMPLING_RATE, seconds)
-    flow = read_flow(recording, run.begin, run.end)
-    size = recording.stat().st_size
+    begin, end, shares = run_stream(recording, multiple * SAMPLING_RATE, seconds)
+    starts, size, seen, missed = read_flow(recording, begin, end)
     recording.unlink()
-    taken = 1e-9 * (run.end - run.begin)
-    name = f"{multiple} x"
-    note = (
-        f"of {flow.blocks} in {taken:.1f} s, {flow.points / 1e6:.0f} million points"
-        f" of two channels, {size / 1e9:.1f} GB on the disk"
-    )
-    yield Figure(f"{name}, blocks lost in the recording", flow.lost, note=note, most=0)
-    note = f"it has seen {flow.seen} blocks"
-    yield Figure(f"{name}, points missed by the estimator", flow.missed, note=note, most=0)
-    rate = flow.points / taken / SAMPLING_RATE
-    yield Figure(f"{name}, rate over 2.5 MS/s per channel", rate)
-    shares = ", ".join(f"{node} {share:.2f}" for node, share in run.shares.items())
-    most = LARGEST_SHARE if multiple == 1 else None
-    whole, note = sum(run.shares.values()), f"{COMPRESSION}; {shares}"
+    blocks = (max(starts) - min(starts)) // size + 1
+    rate = 1e9 * blocks * size / (end - begin) / SAMPLING_RATE
+    name, note = f"{multiple} x", f"of {blocks}, at {rate:.3f} x 2.5 MS/s of two channels"
+    yield Figure(f"{name}, blocks lost in the recording", blocks - len(starts), note=note, most=0)
+    note = f"it has seen {seen} blocks"
+    yield Figure(f"{name}, points missed by the estimator", missed, note=note, most=0)
+    note = ", ".join(f"{node} {share:.2f}" for node, share in shares.items())
+    whole, most = sum(shares.values()), LARGEST_SHARE if multiple == 1 else None
     yield Figure(f"{name}, processor time of all three", whole, "cores", note, most=most)
 
 
-@dataclass(frozen=True)
-class StreamRun:
-    """What was streamed."""
-
-    begin: int  # of the measurement [ns since the epoch]
-    end: int
-    shares: Mapping[str, float]  # processor time of each node over that time [cores]
-
-
-def run_stream(recording: Path, sampling_rate: float, seconds: float) -> StreamRun:
+def run_stream(
+    recording: Path, sampling_rate: float, seconds: float
+) -> tuple[int, int, dict[str, float]]:
     """Let three processes stream, search and record for a while.
+
+    Returns
+    -------
+    tuple of int, int and dict
+        Begin and end of the measurement [ns since the epoch], and each node's processor time over
+        that [cores].
 
     Raises
     ------
@@ -111,7 +102,7 @@ def run_stream(recording: Path, sampling_rate: float, seconds: float) -> StreamR
         for name in ("accelerometer", "recorder"):
             processes.stop(name)
     shares = {name: (after[name] - before[name]) * 1e9 / (end - begin) for name in nodes}
-    return StreamRun(begin, end, shares)
+    return begin, end, shares
 
 
 def _read_times(
@@ -125,19 +116,14 @@ def _read_times(
     return {name: item.user + item.system for name, item in times.items()}
 
 
-@dataclass(frozen=True)
-class Flow:
-    """What came of a stream from one moment to another."""
-
-    blocks: int  # sent, by the numbers of the first and the last in the recording
-    lost: int  # of these, not in the recording
-    points: int  # per channel, of all these blocks
-    seen: int  # blocks that the estimator has counted
-    missed: int  # points that the estimator lacked
-
-
-def read_flow(recording: Path, begin: int, end: int) -> Flow:
+def read_flow(recording: Path, begin: int, end: int) -> tuple[set[int], int, int, int]:
     """Return what a recording has of the stream that was sent between two moments [ns].
+
+    Returns
+    -------
+    tuple of set and int
+        First points of the blocks, the points of each, the blocks that the estimator has counted,
+        and the points that it lacked.
 
     Raises
     ------
@@ -164,11 +150,4 @@ def read_flow(recording: Path, begin: int, end: int) -> Flow:
             size = count_points(message)
     if not (starts and before[0]):
         raise RigError("the stream does not reach recorder and estimator")
-    blocks = (max(starts) - min(starts)) // size + 1
-    return Flow(
-        blocks=blocks,
-        lost=blocks - len(starts),
-        points=blocks * size,
-        seen=after[0] - before[0],
-        missed=after[1] - before[1],
-    )
+    return starts, size, after[0] - before[0], after[1] - before[1]

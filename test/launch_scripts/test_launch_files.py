@@ -10,28 +10,12 @@ FOLDER = Path(__file__).resolve().parent.parent.parent / "launch_scripts"
 LAUNCH_FILES = sorted(FOLDER.glob("*.launch.py"))
 
 
-def list_arguments(path):
-    """Return the declared launch arguments with the keywords each is declared with."""
-    calls = (node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if is_argument(node))
-    return {call.args[0].value: {word.arg for word in call.keywords} for call in calls}
-
-
-def is_argument(node):
-    return (
-        isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Name)
-        and node.func.id == "DeclareLaunchArgument"
-    )
-
-
-def list_read_arguments(path):
-    """Return the launch arguments whose values are used."""
+def list_calls(path, name):
+    """Return the keywords of each call of a function in a launch file, by its first argument."""
     return {
-        node.args[0].value
+        node.args[0].value: {word.arg for word in node.keywords}
         for node in ast.walk(ast.parse(path.read_text("utf-8")))
-        if isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Name)
-        and node.func.id == "read"
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == name
     }
 
 
@@ -50,6 +34,6 @@ def test_every_name_taken_from_the_package_exists(path):
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_every_argument_is_described_and_used(path):
-    arguments = list_arguments(path)
+    arguments = list_calls(path, "DeclareLaunchArgument")
     assert all("description" in keywords for keywords in arguments.values())
-    assert list_read_arguments(path) == set(arguments)
+    assert set(list_calls(path, "read")) == set(arguments)

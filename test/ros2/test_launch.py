@@ -1,9 +1,6 @@
 """Launch files to their ends: a campaign at once, Ctrl-C in the middle, a replay."""
 
-from pathlib import Path
-
 IMPACT = "impact_rig_msgs/msg/Impact"
-CAMPAIGN = Path(__file__).with_name("launched_campaign.py")
 
 
 def test_every_argument_is_shown(tools):
@@ -14,8 +11,10 @@ def test_every_argument_is_shown(tools):
 
 def test_beside_another_rig_one_runs_its_campaign_and_ends(rig, tools, swing_file):
     folder = tools.folder / "other"
-    text = tools.run("launch_test", CAMPAIGN, f"output:={folder}", f"params_file:={swing_file}")
-    assert "OK" in text
+    with tools.launch(folder, swing_file, "namespace:=other", "impacts:=1") as terminal:
+        assert terminal.wait() == 0, terminal.text
+    assert "Contact time, stiffness, damping" in terminal.text
+    assert "exit code" not in terminal.text  # launch says so of a process that failed
     info = tools.run("ros2", "bag", "info", "-s", "mcap", folder / "session.mcap")
     assert "/other/acceleration" in info
     assert "/bench/" not in info
