@@ -128,7 +128,8 @@ def fit_forms(
     """Return the fits that describe the pulse as well as the best; Hunt and Crossley's first.
 
     All forms have as many parameters: their BIC differ by their sums of squares over the variance
-    of the noise, or of what the best leaves if that is more.
+    of the noise, or of what the best leaves if that is more. Where the best leaves more than
+    noise, every form counts that leaves no more than a law may.
 
     Parameters
     ----------
@@ -170,18 +171,22 @@ def fit_forms(
     # The others begin with about the same e.
     begin = np.tile(fits[first].parameters, (len(others), 1))
     begin[:, LOSS] *= [LOSSES[form][1] / LOSSES[first][1] for form in others]
-    # A form that leaves half as much again as the first is given up.
-    fits |= dict(zip(others, fit(begin, *others, most=1.5 * fits[first].residual), strict=True))
+    # A form is given up that leaves half as much again as the first, and more than a law may.
+    largest = find_largest_residual(noise)
+    most = max(1.5 * fits[first].residual, largest)
+    fits |= dict(zip(others, fit(begin, *others, most=most), strict=True))
     best = min(fits.values(), key=judge)
     level = white / math.sqrt(window.step) * max(1.0, best.residual / noise) if noise else 0.0
     # A difference of 10 in BIC is very strong evidence (Kass and Raftery 1995); the tables of
     # pulses tell no difference below 1e-5 of the peak.
-    allowed = 10.0 * max(level, 1e-5) ** 2
+    limit = math.sqrt(best.residual**2 + 10.0 * max(level, 1e-5) ** 2 / best.fitted.size)
+    if compute_unexplained(best.residual, noise) > 0.0:
+        # The true form is none of these: no evidence tells which of them is nearest to its e.
+        limit = max(limit, largest)
     return {
         form: fit
         for form, fit in fits.items()
-        if fit is best
-        or (fit.is_inside and (fit.residual**2 - best.residual**2) * fit.fitted.size < allowed)
+        if fit is best or (fit.is_inside and fit.residual < limit)
     }
 
 
@@ -359,8 +364,11 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
         correlation=told,
         own_covariances=own,
         separation=(touch - pulse.middle) / mean.sampling_rate + quantities["duration"].value,
-        notes=_list_notes(told, exponent, masses) + _describe_rest(fits, noise),
-        warnings=check_momenta(ratio) + check_hit_momenta(restored, contact) + without.warnings,
+        notes=_list_notes(told, exponent, masses) + _name_forms(fits),
+        warnings=check_momenta(ratio)
+        + check_hit_momenta(restored, contact)
+        + without.warnings
+        + _check_rest(fit.residual, noise),
         excludes_versed_sine=excludes_versed_sine,
     )
     return _check_speed(law, impact_speed)
@@ -391,20 +399,24 @@ def _find_misfit(form: LossForm, fit: WindowFit, largest: float, *, is_worse: bo
     return None
 
 
-def _describe_rest(fits: dict[LossForm, WindowFit], noise: float) -> tuple[str, ...]:
-    """Say which forms of loss are possible, and what the best leaves."""
-    notes = []
-    if len(fits) > 1:
-        forms = ", ".join(form.value for form in fits)
-        notes.append(f"the pulse does not tell apart the forms of loss {forms}")
-    residual = next(iter(fits.values())).residual
-    if compute_unexplained(residual, noise) > 0.0 < noise:
-        notes.append(
-            f"the law leaves {100.0 * residual:.2g} % of the peak, the noise is"
-            f" {100.0 * noise:.2g} %: the pulse is not quite that of such a contact, which is"
-            " in the uncertainties"
-        )
-    return tuple(notes)
+def _name_forms(fits: dict[LossForm, WindowFit]) -> tuple[str, ...]:
+    """Say which forms of loss are possible, if several are."""
+    if len(fits) == 1:
+        return ()
+    forms = ", ".join(form.value for form in fits)
+    return (f"the pulse does not tell apart the forms of loss {forms}",)
+
+
+def _check_rest(residual: float, noise: float) -> tuple[str, ...]:
+    """Warn that the law leaves more than noise, both over the peak [-]."""
+    if not compute_unexplained(residual, noise) > 0.0 < noise:
+        return ()
+    warning = (
+        f"the contact law leaves {100.0 * residual:.2g} % of the peak, where noise is"
+        f" {100.0 * noise:.2g} %: the contact loses energy in another way, so that e, impact speed"
+        " and energy may be farther off than their ±"
+    )
+    return (warning,)
 
 
 def _check_speed(law: ContactLaw, stated: float) -> ContactLaw:

@@ -35,6 +35,7 @@ class Limits:
     step: float = 2.0**-25  # [-] of derivatives: rounding and curvature are then some 3e-8 each
     least_noise: float = 1e-5  # [-] of the peak: a trace without noise would weigh infinitely
     stiffness_range: float = 1e6  # [-] of k over m (pi / tau_p)^2, either way
+    near: float = 0.05  # [-] of the peak: traces that leave more do not tell the force balance
 
 
 LIMITS = Limits()
@@ -67,6 +68,7 @@ class Identification:
     # Bayesian information criterion [-]: the sum of N ln(mean square over peak^2) over both traces
     # and p ln(2 N), of N independent points.
     criterion: float
+    misfit: str | None = None  # why no parameter but the force balance is determined
 
     def find(self, name: str) -> float:
         """Return the value of one parameter [its SI unit]."""
@@ -388,13 +390,16 @@ def _report(problem: FitProblem, values: FloatArray, mean: MeanHit) -> Identific
     variance = compute_noise_correlation(problem.cutoff_frequency, problem.sampling_rate)
     filtered_noise = noise * math.sqrt(variance[variance.size // 2])
     left = rms / problem.peaks
+    misfit = None
     for name, part, level in zip(CHANNELS, left, filtered_noise / problem.peaks, strict=True):
         if part > (largest := find_largest_residual(float(level))):
-            raise NotDeterminedError(
+            misfit = (
                 "identification: not determined, since the two-body model does not describe both"
                 f" traces: it leaves {100.0 * part:.2g} % of the {name}'s peak, where"
                 f" {100.0 * largest:.2g} % would be noise"
             )
+    if misfit is not None and left.max() > LIMITS.near:
+        raise NotDeterminedError(misfit)
     independent = points.stop - points.start
     if problem.cutoff_frequency:
         independent *= min(2.0 * problem.cutoff_frequency / problem.sampling_rate, 1.0)
@@ -416,4 +421,5 @@ def _report(problem: FitProblem, values: FloatArray, mean: MeanHit) -> Identific
         residual_percent=(100.0 * float(left[0]), 100.0 * float(left[1])),
         chi_square=float(np.mean(squares)),
         criterion=independent * float(by_peak.sum()) + len(NAMES) * math.log(total),
+        misfit=misfit,
     )

@@ -168,12 +168,24 @@ def _estimate_decay(
 def fit_model(mean: MeanHit, setup: RigSetup, sample: str) -> FittedModel:
     """Fit the driven model to both mean traces of a sample.
 
+    A model that comes near them without describing them tells the force balance alone.
+
     Raises
     ------
     NotDeterminedError
-        If it does not describe them.
+        If it does not come near them.
     """
     found = identify_model(mean, setup, sample)
+    described = FittedModel(
+        model=ModelVariant.DRIVEN.value,
+        is_preferred=True,
+        force_balance=found.force_balance,
+        residual_hammer_percent=found.residual_percent[0],
+        residual_sample_percent=found.residual_percent[1],
+        residual_over_noise=math.sqrt(found.chi_square),
+    )
+    if found.misfit is not None:
+        return replace(described, notes=(found.misfit,))
     columns = [NAMES.index(name) for name in ("tau_p", "k2", "c2")]
     body: dict[str, Any] = propagate_fit(
         f"scatter of the hits on {sample}",
@@ -193,15 +205,10 @@ def fit_model(mean: MeanHit, setup: RigSetup, sample: str) -> FittedModel:
     ):
         if is_open & parameters:
             body[name] = UNKNOWN
-    return FittedModel(
-        model=ModelVariant.DRIVEN.value,
-        is_preferred=True,
+    return replace(
+        described,
         criterion=found.criterion,
         **body,
-        force_balance=found.force_balance,
-        residual_hammer_percent=found.residual_percent[0],
-        residual_sample_percent=found.residual_percent[1],
-        residual_over_noise=math.sqrt(found.chi_square),
         parameters=NAMES,
         values=tuple(
             math.nan if name in is_open else value
@@ -431,7 +438,7 @@ def add_model(estimate: SampleEstimate, mean: MeanHit, setup: RigSetup) -> Sampl
         ringing = explain_ringing(find_frequency(model, estimate.name, setup), setup)
         if ringing:
             return replace(estimate, notes=(*estimate.notes, f"identification: {ringing}"))
-    return replace(estimate, identifications=(model,))
+    return replace(estimate, identifications=(model,), notes=(*estimate.notes, *model.notes))
 
 
 def _add_comparisons(

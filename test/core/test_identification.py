@@ -1,5 +1,6 @@
 """The model's parameters are found again from its traces, as well as noise allows."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from impact_rig.core.identification import (
     identify_model,
 )
 from impact_rig.core.model import Body, ImpactModel, ModelVariant, simulate_impact
+from impact_rig.core.sample import fit_model
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.plants import make_nominal_model
@@ -181,8 +183,13 @@ def test_what_the_model_does_not_describe_has_no_parameters():
     time = np.arange(mean.traces.shape[1]) / RATE
     ringing = 30.0 * np.sin(2 * np.pi * 25e3 * time)
     disturbed = replace(mean, traces=mean.traces + np.stack([np.zeros_like(ringing), ringing]))
-    with pytest.raises(NotDeterminedError, match=r"it leaves .* % of the sample's peak, where"):
-        identify_model(disturbed, PAPER_SETUP, SAMPLE)
+    fitted = fit_model(disturbed, PAPER_SETUP, SAMPLE)
+    assert re.search(r"it leaves .* % of the sample's peak, where", fitted.notes[0])
+    body = (fitted.contact_time, fitted.stiffness, fitted.damping_coefficient)
+    assert not any(quantity.is_known for quantity in body)
+    assert fitted.parameters == ()
+    # Gains and masses are right, which such traces still tell.
+    assert fitted.force_balance == pytest.approx(1.0, abs=0.05)
 
 
 def test_traces_that_say_nothing_are_named():
@@ -228,5 +235,4 @@ def test_through_sensors_that_are_described_the_model_is_found_as_without():
     mean = average_hits([judged.filtered])
     found = identify_model(mean, replace(PAPER_SETUP, sensors=sensors), SAMPLE)
     check_found(found, model, 2e-3)
-    with pytest.raises(NotDeterminedError, match="does not describe both traces"):
-        identify_model(mean, PAPER_SETUP, SAMPLE)
+    assert "does not describe both traces" in identify_model(mean, PAPER_SETUP, SAMPLE).misfit
