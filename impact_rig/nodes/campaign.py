@@ -181,7 +181,6 @@ class CampaignNode(RigNode):
             "pause_timeout", 0.0, "how long a campaign may stand still [s]; 0: for ever",
             low=0.0, high=1e6, live=True,
         )  # fmt: skip
-        self.declare("require_recorder", True, "count hits only when they are recorded", live=True)
         self._setup_of_rig: RigSetup = PAPER_SETUP
         self._angles: tuple[float, ...] = ()
         self._campaign: Campaign | None = None
@@ -267,8 +266,7 @@ class CampaignNode(RigNode):
         await self._join_node(campaign, "hammer")
         answer = await self._join_node(campaign, "accelerometer")
         campaign.stream_id = id_from_msg(answer.stream_id)
-        if self.get_value("require_recorder"):
-            campaign.recording = (await self._join_node(campaign, "recorder")).recording
+        campaign.recording = (await self._join_node(campaign, "recorder")).recording
         await self._join_node(campaign, "estimator")
         if self._joins["visualizer"].service_is_ready():
             await self._join_node(campaign, "visualizer")

@@ -58,10 +58,6 @@ class HammerNode(DeviceNode):
             "confirm_return", False,
             "after each swing, wait until somebody calls hammer/confirm_held", live=True,
         )  # fmt: skip
-        self.declare(
-            "require_recorder", True, "refuse to release while nothing is recorded",
-            live=True,
-        )  # fmt: skip
         self._patience = 0.0  # [s], within which an operator releases by hand; 0: a device does
         self._holder = ""
         self._released: Release.Request | None = None
@@ -193,14 +189,11 @@ class HammerNode(DeviceNode):
         """Return what was there and is lost."""
         if self.count_publishers(interfaces.HAMMER_STATE.name) > 1:
             return f"another node publishes {interfaces.HAMMER_STATE.name}: end it"
-        members = [self._accelerometer, self._campaign]
-        if self.get_value("require_recorder"):
-            members.append(self._recorder)
-        for member in members:
+        for member in (self._accelerometer, self._campaign, self._recorder):
             if loss := member.describe_loss():
                 return loss
         recorder = self._recorder.state
-        if self._recorder not in members or recorder is None or recorder.recording:
+        if recorder is None or recorder.recording:
             return None
         return f"nothing is being recorded ({recorder.message}): start the recorder"
 
@@ -220,7 +213,7 @@ class HammerNode(DeviceNode):
                 f" {acquisition.sample!r}, not for record {request.record} on"
                 f" {request.sample!r}"
             )
-        if self.get_value("require_recorder") and self._recorder.state is None:
+        if self._recorder.state is None:
             return "no recorder has reported: start the recorder first"
         return None
 

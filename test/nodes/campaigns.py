@@ -20,7 +20,7 @@ def start_rig(
     harness.add(
         HammerNode,
         namespace=namespace,
-        **{"swing_time": 0.001, "require_recorder": False, **(hammer or {})},
+        **{"swing_time": 0.001, **(hammer or {})},
     )
     harness.add(
         AccelerometerNode,
@@ -29,9 +29,8 @@ def start_rig(
         **{"trigger_timeout": 0.2, **accelerometer},
     )
     harness.add(EstimatorNode, namespace=namespace, **(estimator or {}))
-    harness.add(
-        CampaignNode, namespace=namespace, **{"require_recorder": False, **(campaign or {})}
-    )
+    harness.record(namespace)
+    harness.add(CampaignNode, namespace=namespace, **(campaign or {}))
     return make_client(harness, namespace)
 
 

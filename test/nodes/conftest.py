@@ -82,7 +82,8 @@ class Collector:
 class Harness:
     """Runs nodes in a background thread."""
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self, domain: int, recording: Path) -> None:
+        self.recording = recording
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain, args=[])
         self._executor = make_executor(self._context)
@@ -124,6 +125,9 @@ class Harness:
         self._executor.add_node(node)
         self.run(node.autostart)
         return node
+
+    def record(self, namespace: str = "") -> RecorderNode:
+        return self.add(RecorderNode, namespace=namespace, output=str(self.recording))
 
     def run(self, work: Callable[[], Any]) -> Any:
         """Do something in the nodes' executor, between two callbacks."""
@@ -283,7 +287,7 @@ def ros_domain() -> Iterator[int]:
 
 
 @pytest.fixture
-def harness(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Harness]:
+def harness(ros_domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Harness]:
     """Return a place to run nodes in."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     keep = RigMember._keep_liveliness
@@ -297,7 +301,7 @@ def harness(ros_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Harnes
         keep(member, SimpleNamespace(alive_count=status.alive_count, not_alive_count=silent))
 
     monkeypatch.setattr(RigMember, "_keep_liveliness", keep_liveliness)
-    with Harness(ros_domain) as started:
+    with Harness(ros_domain, tmp_path / "session.mcap") as started:
         yield started
 
 

@@ -10,7 +10,6 @@ from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.ledger import Ledger
-from impact_rig.nodes.recorder import RecorderNode
 
 from .campaigns import begin, start_rig
 
@@ -95,9 +94,8 @@ def test_a_device_that_was_lost_and_is_back_is_used_again_once_a_person_has_arme
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
 
 
-def test_a_node_that_was_deactivated_and_is_active_again_is_used_again(harness, tmp_path):
-    harness.add(RecorderNode, output=str(tmp_path / "session.mcap"))
-    handle, feedback = strike_on(harness, campaign={**SOON, "require_recorder": True})
+def test_a_node_that_was_deactivated_and_is_active_again_is_used_again(harness):
+    handle, feedback = strike_on(harness)
     for kind in (EstimatorNode, AccelerometerNode, HammerNode):
         node = find_node(harness, kind)
         harness.run(node.trigger_deactivate)
@@ -128,7 +126,8 @@ def test_a_pause_that_takes_too_long_ends_the_campaign_with_its_reason(harness):
 
 
 def test_hits_without_a_verdict_end_it_and_none_is_counted(harness, monkeypatch):
-    monkeypatch.setattr(EstimatorNode, "_on_block", lambda *_: None)
+    for callback in ("_on_block", "_on_stored"):
+        monkeypatch.setattr(EstimatorNode, callback, lambda *_: None)
     client = start_rig(harness, campaign={"verdict_timeout": 0.1})
     releases = harness.listen(interfaces.RELEASE)
     handle, feedback = begin(
@@ -144,11 +143,9 @@ def test_hits_without_a_verdict_end_it_and_none_is_counted(harness, monkeypatch)
     assert any("no verdict on record 1" in item.message for item in feedback.messages)
 
 
-def test_a_record_that_is_not_stored_is_waited_for(harness, tmp_path, monkeypatch):
+def test_a_record_that_is_not_stored_is_waited_for(harness, monkeypatch):
     held = []
-    harness.add(RecorderNode, output=str(tmp_path / "session.mcap"))
-    parameters = {"require_recorder": True, "verdict_timeout": 0.2}
-    handle, feedback = strike_on(harness, campaign=parameters)
+    handle, feedback = strike_on(harness, campaign={"verdict_timeout": 0.2})
     with monkeypatch.context() as patch:
         patch.setattr(Ledger, "add_stored", lambda _, message: held.append(message) or ())
         wait_for_state(feedback, PAUSED, "the recorder has not stored record")

@@ -140,14 +140,6 @@ def test_a_node_that_goes_disarms_the_hammer(rig, harness, name):
     assert "has gone" in rig.call(interfaces.ARM_HAMMER).message
 
 
-def test_without_a_recorder_none_is_missed(rig, harness):
-    rig.start(require_recorder=False)
-    rig.recorder.publish(RecorderState(recording=False, message="disk full"))
-    harness.wait_until(lambda: not rig.hammer._recorder.state.recording)
-    rig.hammer._watch()
-    assert rig.release().success
-
-
 def test_a_stop_works_in_every_state_of_the_node_and_outlasts_it(rig, harness):
     rig.hammer = node = harness.add(HammerNode, autostart=False)
     assert rig.call(interfaces.EMERGENCY_STOP).success
@@ -197,11 +189,13 @@ def test_an_operator_who_does_not_let_go_is_not_waited_for_for_ever(rig, start_b
 def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(harness, start_process):
     acquisition = harness.advertise(interfaces.ACQUISITION_STATE)
     releases = harness.listen(interfaces.RELEASE)
-    hammer = start_process("hammer", require_recorder=False, swing_time=0.01)
+    recorder = harness.advertise(interfaces.RECORDER_STATE)
+    hammer = start_process("hammer", swing_time=0.01)
     states = harness.listen(interfaces.HAMMER_STATE)
     states.wait(lambda messages: messages[-1].state == HammerState.HELD)
-    harness.wait_until(lambda: acquisition.get_subscription_count() == 1)
-    acquisition.publish(ARMED)
+    for publisher, message in ((acquisition, ARMED), (recorder, RECORDING)):
+        harness.wait_until(lambda it=publisher: it.get_subscription_count() == 1)
+        publisher.publish(message)
     assert harness.call(Trigger, interfaces.ARM_HAMMER).success
     client = harness.peer.create_client(Release, interfaces.RELEASE_HAMMER)
     harness.wait_until(client.service_is_ready)
@@ -225,7 +219,7 @@ def test_the_end_of_the_process_does_not_let_go(rig, harness, start_process, tmp
     board.plug()
     path = tmp_path / "rig.toml"
     path.write_text(f'{read_template()}\n[holder]\ndriver = "serial"\nport = "{board.port}"\n')
-    process = start_process("hammer", rig_file=str(path), require_recorder=False)
+    process = start_process("hammer", rig_file=str(path))
     rig.wait_for_newest(lambda state: state.message == "held, not armed")
     harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)
     process.send_signal(signal.SIGINT)

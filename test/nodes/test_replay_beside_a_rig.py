@@ -9,7 +9,6 @@ from rclpy.serialization import serialize_message
 from impact_rig.configuration.node_claim import claim_node
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, make_id
-from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.recordings.scan import Scan
 
@@ -39,10 +38,8 @@ def play(harness, events, offer):
 
 
 @pytest.mark.parametrize("offer", ["qos", "leased_qos"])  # of our recorder, of `ros2 bag record`
-def test_a_live_campaign_and_its_recording_hold_its_own_hits_alone(harness, tmp_path, offer):
-    new = tmp_path / "new.mcap"
-    client = start_rig(harness, campaign={"require_recorder": True})
-    recorder = harness.add(RecorderNode, output=str(new))
+def test_a_live_campaign_and_its_recording_hold_its_own_hits_alone(harness, offer):
+    client = start_rig(harness)
     impacts = harness.listen(interfaces.IMPACT)
     handle, feedback = begin(harness, client, samples=["steel small"], impacts=1000)
     feedback.wait(lambda messages: messages[-1].impact > 2)
@@ -58,11 +55,12 @@ def test_a_live_campaign_and_its_recording_hold_its_own_hits_alone(harness, tmp_
         harness.run(lambda player=player: harness.peer.destroy_publisher(player))
     harness.wait(handle.cancel_goal_async())
     result = harness.wait(handle.get_result_async()).result
+    (recorder,) = (node for node in harness.nodes if node.get_name() == "recorder")
     harness.close(recorder)
     assert {hit.sample for hit in impacts.messages} == {"steel small"}
     judged = sorted([*result.accepted, *result.rejected], key=lambda hit: hit.impact)
     assert [hit.impact for hit in judged] == [*range(1, len(judged) + 1)]
-    assert not played & {bytes(raw.data) for raw in Scan(new).read_messages()}
+    assert not played & {bytes(raw.data) for raw in Scan(harness.recording).read_messages()}
 
 
 def test_a_second_publisher_of_the_hammer_state_disarms(harness):

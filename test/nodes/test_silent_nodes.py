@@ -45,8 +45,9 @@ def test_a_killed_node_disarms_the_hammer_and_pauses_the_campaign(harness, start
         "accelerometer", required_subscribers="estimator", trigger_timeout=0.001
     )
     harness.add(EstimatorNode)
-    harness.add(HammerNode, swing_time=0.001, require_recorder=False)
-    harness.add(CampaignNode, require_recorder=False, verdict_timeout=1.0)
+    harness.add(HammerNode, swing_time=0.001)
+    harness.record()
+    harness.add(CampaignNode, verdict_timeout=1.0)
     states = harness.listen(interfaces.HAMMER_STATE)
     _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=100_000)
     feedback.wait(lambda got: got[-1:] and got[-1].impact >= 1)
@@ -61,15 +62,16 @@ def test_a_killed_node_disarms_the_hammer_and_pauses_the_campaign(harness, start
 def test_a_hammer_that_is_started_again_while_a_campaign_waits_for_it_is_seen(
     harness, start_process
 ):
-    hammer = start_process("hammer", swing_time=0.001, confirm_return=True, require_recorder=False)
+    hammer = start_process("hammer", swing_time=0.001, confirm_return=True)
     harness.add(AccelerometerNode, required_subscribers="estimator", trigger_timeout=0.2)
     harness.add(EstimatorNode)
-    harness.add(CampaignNode, require_recorder=False)
+    harness.record()
+    harness.add(CampaignNode)
     _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=2)
     feedback.wait(lambda got: got[-1:] and got[-1].state == got[-1].WAITING_FOR_HAMMER)
     kill(hammer)
     wait_for_pause(feedback, "hammer/join")
-    start_process("hammer", require_recorder=False)
+    start_process("hammer")
     wait_for_pause(feedback, "the hammer is not armed")
 
 
@@ -88,7 +90,7 @@ node.destroy_node()
 
 
 def test_two_rigs_in_one_domain_release_no_hammer(harness, start_process, ros_domain):
-    harness.add(HammerNode, require_recorder=False)
+    harness.add(HammerNode)
     states = harness.listen(interfaces.HAMMER_STATE)
     first = start_process("accelerometer", required_subscribers="''")
     harness.wait_until(lambda: harness.call(Trigger, interfaces.ARM_HAMMER).success)
