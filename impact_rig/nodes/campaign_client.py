@@ -108,7 +108,7 @@ class CampaignClient(RigClient):
         super().__init__("campaign_client", namespace)
         self._check = check
         self._acquisition: AcquisitionState | None = None
-        self._goal: Any = None
+        self._sent: list[Future] = []  # the goal of the running campaign, each time it was sent
         self._result = Future()
         self._gone_since = math.inf
         self._recording = ""
@@ -185,9 +185,9 @@ class CampaignClient(RigClient):
             If the campaign cannot be run as the goal asks for.
         """
         self._operator, self._gone_since = operator, math.inf
+        self._sent.clear()
         self._duties.clear()
-        self._goal = self._send_goal(goal)
-        self._result = self._goal.get_result_async()
+        self._result = self._send_goal(goal).get_result_async()
         while not self._result.done():
             if time.monotonic() - self._gone_since > GONE_TIMEOUT:
                 raise DeviceError("the campaign node has gone")
@@ -196,7 +196,8 @@ class CampaignClient(RigClient):
             elif not self.spin_until(lambda: self._result.done() or bool(self._duties), 1.0):
                 self._check_rig()
         answer = self._result.result()
-        self._goal = self._operator = None
+        self._sent.clear()
+        self._operator = None
         if answer.status == GoalStatus.STATUS_UNKNOWN:
             raise DeviceError(
                 "the campaign node was started again, and does not know the campaign"
@@ -219,12 +220,16 @@ class CampaignClient(RigClient):
 
         A server that has not met this client's reader yet drops both answer and goal.
         """
-        pending: list[Future] = []
-        while not any(future.done() for future in pending):
+        while self._goal is None:
             self._check_rig()
-            pending.append(self._action.send_goal_async(goal, self._on_feedback))
-            self.spin_until(lambda: any(future.done() for future in pending), RESEND_PERIOD)
-        return next(future.result() for future in pending if future.done())
+            self._sent.append(self._action.send_goal_async(goal, self._on_feedback))
+            self.spin_until(lambda: self._goal is not None, RESEND_PERIOD)
+        return self._goal
+
+    @property
+    def _goal(self) -> Any:
+        """What the campaign node made of the goal; None: it has not answered."""
+        return next((future.result() for future in self._sent if future.done()), None)
 
     def _check_rig(self) -> None:
         self._check()
@@ -234,14 +239,14 @@ class CampaignClient(RigClient):
 
     def cancel(self) -> None:
         """Ask a running campaign to stop, and wait until it has, for a bounded time."""
-        if self._goal is None:
-            return
-        self._goal.cancel_goal_async()
-        # A campaign node that has ended meanwhile does not answer.
-        self.spin_until(
-            lambda: self._result.done() or not self._action.server_is_ready(), CANCEL_TIMEOUT
-        )
-        self._goal = None
+        if self._sent and self.spin_until(lambda: self._goal is not None, CANCEL_TIMEOUT):
+            self._goal.cancel_goal_async()
+            result = self._goal.get_result_async()
+            # A campaign node that has ended meanwhile does not answer.
+            self.spin_until(
+                lambda: result.done() or not self._action.server_is_ready(), CANCEL_TIMEOUT
+            )
+        self._sent.clear()
 
     def _on_liveliness(self, status: Any) -> None:
         """Show that the campaign node gives no sign of life."""

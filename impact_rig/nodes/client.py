@@ -3,8 +3,11 @@
 It imports no physics: an emergency stop from the command line does not wait for that.
 """
 
+import contextlib
+import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Self
 
 import rclpy
@@ -83,13 +86,17 @@ class RigClient:
         )
 
     def spin_until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """Take messages until a condition is true; return whether it came true in time [s]."""
+        """Take messages until a condition is true; return whether it came true in time [s].
+
+        Ctrl-C ends it with `KeyboardInterrupt`, between two messages.
+        """
         deadline = time.monotonic() + timeout
-        while not condition():
-            left = deadline - time.monotonic()
-            if left <= 0.0:
-                return False
-            self._executor.spin_once(timeout_sec=min(left, LOOK_PERIOD))
+        with _hold_interrupts() as interrupts:
+            while not condition():
+                left = deadline - time.monotonic()
+                if left <= 0.0 or interrupts:
+                    return False
+                self._executor.spin_once(timeout_sec=min(left, LOOK_PERIOD))
         return True
 
     def call(self, kind: Any, name: str, request: Any, timeout: float) -> Any:
@@ -123,6 +130,28 @@ class RigClient:
             return future.result()
         finally:
             self._node.destroy_client(client)
+
+
+@contextlib.contextmanager
+def _hold_interrupts() -> Iterator[list[int]]:
+    """Hold back the signals that raise `KeyboardInterrupt`, and raise it at the end.
+
+    Raised within a message that the executor takes, it would come out as a `TypeError`.
+    """
+    came: list[int] = []
+    held = []
+    if threading.current_thread() is threading.main_thread():
+        signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        held = [n for n in signals if signal.getsignal(n) is signal.default_int_handler]
+    for number in held:
+        signal.signal(number, lambda number, _: came.append(number))
+    try:
+        yield came
+    finally:
+        for number in held:
+            signal.signal(number, signal.default_int_handler)
+    if came:
+        raise KeyboardInterrupt
 
 
 SERVICES = {

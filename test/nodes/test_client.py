@@ -1,5 +1,8 @@
 """A person at the command line asks a real hammer node."""
 
+import os
+import signal
+
 import pytest
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import HammerState
@@ -44,6 +47,20 @@ def test_every_word_does_what_it_says_or_is_refused_with_the_reason(client, harn
             with pytest.raises(DeviceError, match="refused: an emergency stop lasts"):
                 client.ask("arm")
     assert client.ask("confirm") == "held"
+
+
+def test_ctrl_c_while_a_message_is_taken_ends_the_wait_and_leaves_the_client_usable(client):
+    states = []
+
+    def interrupt(message):
+        os.kill(os.getpid(), signal.SIGINT)
+        states.append(message)
+
+    client.listen(interfaces.HAMMER_STATE, interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        client.spin_until(lambda: False, TIMEOUT)
+    assert states
+    assert client.ask("disarm")
 
 
 def test_a_rig_that_is_not_there_is_said(ros_domain, monkeypatch):
