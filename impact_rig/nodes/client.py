@@ -25,7 +25,7 @@ from impact_rig.nodes.executor import make_executor
 START_ONE = (
     "start one with `impact-rig up`, and check ROS_DOMAIN_ID and the namespace on both sides"
 )
-LOOK_PERIOD = 0.1
+LOOK_PERIOD = 0.02
 """How often something that sends no event is looked at [s]."""
 
 
