@@ -88,6 +88,7 @@ class Harness:
         rclpy.init(context=self._context, domain_id=domain, args=[])
         self._executor = make_executor(self._context)
         self.nodes: list[RigNode] = []
+        self._clients: dict[str, Any] = {}
         self.peer = Node("peer", context=self._context)
         self._executor.add_node(self.peer)
         self._stop: Future = Future()
@@ -164,7 +165,9 @@ class Harness:
 
         A server that has not met the client's reader yet drops its answer: it is asked again.
         """
-        client = self.peer.create_client(kind, name)
+        if name not in self._clients:
+            self._clients[name] = self.run(lambda: self.peer.create_client(kind, name))
+        client = self._clients[name]
         wait_until(client.service_is_ready)
         answers = Collector()
         for _ in range(round(PATIENCE / RESEND_PERIOD)):
