@@ -6,18 +6,15 @@ from pathlib import Path
 from typing import Any, Self
 
 import click
+from impact_rig_msgs.action import RunCampaign
 from rich.text import Text
 
 from impact_rig.cli import options
 from impact_rig.cli.output import make_progress, print_places, show_results
 from impact_rig.configuration.processes import RESULTS_NAME, choose_run_folder
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.nodes.campaign_client import (
-    CampaignClient,
-    CampaignGoal,
-    CampaignOutcome,
-    read_newest_campaign,
-)
+from impact_rig.nodes.campaign_client import CampaignClient, CampaignOutcome
+from impact_rig.nodes.campaign_plan import read_newest_campaign
 from impact_rig.present.console import ALARM
 from impact_rig.results.results_file import write_results
 
@@ -126,7 +123,7 @@ def advise_resuming(folder: Path) -> str:
 
 
 def run_campaign(
-    client: CampaignClient, goal: CampaignGoal, view: CampaignView
+    client: CampaignClient, goal: RunCampaign.Goal, view: CampaignView
 ) -> CampaignOutcome:
     """Run a campaign under a view.
 
@@ -172,7 +169,7 @@ def run(
         if notes:
             client.publish_note(notes, RIG_TIMEOUT)
         confirm = not client.is_hammerless if ask is None else ask
-        goal = CampaignGoal(
+        goal = RunCampaign.Goal(
             samples=samples, impacts=impacts, confirm_samples=confirm, release_angles=angles,
         )  # fmt: skip
         if resume and resumed is not None:

@@ -163,7 +163,9 @@ class TomlTable(Mapping[str, Any]):
         while place and place not in self._lines:
             place = place[:-1]
         line = self._lines.get(place)
-        return ParameterError(f"line {line}: {text}" if line else text)
+        error = ParameterError(f"line {line}: {text}" if line else text)
+        error.line = line
+        return error
 
     @contextlib.contextmanager
     def locating(self, key: str = "") -> Iterator[None]:

@@ -10,6 +10,8 @@ class RigError(Exception):
 class ParameterError(RigError, ValueError):
     """A value given by the user that cannot be used."""
 
+    line: int | None = None  # of the rig file, which the message names, too; None: of no file
+
 
 class SignalError(RigError, ValueError):
     """A trace or a stream that cannot be evaluated."""

@@ -1,6 +1,5 @@
 """The accelerometers: armed for one hit at a time, they stream it, or everything, as blocks."""
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -23,45 +22,9 @@ from impact_rig.nodes.accelerometer_source import (
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.messages import NO_ID, setup_from_msg
 
 TRIGGERED = "triggered"
-MODES = (TRIGGERED, CONTINUOUS)
-"""Each hit's record, as a trigger cuts it out; or all that comes, in which the estimator finds the
-impacts."""
-
-
-def declare_stream(node: RigNode) -> None:
-    """Declare source, mode, blocks, and what an arming waits for."""
-    node.declare(
-        "source", "", "lines of TOML that go before the rig file's table [source]: seed = 7"
-    )
-    node.declare(
-        "mode", TRIGGERED,
-        f"{TRIGGERED}: blocks of each hit, on `acceleration`; {CONTINUOUS}: blocks of all that"
-        " comes, on `acceleration/stream`, in which the estimator finds the impacts",
-        choices=MODES,
-    )  # fmt: skip
-    node.declare(
-        "stream_block_size", 25_000, "points per block of the running stream [-]",
-        low=1, high=10_000_000,
-    )  # fmt: skip
-    node.declare(
-        "required_subscribers", "estimator, recorder",
-        "nodes of this namespace, by commas, that must be connected to `acceleration` before"
-        " a release", live=True,
-    )  # fmt: skip
-    node.declare(
-        "trigger_timeout", 0.5,
-        "how long after the latest contact a trigger may come, and how long the rest of a record"
-        " may take from block to block [s]", low=0.0, high=60.0,
-    )  # fmt: skip
-
-
-ARMING_PAUSE = 0.05
-"""How long an answer waits for the source to arm before it is "later" [s], our choice: a fast
-device is armed in one request, and nothing else of the node waits for long."""
 
 
 class AccelerometerNode(DeviceNode):
@@ -80,16 +43,36 @@ class AccelerometerNode(DeviceNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("accelerometer", **options)
-        declare_stream(self)
+        self.declare(
+            "source", "", "lines of TOML that go before the rig file's table [source]: seed = 7"
+        )
+        self.declare(
+            "mode", TRIGGERED,
+            f"{TRIGGERED}: blocks of each hit, on `acceleration`; {CONTINUOUS}: blocks of all that"
+            " comes, on `acceleration/stream`, in which the estimator finds the impacts",
+            choices=(TRIGGERED, CONTINUOUS), read_only=True,
+        )  # fmt: skip
+        self.declare(
+            "stream_block_size", 25_000, "points per block of the running stream [-]",
+            low=1, high=10_000_000,
+        )  # fmt: skip
+        self.declare(
+            "trigger_timeout", 0.5,
+            "how long after the latest contact a trigger may come, and how long the rest of a"
+            " record may take from block to block [s]", low=0.0, high=60.0,
+        )  # fmt: skip
         self._setup: setup.RigSetup | None = None
         self._open: OpenSource | None = None
         self._thread: SourceThread | None = None
         self._arming: Arming | None = None
         self._record = 0
         self._stream_id = NO_ID
-        self._topic: interfaces.Topic | None = None
-        self._blocks: Any = None
-        self._hits: Any = None
+        self._is_continuous = self.get_value("mode") == CONTINUOUS
+        self._blocks = self.advertise(
+            interfaces.STREAM if self._is_continuous else interfaces.ACCELERATION
+        )
+        if self._is_continuous:
+            self.listen(interfaces.ACCELERATION, self._on_hit)
         self._publish_state = self.advertise_state(interfaces.ACQUISITION_STATE)
         self._virtual_impact = self.advertise(interfaces.VIRTUAL_IMPACT)
         self.listen(interfaces.SETUP, self._on_setup)
@@ -101,29 +84,10 @@ class AccelerometerNode(DeviceNode):
     # Lifecycle.
 
     def configure(self) -> None:
-        """Open the source, and advertise its blocks."""
+        """Open the source."""
         super().configure()
-        self._open = open_source(self, continuous=self.get_value("mode") == CONTINUOUS)
-        self._advertise_blocks()
+        self._open = open_source(self, continuous=self._is_continuous)
         self._use_setup()
-
-    def _advertise_blocks(self) -> None:
-        """Advertise the topic of the mode, and in continuous mode listen to the hits in it.
-
-        The publisher stays when the node is unconfigured, so that the last blocks reach all
-        subscribers, and a device that is back finds them connected.
-        """
-        is_continuous = self.get_value("mode") == CONTINUOUS
-        topic = interfaces.STREAM if is_continuous else interfaces.ACCELERATION
-        if topic is self._topic:
-            return
-        if self._blocks is not None:
-            self.destroy_publisher(self._blocks)
-        if self._hits is not None:
-            self.destroy_subscription(self._hits)
-        self._topic, self._blocks = topic, self.advertise(topic)
-        hits = self.listen(interfaces.ACCELERATION, self._on_hit) if is_continuous else None
-        self._hits = hits
 
     def cleanup(self) -> None:
         """Close the source."""
@@ -174,7 +138,7 @@ class AccelerometerNode(DeviceNode):
         """Return how much was streamed, and to how many."""
         return {
             **(self._thread.diagnose() if self._thread else {}),
-            "subscribers": self._blocks.get_subscription_count() if self._blocks else 0,
+            "subscribers": self._blocks.get_subscription_count(),
         }
 
     # Campaign and set-up.
@@ -225,7 +189,8 @@ class AccelerometerNode(DeviceNode):
             arming = self._arming = Arming(label)
             self._record = label.record
             self._thread.arm(arming)
-        response.success, response.record = arming.armed.wait(ARMING_PAUSE), arming.label.record
+        # A fast device is armed in one request, and nothing else of the node waits for long.
+        response.success, response.record = arming.armed.wait(0.05), arming.label.record
         if response.success:
             self._publish(AcquisitionState.ARMED, "waiting for the trigger", label.sample)
         else:
@@ -239,14 +204,12 @@ class AccelerometerNode(DeviceNode):
         if self._setup is None:
             return "no set-up has been received: start the campaign node first"
         hits, blocks = interfaces.ACCELERATION.name, self._blocks
-        if self._hits is not None and not self.count_publishers(hits):
+        if self._is_continuous and not self.count_publishers(hits):
             return f"no node finds impacts in {blocks.topic_name}: start the estimator"
         topic = self.resolve_topic_name(hits)
-        if name := self.find_missing_subscriber(topic, self.get_value("required_subscribers")):
-            return (
-                f"the node {name!r} does not listen to {topic}: start it first, or change the"
-                " parameter required_subscribers"
-            )
+        listeners = ("estimator", "recorder") if self.membership.is_joined else ()
+        if name := self.find_missing_subscriber(topic, listeners):
+            return f"the node {name!r} does not listen to {topic}: start it first"
         if not self.is_connected(blocks):
             return f"a subscriber of {blocks.topic_name} is still connecting"
         return None
@@ -274,8 +237,7 @@ class AccelerometerNode(DeviceNode):
             return
         if not arming.armed.is_set() or arming.is_released:
             return
-        by_hand = message.latest_contact
-        swing = by_hand if math.isfinite(by_hand) and by_hand > 0.0 else message.swing_time
+        swing = message.latest_contact or message.swing_time
         timeout = float(self.get_value("trigger_timeout"))
         arming.is_released = True
         if opened.hammerless is not None:

@@ -11,7 +11,7 @@ from typing import Any
 from impact_rig_msgs.msg import AccelerationBlock, StreamBlock
 
 from impact_rig.configuration.rig_file import list_rig_warnings, load_rig_file
-from impact_rig.core.errors import DeviceError, FileError, RigError
+from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.records import (
     MEASURED,
     NOT_ARMED,
@@ -84,9 +84,9 @@ def open_source(node: DeviceNode, *, continuous: bool) -> OpenSource:
         except BaseException:
             source.close()
             raise
-    except RigError as error:
-        if path and str(error).startswith("line "):
-            raise FileError(f"rig file {path}: {error}") from None
+    except ParameterError as error:
+        if path and error.line:
+            raise ParameterError(f"rig file {path}: {error}") from None
         raise
 
 
@@ -108,16 +108,9 @@ class Arming:
 
 BLOCK_SIZE = 1000
 """Points per block of a hit [-]."""
-LONGEST_READ = 0.05
-"""How long one read may wait for a block [s], our choice: it is the longest delay of an order."""
-STOP_TIMEOUT = 3.0
-"""How long a driver may take to return [s]: launch kills a node 10 s after Ctrl-C."""
 CHECK_PERIOD = 1.0
-"""How often an idle source is checked [s], our choice: as often as diagnostics are published."""
+"""How often an idle source is checked [s]: as often as diagnostics are published."""
 COMPLETE = "record complete"
-UNASKED = "record complete: something struck the hammer before it was released"
-NOTHING_CAME = "no impact came in time"
-BROKEN_OFF = "the record breaks off"
 
 
 class SourceThread:
@@ -183,7 +176,7 @@ class SourceThread:
     def stop(self) -> bool:
         """Disarm the source, and end; return whether the driver has returned."""
         self._orders.put(None)
-        self._thread.join(STOP_TIMEOUT)
+        self._thread.join(3.0)  # launch kills a node 10 s after Ctrl-C
         return not self._thread.is_alive()
 
     def arm(self, arming: Arming) -> None:
@@ -255,7 +248,8 @@ class SourceThread:
 
     def _read(self) -> None:
         deadline = self._compute_deadline()
-        block = self._source.read(min(max(deadline - time.monotonic(), 0.0), LONGEST_READ))
+        # The longest wait is the longest delay of an order.
+        block = self._source.read(min(max(deadline - time.monotonic(), 0.0), 0.05))
         if block is not None:
             self._has_begun = not self._plan.continuous
             self._publish(block)
@@ -265,9 +259,10 @@ class SourceThread:
             return
         if block is not None and block.last and not self._plan.continuous:
             self._arming = None
-            self._on_ended(arming, COMPLETE if arming.is_released else UNASKED)
+            early = f"{COMPLETE}: something struck the hammer before it was released"
+            self._on_ended(arming, COMPLETE if arming.is_released else early)
         elif time.monotonic() >= self._compute_deadline():
-            why = BROKEN_OFF if self._has_begun else NOTHING_CAME
+            why = "the record breaks off" if self._has_begun else "no impact came in time"
             self._end(arming, is_judged=False)
             self._on_ended(arming, why)
 

@@ -10,10 +10,10 @@ from rclpy.task import Future
 
 from impact_rig.core.errors import DeviceError, RigError
 
-WAITING_PERIOD = 0.02
-"""How often a condition without a callback is checked [s], our choice."""
+ANSWER_TIMEOUT = 5.0
+"""How long another node may take to answer [s]; only the estimator may have much to read first."""
 RESEND_PERIOD = 3.0
-"""How soon an unanswered request is sent again [s], our choice: longer than any answer takes but
+"""How soon an unanswered request is sent again [s]: longer than any answer takes but
 that of a hammer which has not met the rest of the rig yet."""
 
 
@@ -38,7 +38,7 @@ class AsyncNode(LifecycleNode):
         self._look: Future = Future()  # done: nothing waits
         self._look.set_result(None)
         # Runs while something waits: a new timer for each wait would cost as much as the wait.
-        self._looking = self.create_timer(WAITING_PERIOD, self._look_again)
+        self._looking = self.create_timer(0.02, self._look_again)
         self._looking.cancel()
 
     def create_timer(
@@ -88,7 +88,7 @@ class AsyncNode(LifecycleNode):
     async def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Wait for a condition for so many seconds; return whether it came true.
 
-        It is checked after each message, and every `WAITING_PERIOD`.
+        It is checked after each message, and fifty times a second.
 
         Raises
         ------
@@ -112,7 +112,7 @@ class AsyncNode(LifecycleNode):
         self,
         client: Any,
         request: Any,
-        timeout: float,
+        timeout: float = ANSWER_TIMEOUT,
         is_given_up: Callable[[], bool] = lambda: False,
     ) -> Any:
         """Call a service of another node of the rig and return its answer.

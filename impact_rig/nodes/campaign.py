@@ -3,15 +3,15 @@
 import contextlib
 import math
 import time
-from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import CampaignPlan, HammerState, Impact, SampleCount
+from impact_rig_msgs.msg import HammerState, Impact, SampleCount
 from impact_rig_msgs.msg import RigSetup as RigSetupMessage
 from impact_rig_msgs.srv import Arm, ConfirmSample, GetResults, JoinCampaign, Release, SetAngle
 from rclpy.action import ActionServer, CancelResponse
@@ -19,25 +19,18 @@ from rclpy.action.server import ServerGoalHandle
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import load_rig_file
-from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.setup import PAPER_SETUP, RigSetup, Sample, format_angle
 from impact_rig.nodes import interfaces, messages
-from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
+from impact_rig.nodes.async_node import ANSWER_TIMEOUT
+from impact_rig.nodes.campaign_plan import plan_campaign
+from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.messages import setup_from_msg
 
 LOOK_PERIOD = 0.5
 """How often a campaign checks whether its pause is over [s]."""
-ATTEMPTS = 10
-"""Strikes in a row without an accepted hit that end a campaign whose goal has no limit [-]."""
-LATER_TIMEOUT = 10.0
-"""How long accelerometers or hammer may answer "later" [s]: nodes that have just started take a
-while to find each other."""
-LATER_PERIOD = 0.02
-"""How soon they are asked again [s]: a state takes a few milliseconds to arrive."""
-ANSWER_TIMEOUT = 5.0
-"""How long a node may take to answer [s]; only the estimator may have much to read first."""
 RESULTS_TIMEOUT = 600.0
 """How long the estimator may take to read a run, or to fit the model to a hundred samples [s]."""
 
@@ -62,18 +55,17 @@ TRANSITIONS: Mapping[State, tuple[State, ...]] = {
         State.WAITING_FOR_SAMPLE,
         State.WAITING_FOR_HAMMER,
         State.PAUSED,
-        State.DISARMING,
         State.COMPLETE,
     ),
     State.WAITING_FOR_SAMPLE: (State.COUNTING,),
     State.PAUSED: (State.JOINING,),
-    State.WAITING_FOR_HAMMER: (State.COUNTING, State.DISARMING),
+    State.WAITING_FOR_HAMMER: (State.COUNTING, State.PAUSED),
     State.STRIKING: (State.COUNTING, State.DISARMING),
     State.DISARMING: (State.JOINING,),
     State.COMPLETE: (),
 }
-"""From which state a campaign goes where. A fault, whatever it is, leads to DISARMING and back to
-the top; an end with a reason is possible in every state."""
+"""From which state a campaign goes where. A fault in a strike leads to DISARMING, any other to
+PAUSED, and both lead back to the top; an end with a reason is possible in every state."""
 
 
 @dataclass
@@ -115,58 +107,6 @@ class EndError(RigError):
     """The campaign ends here, with a reason."""
 
 
-def plan_campaign(
-    goal: RunCampaign.Goal, setup: RigSetup, angles: Sequence[float], stamp: Time
-) -> RigSetupMessage:
-    """Return the set-up of the campaign that a goal asks for, with its id and its plan.
-
-    Parameters
-    ----------
-    goal : RunCampaign.Goal
-        Of a new campaign, or of one that goes on.
-    setup : RigSetup
-        Of the rig file.
-    angles : sequence of float
-        Release angles of the rig file [rad].
-    stamp : Time
-        When the campaign begins.
-
-    Raises
-    ------
-    ParameterError
-        If the goal cannot be run.
-    """
-    if goal.resumed.plan.impacts:
-        setup_from_msg(goal.resumed)
-        goal.resumed.plan.confirm_samples = goal.confirm_samples
-        return goal.resumed
-    if goal.impacts < 1:
-        raise ParameterError("impacts is 0: a campaign needs at least 1 per sample")
-    if goal.keep_hits > goal.impacts:
-        raise ParameterError(
-            f"keep_hits is {goal.keep_hits} of {goal.impacts} impacts: no more hits can be"
-            " kept than are struck"
-        )
-    samples = list(goal.samples) or list(setup.samples.names)
-    for name in samples:
-        setup.samples.find(name)
-        if samples.count(name) > 1:
-            raise ParameterError(f"sample {name!r} is asked for twice: once is enough")
-    if angles := list(goal.release_angles) or angles:
-        setup = setup.at_angles(angles)
-    if goal.keep_hits:
-        setup = replace(setup, analysis=replace(setup.analysis, keep_hits=goal.keep_hits))
-    message = messages.setup_to_msg(setup, stamp)
-    message.campaign_id = id_to_msg(make_id())
-    message.plan = CampaignPlan(
-        samples=setup.samples.find_series(samples),
-        impacts=goal.impacts,
-        attempts_per_impact=goal.attempts_per_impact,
-        confirm_samples=goal.confirm_samples,
-    )
-    return message
-
-
 class CampaignNode(RigNode):
     """An action server that runs campaigns on the rig's other nodes."""
 
@@ -184,8 +124,7 @@ class CampaignNode(RigNode):
         self._setup_of_rig: RigSetup = PAPER_SETUP
         self._angles: tuple[float, ...] = ()
         self._campaign: Campaign | None = None
-        self._confirmed = ""
-        self._hammer: HammerState | None = None
+        self._hammer = HammerState(message="it has published no state")
         self._setup = self.advertise(interfaces.SETUP)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
         self.listen(interfaces.IMPACT, self._on_impact)
@@ -239,9 +178,10 @@ class CampaignNode(RigNode):
                 following = await self._work[state](campaign)
             except DeviceError as error:
                 self._check_end(campaign)
-                self.get_logger().warning(str(error))
+                if campaign.feedback.message != str(error):
+                    self.get_logger().warning(str(error))
                 campaign.feedback.message = str(error)
-                following = State.PAUSED if state is State.JOINING else State.DISARMING
+                following = State.DISARMING if state is State.STRIKING else State.PAUSED
             if following not in TRANSITIONS[state]:
                 raise RuntimeError(f"no way leads from {state.name} to {following.name}")
             state = following
@@ -272,16 +212,13 @@ class CampaignNode(RigNode):
             await self._join_node(campaign, "visualizer")
         self._setup.publish(campaign.setup)
         if not campaign.has_armed:
-            answer = await self.call(self._arm_hammer, Trigger.Request(), ANSWER_TIMEOUT)
-            hammer = self._hammer
-            is_stopped = hammer and hammer.disarmed_by == HammerState.EMERGENCY_STOP
+            answer = await self.call(self._arm_hammer, Trigger.Request())
             # After an emergency stop a person arms, even if this is the start.
-            campaign.has_armed = answer.success or bool(is_stopped)
+            is_stopped = self._hammer.disarmed_by == HammerState.EMERGENCY_STOP
+            campaign.has_armed = answer.success or is_stopped
             if not answer.success:
                 raise DeviceError(f"the hammer cannot be armed: {answer.message}")
-            await self.wait_until(
-                lambda: bool(self._hammer and self._hammer.armed), ANSWER_TIMEOUT
-            )
+            await self.wait_until(lambda: bool(self._hammer.armed), ANSWER_TIMEOUT)
         return State.COUNTING
 
     async def _join_node(self, campaign: Campaign, name: str) -> JoinCampaign.Response:
@@ -303,14 +240,13 @@ class CampaignNode(RigNode):
     async def _count_hits(self, campaign: Campaign) -> State:
         """Ask the ledger what is missing, and whether the hammer can strike it."""
         request = GetResults.Request(counts_only=True)
-        ledger = await self.call(self._results, request, ANSWER_TIMEOUT)
+        ledger = await self.call(self._results, request)
         if ledger.setup.campaign_id != campaign.setup.campaign_id:
             raise DeviceError("the estimator was started again")
         if ledger.waiting_record:
-            campaign.feedback.message = (
+            raise DeviceError(
                 f"the recorder has not stored record {ledger.waiting_record} yet: see to its disk"
             )
-            return State.PAUSED
         campaign.newest_record = max(campaign.newest_record, ledger.newest_record)
         plan = campaign.setup.plan
         counts = {name: SampleCount() for name in plan.samples}
@@ -327,7 +263,7 @@ class CampaignNode(RigNode):
         )
         if not missing:
             return State.COMPLETE
-        if campaign.failures >= (plan.attempts_per_impact or ATTEMPTS):
+        if campaign.failures >= (plan.attempts_per_impact or 10):
             raise EndError(
                 f"{sample}: {campaign.failures} hits in a row were rejected or got no verdict, the"
                 f" last one: {campaign.failure}"
@@ -344,13 +280,12 @@ class CampaignNode(RigNode):
 
     def _is_person_needed(self, campaign: Campaign, sample: str) -> bool:
         """Return whether a person has to mount a sample, or to set the hammer's angle."""
-        wanted, is_set = campaign.find_sample(sample), self._sets_angle
+        wanted, is_set = campaign.find_sample(sample), self._hammer.sets_angle
         if not campaign.setup.plan.confirm_samples:
             if wanted.has_angle and not is_set:
-                holder = self._hammer.holder if self._hammer else "none"
                 raise EndError(
-                    f"the holder ({holder}) cannot set a release angle, and no person is asked to:"
-                    " let the campaign confirm the samples (--ask)"
+                    f"the holder ({self._hammer.holder}) cannot set a release angle, and no person"
+                    " is asked to: let the campaign confirm the samples (--ask)"
                 )
             return False
         mounted = campaign.mounted
@@ -360,8 +295,6 @@ class CampaignNode(RigNode):
     async def _check_hammer(self, campaign: Campaign) -> State:
         await self._wait_while_at(campaign, HammerState.SWINGING)
         hammer = self._hammer
-        if hammer is None:
-            raise DeviceError("the hammer node has published no state")
         if hammer.armed and hammer.state == HammerState.AWAY:
             campaign.feedback.message = (
                 "put the hammer back into its holder, then call hammer/confirm_held"
@@ -370,10 +303,9 @@ class CampaignNode(RigNode):
         if not hammer.armed:
             is_stop = hammer.disarmed_by == HammerState.EMERGENCY_STOP
             calls = "hammer/reset and then hammer/arm" if is_stop else "hammer/arm"
-            campaign.feedback.message = (
+            raise DeviceError(
                 f"the hammer is not armed ({hammer.message}): to go on, call {calls}"
             )
-            return State.PAUSED
         return State.STRIKING
 
     async def _pause(self, campaign: Campaign) -> State:
@@ -397,8 +329,7 @@ class CampaignNode(RigNode):
         """
 
         def has_left() -> bool:
-            hammer = self._hammer
-            is_at = hammer is not None and hammer.armed and hammer.state == place
+            is_at = self._hammer.armed and self._hammer.state == place
             return not is_at or campaign.is_cancelled
 
         while not await self.wait_until(has_left, LOOK_PERIOD / self.pace):
@@ -408,19 +339,18 @@ class CampaignNode(RigNode):
         """Wait until a person has mounted the sample, and set the angle if the holder cannot."""
         sample = campaign.find_sample(campaign.feedback.sample)
         text = ""
-        if sample.has_angle and not self._sets_angle:
+        if sample.has_angle and not self._hammer.sets_angle:
             text = f"set the release angle of the hammer to {format_angle(sample.release_angle)}"
-        self._confirmed = ""
         campaign.publish(message=text)
-        await self._wait(campaign, lambda: self._confirmed == sample.name)
-        campaign.mounted, campaign.feedback.message = sample.name, ""
+        await self._wait(campaign, lambda: campaign.mounted == sample.name)
+        campaign.feedback.message = ""
         return State.COUNTING
 
     async def _strike(self, campaign: Campaign) -> State:
         """Strike once, and wait for the verdict; every failure is a `DeviceError`."""
         ids = {"campaign_id": campaign.setup.campaign_id}
         sample = campaign.find_sample(campaign.hit["sample"])
-        if sample.has_angle and self._sets_angle:
+        if sample.has_angle and self._hammer.sets_angle:
             await self._ask(
                 campaign, self._set_angle, SetAngle.Request(angle=sample.release_angle)
             )
@@ -434,8 +364,8 @@ class CampaignNode(RigNode):
         timeout = float(self.get_value("verdict_timeout"))
         campaign.failures += 1
         campaign.failure = f"no verdict on record {record} came within {timeout:g} s"
-        swing = released.latest_contact if math.isfinite(released.latest_contact) else 0.0
-        await self._wait(campaign, lambda: campaign.verdict.record == record, timeout + swing)
+        timeout += released.latest_contact
+        await self._wait(campaign, lambda: campaign.verdict.record == record, timeout)
         verdict = campaign.verdict
         if verdict.record != record:
             raise DeviceError(campaign.failure)
@@ -449,7 +379,7 @@ class CampaignNode(RigNode):
     async def _disarm_accelerometers(self, campaign: Campaign) -> State:
         """Disarm, so that no later release falls into this record; back to the top."""
         campaign.stands_since = min(campaign.stands_since, time.monotonic())
-        await self._call_if_there(self._disarm, Trigger.Request(), ANSWER_TIMEOUT)
+        await self._call_if_there(self._disarm, Trigger.Request())
         return State.JOINING
 
     # Helpers of the states.
@@ -461,27 +391,26 @@ class CampaignNode(RigNode):
         await self.wait_until(lambda: condition() or campaign.is_cancelled, timeout)
 
     async def _ask(self, campaign: Campaign, client: Any, request: Any) -> Any:
-        """Return the good answer of a node; ask again at "later"."""
-        deadline = time.monotonic() + LATER_TIMEOUT
+        """Return the good answer of a node; for 10 s ask again at "later".
+
+        Nodes that have just started take a while to find each other.
+        """
+        deadline = time.monotonic() + 10.0
         while True:
-            answer = await self.call(
-                client, request, ANSWER_TIMEOUT, lambda: campaign.is_cancelled
-            )
+            answer = await self.call(client, request, is_given_up=lambda: campaign.is_cancelled)
             if answer.success:
                 return answer
             if not answer.later or time.monotonic() > deadline or campaign.is_cancelled:
                 raise DeviceError(answer.message)
-            await self.wait_until(lambda: False, LATER_PERIOD)
+            await self.wait_until(lambda: False, 0.02)
 
-    async def _call_if_there(self, client: Any, request: Any, timeout: float) -> Any:
+    async def _call_if_there(
+        self, client: Any, request: Any, timeout: float = ANSWER_TIMEOUT
+    ) -> Any:
         """Return the answer of a node; None: it gives none."""
         with contextlib.suppress(DeviceError):
             return await self.call(client, request, timeout, lambda: not client.service_is_ready())
         return None
-
-    @property
-    def _sets_angle(self) -> bool:
-        return self._hammer is not None and bool(self._hammer.sets_angle)
 
     def _on_hammer_state(self, message: HammerState) -> None:
         self._hammer = message
@@ -493,15 +422,13 @@ class CampaignNode(RigNode):
     def _on_confirm_sample(
         self, request: ConfirmSample.Request, response: ConfirmSample.Response
     ) -> ConfirmSample.Response:
-        feedback = self._campaign.feedback if self._campaign else None
-        if feedback is None or feedback.state != State.WAITING_FOR_SAMPLE:
+        campaign = self._campaign
+        if campaign is None or campaign.feedback.state != State.WAITING_FOR_SAMPLE:
             response.message = "no campaign is waiting for a sample"
-        elif request.sample != feedback.sample:
-            response.message = (
-                f"the campaign is waiting for {feedback.sample!r}, not {request.sample!r}"
-            )
+        elif request.sample != (wanted := campaign.feedback.sample):
+            response.message = f"the campaign is waiting for {wanted!r}, not {request.sample!r}"
         else:
-            self._confirmed = request.sample
+            campaign.mounted = request.sample
             response.success, response.message = True, f"{request.sample} is mounted"
         self.wake_waiters()
         return response
@@ -549,7 +476,7 @@ class CampaignNode(RigNode):
         if self.stop_requested.done():
             return
         for client in (self._disarm_hammer, self._disarm):
-            await self._call_if_there(client, Trigger.Request(), ANSWER_TIMEOUT)
+            await self._call_if_there(client, Trigger.Request())
         results = await self._call_if_there(self._results, GetResults.Request(), RESULTS_TIMEOUT)
         if results is None or results.setup.campaign_id != campaign.setup.campaign_id:
             result.success = False

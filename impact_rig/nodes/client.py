@@ -25,8 +25,6 @@ from impact_rig.nodes.executor import make_executor
 START_ONE = (
     "start one with `impact-rig up`, and check ROS_DOMAIN_ID and the namespace on both sides"
 )
-LOOK_PERIOD = 0.02
-"""How often something that sends no event is looked at [s]."""
 
 
 class RigClient:
@@ -96,7 +94,8 @@ class RigClient:
                 left = deadline - time.monotonic()
                 if left <= 0.0 or interrupts:
                     return False
-                self._executor.spin_once(timeout_sec=min(left, LOOK_PERIOD))
+                # Some conditions send no event.
+                self._executor.spin_once(timeout_sec=min(left, 0.02))
         return True
 
     def call(self, kind: Any, name: str, request: Any, timeout: float) -> Any:

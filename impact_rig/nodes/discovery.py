@@ -26,12 +26,11 @@ OPENERS = (
 )  # fmt: skip
 """Variables by which a process would look, or answer, beyond 127.0.0.1."""
 LOCAL_PROFILES = Path(__file__).with_name("fast_dds_local.xml")
-NETWORK_PROFILES = Path(__file__).with_name("fast_dds_network.xml")
 LOCAL_PEERS = 32
 """Processes of this host that are looked for [-], as in `LOCAL_PROFILES`."""
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - this is what Linux and Fast DDS use
 LEAST_SHARED_MEMORY = 4_000_000
-"""Free space of it that one more process needs [byte], our choice: one was seen to take 1 MB."""
+"""Free space of it that one more process needs [byte]: one was seen to take 1 MB."""
 
 
 @contextmanager
@@ -57,7 +56,7 @@ def offer_profile() -> Iterator[None]:
             PROFILES[0]: str(LOCAL_PROFILES),
         })  # fmt: skip
     elif not (any(name in before for name in PROFILES) or PROFILE_FILE.exists()):
-        os.environ[PROFILES[0]] = str(NETWORK_PROFILES)
+        os.environ[PROFILES[0]] = str(Path(__file__).with_name("fast_dds_network.xml"))
     try:
         yield
     finally:
@@ -82,8 +81,6 @@ FIRST_DOMAIN = 1
 """Domain 0 is the default of ROS 2."""
 DOMAINS = 100
 """How many are handed out [-]: ports of higher ones reach into those of outgoing connections."""
-RESERVED_PORTS = 32768
-"""Added to a domain's number, the TCP port that reserves it, as for ROS 2's domain_coordinator."""
 
 
 @contextmanager
@@ -102,7 +99,8 @@ def reserve_domain() -> Iterator[int]:
     for number in random.SystemRandom().sample(domains, DOMAINS):
         with socket.socket() as reservation:
             try:
-                reservation.bind(("", RESERVED_PORTS + number))
+                # As ROS 2's domain_coordinator does it.
+                reservation.bind(("", 32768 + number))
             except OSError:
                 continue
             if not _is_in_use(number):

@@ -34,14 +34,6 @@ from impact_rig.recordings.messages import (
     stamp_from_msg,
 )
 
-WAITING_BLOCKS = 1000
-"""Blocks kept while no set-up has arrived [-], our choice: a few seconds of streaming."""
-
-QUIET_TIME = 0.5
-"""How long no hit may have come before estimates are completed that the next hit would replace
-[s], our choice: longer than from hit to hit of a virtual rig."""
-
-
 LIBRARIES = (
     "GTC",
     "scipy.fft",
@@ -133,10 +125,11 @@ class EstimatorNode(RigNode):
         self._setup: RigSetup | None = None
         self._ledger: Ledger | None = None
         self._incomplete: dict[str, None] = {}
-        self._quiet = self.create_timer(QUIET_TIME, self._complete_next)
+        # Runs down when no hit comes: the next one would replace what it completes.
+        self._quiet = self.create_timer(0.5, self._complete_next)
         self._quiet.cancel()
         self._cutting = StreamCutting(self)
-        self._early: deque[AccelerationBlock] = deque(maxlen=WAITING_BLOCKS)
+        self._early: deque[AccelerationBlock] = deque(maxlen=1000)  # without a set-up yet
         self._impact = self.advertise(interfaces.IMPACT)
         self._estimate = self.advertise(interfaces.ESTIMATE)
         self._hammer_estimate = self.advertise(interfaces.HAMMER_ESTIMATE)

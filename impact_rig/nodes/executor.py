@@ -11,11 +11,6 @@ from rclpy.executors import Executor
 from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 
-LONGEST_SPIN = 3600.0
-"""How long is spun at a time [s]. Without a limit the events executor of rclpy's wheels neither
-sleeps nor lets another thread give it work: their C++ library waits for the end of time in a
-loop."""
-
 
 def make_executor(context: Context | None = None) -> Executor:
     """Return an executor for the nodes of a context, the default one if none is given."""
@@ -33,7 +28,9 @@ def spin_until(executor: Executor, stop: Future) -> None:
         If the context has been shut down.
     """
     while executor.context.ok() and not stop.done():
-        executor.spin_until_future_complete(stop, timeout_sec=LONGEST_SPIN)
+        # Without a limit the events executor of rclpy's wheels neither sleeps nor lets another
+        # thread give it work: their C++ library waits for the end of time in a loop.
+        executor.spin_until_future_complete(stop, timeout_sec=3600.0)
 
 
 def accept_message_info(

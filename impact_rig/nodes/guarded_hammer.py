@@ -72,7 +72,7 @@ class GuardedHammer:
         self._publish = publish
         self._condition = HammerCondition()
         self._holder: HammerHolder | None = None
-        self._fault = ""
+        self._fault: str | None = None
         self._is_known_held = True
 
     @property
@@ -96,7 +96,7 @@ class GuardedHammer:
             A hammer that left its last holder, or may have while that was lost, is away until
             somebody confirms that it is back.
         """
-        self._holder, self._fault = holder, ""
+        self._holder, self._fault = holder, None
         self._is_known_held = self._is_known_held or not confirm_return
         if self._is_known_held:
             self._change(place=HammerPlace.HELD, is_armed=False, message=NEVER_ARMED)
@@ -116,8 +116,8 @@ class GuardedHammer:
         taker = Disarming.LOSS if self._condition.is_armed else self._condition.disarmed_by
         self._change(place=HammerPlace.FAULT, is_armed=False, disarmed_by=taker, message=reason)
 
-    def arm(self) -> str:
-        """Take the operator's enable; return why it is refused, empty: it is given."""
+    def arm(self) -> str | None:
+        """Take the operator's enable; return why it is refused, if it is."""
         reason = self._describe_stop() or self._describe_fault()
         if not reason:
             self._change(
@@ -131,8 +131,8 @@ class GuardedHammer:
         self._change(is_armed=False, disarmed_by=taker, message=message)
 
     def disarm_by_loss(self, reason: str) -> None:
-        """Take the enable back because a hit could not be recorded; empty: nothing is lost."""
-        if reason and self._condition.is_armed:
+        """Take the enable back because a hit could not be recorded."""
+        if self._condition.is_armed:
             self._change(is_armed=False, disarmed_by=Disarming.LOSS, message=reason)
 
     def stop(self) -> None:
@@ -148,8 +148,8 @@ class GuardedHammer:
         if self.is_stopped:
             self._change(disarmed_by=Disarming.OPERATOR, message="emergency stop ended, not armed")
 
-    def describe_obstacle(self) -> str:
-        """Return why the hammer itself may not go now; empty: it may."""
+    def describe_obstacle(self) -> str | None:
+        """Return why the hammer itself may not go now; None: it may."""
         if reason := self._describe_stop() or self._describe_fault():
             return reason
         condition = self._condition
@@ -160,39 +160,39 @@ class GuardedHammer:
             return f"the hammer is not in its holder: {_AWAY}"
         if condition.place is HammerPlace.SWINGING:
             return "the hammer is not in its holder: wait for the swing to end"
-        return ""
+        return None
 
     @property
     def can_set_angle(self) -> bool:
         """Whether the holder can set a release angle."""
         return isinstance(self._holder, AngledHolder)
 
-    def set_angle(self, angle: float) -> str:
+    def set_angle(self, angle: float) -> str | None:
         """Move the hammer to a release angle [rad].
 
         Returns
         -------
-        str
-            Why it is not there, `ON_ITS_WAY` until it is; empty: it is there.
+        str or None
+            Why it is not there, `ON_ITS_WAY` until it is; None: it is there.
         """
         if reason := self.describe_obstacle():
             return reason
         if not isinstance(self._holder, AngledHolder):
             return "the holder cannot set a release angle"
-        return "" if self._holder.set_angle(angle) else ON_ITS_WAY
+        return None if self._holder.set_angle(angle) else ON_ITS_WAY
 
-    def release(self, obstacle: str) -> str:
+    def release(self, obstacle: str | None) -> str | None:
         """Release the hammer, if nothing forbids it.
 
         Parameters
         ----------
-        obstacle : str
-            Why the rest of the rig could not record the hit; empty: it could.
+        obstacle : str or None
+            Why the rest of the rig could not record the hit; None: it could.
 
         Returns
         -------
-        str
-            Why it was refused; empty: the hammer goes.
+        str or None
+            Why it was refused; None: the hammer goes.
         """
         reason = self.describe_obstacle() or obstacle
         if reason or self._holder is None:
@@ -202,7 +202,7 @@ class GuardedHammer:
         self._holder.release()
         message = "the operator may let go" if self._holder.is_by_hand else "released"
         self._change(place=HammerPlace.SWINGING, message=message)
-        return ""
+        return None
 
     def end_swing(self, message: str, *, confirm_return: bool) -> None:
         """Hold again after a swing, if there was one.
@@ -225,8 +225,8 @@ class GuardedHammer:
             message = f"{message}; {self._condition.message}"
         self._change(place=HammerPlace.HELD, message=message)
 
-    def confirm_held(self) -> str:
-        """Take a person's word that the hammer is back; return why that is refused, or nothing."""
+    def confirm_held(self) -> str | None:
+        """Take a person's word that the hammer is back; return why that is refused, if it is."""
         if self._holder is None or self._fault:
             return self._describe_fault()
         if self._condition.place is HammerPlace.SWINGING:
@@ -235,7 +235,7 @@ class GuardedHammer:
         self._is_known_held = True
         if self._condition.place is HammerPlace.AWAY:
             self._change(place=HammerPlace.HELD, message="put back into the holder")
-        return ""
+        return None
 
     def check(self) -> None:
         """Raise `DeviceError` if the holder is lost, or has released without an order."""
@@ -245,17 +245,17 @@ class GuardedHammer:
         if state is HolderState.RELEASED and self._condition.place is not HammerPlace.SWINGING:
             raise DeviceError("the holder has released the hammer without an order")
 
-    def _describe_stop(self) -> str:
-        return "an emergency stop lasts: call hammer/reset first" if self.is_stopped else ""
+    def _describe_stop(self) -> str | None:
+        return "an emergency stop lasts: call hammer/reset first" if self.is_stopped else None
 
-    def _describe_fault(self) -> str:
-        if self._fault:
-            return f"nothing holds the hammer: {self._fault}"
-        return "" if self._holder else "nothing holds the hammer: activate the hammer node first"
+    def _describe_fault(self) -> str | None:
+        if self._holder is not None and self._fault is None:
+            return None
+        return f"nothing holds the hammer: {self._fault or 'activate the hammer node first'}"
 
     def _change(self, **changes: Any) -> None:
         condition = replace(self._condition, **changes)
-        if self._fault not in condition.message:
+        if self._fault and self._fault not in condition.message:
             # The reason of a loss stays in the message until the hammer is back.
             condition = replace(condition, message=f"{condition.message}; {self._fault}")
         if condition != self._condition:

@@ -23,17 +23,86 @@ from impact_rig.nodes.guarded_hammer import (
 )
 from impact_rig.nodes.identity import id_from_msg
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_member import RigMember
+from impact_rig.nodes.rig_node import RigNode
 
 Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
 LONGEST_PAUSE = 1.5
-"""Longest time between two callbacks of a process that runs [s], our choice."""
-WATCH_PERIOD = 0.5
-"""How often the holder and the rest of the rig are checked [s], our choice: an operator who pulls
-a plug wants to see the enable go."""
-CATCH_UP_TIME = interfaces.LEASE + 0.5
-"""How long a process that was stopped refuses to release when it goes on [s]: by then it has
-received what was published meanwhile, and the leases of dead nodes have ended."""
+"""Longest time between two callbacks of a process that runs [s]."""
+
+
+class RigMember:
+    """One other node of the rig, by a topic that it alone publishes: its state, its life.
+
+    A node whose process is killed, or whose computer is out of reach, publishes no goodbye. The
+    lease of its topic ends in time all the same.
+
+    Parameters
+    ----------
+    node : RigNode
+        That listens.
+    name : str
+        Of the other node.
+    topic : Topic
+        Of the other node, with a lease.
+    on_change : callable
+        Called when a message is kept, and when a publisher has come, gone, or fallen silent.
+    is_single : bool
+        More than one publisher is a loss, too: another rig's, or a replay's.
+    """
+
+    def __init__(
+        self,
+        node: RigNode,
+        name: str,
+        topic: interfaces.Topic,
+        on_change: Callable[[], None] = lambda: None,
+        *,
+        is_single: bool = True,
+    ) -> None:
+        self.name = name
+        self.state: Any = None  # the newest message; None: none has come yet
+        self._is_single = is_single
+        self._on_change = on_change
+        self._was_there = False
+        self._alive = 0
+        self._silent = 0
+        self._subscription = node.listen(
+            topic, self._keep_state, on_liveliness=self._keep_liveliness
+        )
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether it was there, and gives no sign of life now."""
+        if self._alive or self._silent:
+            return not self._alive
+        # A message may come before its first sign of life, and one of this process gives none.
+        return self._was_there and not self._subscription.get_publisher_count()
+
+    def describe_loss(self) -> str | None:
+        """Return how it is lost; None: it is not, or was never there."""
+        if self.is_gone:
+            return (
+                f"the {self.name} node has gone: start it again, or see to the network between you"
+            )
+        if self._alive > 1 and self._is_single:
+            return (
+                f"{self._alive} {self.name} nodes are up in this ROS domain and namespace: stop"
+                " one rig (or the replay of one), or give it another ROS_DOMAIN_ID or namespace"
+            )
+        state = self.state
+        if isinstance(state, AcquisitionState) and state.state == AcquisitionState.FAULT:
+            return f"the {self.name}'s device is lost: {state.message}"
+        return None
+
+    def _keep_state(self, message: Any) -> None:
+        self._was_there = True
+        self.state = message
+        self._on_change()
+
+    def _keep_liveliness(self, status: Any) -> None:
+        self._was_there = True
+        self._alive, self._silent = status.alive_count, status.not_alive_count
+        self._on_change()
 
 
 class HammerNode(DeviceNode):
@@ -69,16 +138,12 @@ class HammerNode(DeviceNode):
         self._release = self.advertise(interfaces.RELEASE)
         self._hammer = GuardedHammer(self._publish_condition)
         self._accelerometer = RigMember(
-            self, "accelerometer", interfaces.ACQUISITION_STATE, self._on_acquisition_state,
-            self._check_rig,
-        )  # fmt: skip
-        self._recorder = RigMember(
-            self, "recorder", interfaces.RECORDER_STATE, lambda _: self._check_rig(),
-            self._check_rig,
-        )  # fmt: skip
+            self, "accelerometer", interfaces.ACQUISITION_STATE, self._on_acquisition_state
+        )
+        self._recorder = RigMember(self, "recorder", interfaces.RECORDER_STATE, self._check_rig)
         # A bag that is played has set-ups, too.
         self._campaign = RigMember(
-            self, "campaign", interfaces.SETUP, on_liveliness=self._check_rig, is_single=False
+            self, "campaign", interfaces.SETUP, self._check_rig, is_single=False
         )
         for name, callback in (
             (interfaces.ARM_HAMMER, self._on_arm),
@@ -91,7 +156,8 @@ class HammerNode(DeviceNode):
         self.create_service(SetAngle, interfaces.SET_ANGLE, self._on_set_angle)
         self.create_service(Release, interfaces.RELEASE_HAMMER, self._on_release)
         self.offer_to_join()
-        self.create_timer(WATCH_PERIOD / self.pace, self._watch)
+        # An operator who pulls a plug wants to see the enable go.
+        self.create_timer(0.5 / self.pace, self._watch)
 
     # The lifecycle.
 
@@ -150,8 +216,11 @@ class HammerNode(DeviceNode):
 
     # The rest of the rig.
 
-    def _on_acquisition_state(self, message: AcquisitionState) -> None:
+    def _on_acquisition_state(self) -> None:
         self._check_rig()
+        message = self._accelerometer.state
+        if message is None:
+            return
         is_armed = message.state == AcquisitionState.ARMED
         is_new = is_armed and message.record != self._armed_record
         self._armed_record = message.record if is_armed else 0
@@ -176,7 +245,8 @@ class HammerNode(DeviceNode):
         """Check whether this process was stopped, or the computer asleep, since the last time."""
         now = _read_clock()
         if (pause := now - self._last_seen) > LONGEST_PAUSE:
-            self._is_caught_up_at = now + CATCH_UP_TIME
+            # By then what was published meanwhile has come, and the leases of dead nodes are over.
+            self._is_caught_up_at = now + interfaces.LEASE + 0.5
             self.get_logger().warning(f"this process did not run for {pause:.1f} s")
         self._last_seen = now
 
@@ -219,10 +289,10 @@ class HammerNode(DeviceNode):
 
     # The services.
 
-    def _run_guarded(self, act: Callable[[], str | None]) -> str:
+    def _run_guarded(self, act: Callable[[], str | None]) -> str | None:
         """Do something with the holder, which is lost if that fails; return why it failed."""
         try:
-            return act() or ""
+            return act()
         except DeviceError as error:
             self.lose_device(error)
             return str(error)
@@ -236,7 +306,7 @@ class HammerNode(DeviceNode):
 
     def _on_disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._hammer.disarm("disarmed by the operator")
-        return _answer(response, "", "disarmed")
+        return _answer(response, None, "disarmed")
 
     def _on_confirm_held(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return _answer(response, self._run_guarded(self._hammer.confirm_held), "held")
@@ -259,7 +329,7 @@ class HammerNode(DeviceNode):
         fault = self._run_guarded(self._hammer.stop)
         done = "stopped: hammer/reset ends it"
         return _answer(
-            response, "", f"stopped, but the holder is lost: {fault}" if fault else done
+            response, None, f"stopped, but the holder is lost: {fault}" if fault else done
         )
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -267,7 +337,7 @@ class HammerNode(DeviceNode):
         self._hammer.reset()
         done = "the emergency stop is ended" if was_stopped else "there was no emergency stop"
         obstacle = self._hammer.describe_obstacle()
-        return _answer(response, "", f"{done}; {obstacle or 'the hammer is armed'}")
+        return _answer(response, None, f"{done}; {obstacle or 'the hammer is armed'}")
 
     def _on_release(
         self, request: Release.Request, response: Release.Response
@@ -290,9 +360,9 @@ class HammerNode(DeviceNode):
                 response.message, response.later = obstacle, True
                 return response
             stamp = self.get_clock().now().to_msg()
-            response.message = self._run_guarded(lambda: self._hammer.release(obstacle or ""))
-            if response.message:
-                self.get_logger().warning(f"release refused: {response.message}")
+            if refusal := self._run_guarded(lambda: self._hammer.release(obstacle)):
+                self.get_logger().warning(f"release refused: {refusal}")
+                response.message = refusal
                 return response
             self._begin_swing(request, stamp)
         response.success = True
@@ -337,7 +407,7 @@ def _read_clock() -> float:
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
-def _answer(response: Answer, reason: str, done: str = "") -> Answer:
+def _answer(response: Answer, reason: str | None, done: str = "") -> Answer:
     """Fill in an answer: why not, or what was done."""
     response.success, response.message = not reason, reason or done
     return response

@@ -4,7 +4,7 @@ All names are relative, so that a rig can be put into a namespace and remapped.
 """
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -35,17 +35,14 @@ from rclpy.qos import (
 from std_msgs.msg import String
 
 RESULT_DEPTH = 256
-"""How many results are kept for who comes late [messages], our choice: two of the paper's
-campaigns."""
-COMPARISON_DEPTH = 64
-"""The same for traces of 80 kB [messages]."""
+"""How many results are kept for who comes late [messages]: two of the paper's campaigns."""
 STREAM_DEPTH = 500
 """How much of a running stream may wait before the oldest is lost [messages]: 5 s in blocks of
 10 ms, for which a node may do something else. Only what waits takes memory, at the paper's rate
 20 MB each second."""
 
 LEASE = 2.0
-"""After what time without a sign of life a node counts as silent [s], our choice: an operator who
+"""After what time without a sign of life a node counts as silent [s]: an operator who
 pulls a plug wants to see the enable go. The middleware gives one every two thirds of it, by a
 separate thread, also while the node is busy."""
 
@@ -69,6 +66,11 @@ class Topic:
     lease: float = 0.0  # [s], after which a publisher without a sign of life is silent; 0: never
 
     @property
+    def type_name(self) -> str:
+        """The name of the message type, for example `std_msgs/msg/String`."""
+        return f"{self.type.__module__.split('.')[0]}/msg/{self.type.__name__}"
+
+    @property
     def leased_qos(self) -> QoSProfile:
         """The QoS of the rig's own publishers, and of subscribers that watch their liveliness."""
         if not self.lease:
@@ -77,6 +79,12 @@ class Topic:
         leased.liveliness = LivelinessPolicy.AUTOMATIC
         leased.liveliness_lease_duration = Duration(seconds=self.lease)
         return leased
+
+    def deepen(self, depth: int) -> "Topic":
+        """Return the topic with a subscriber's queue of at least so many messages."""
+        qos = copy(self.qos)
+        qos.depth = max(qos.depth, depth)
+        return replace(self, qos=qos)
 
 
 SETUP = Topic("setup", RigSetup, _make_qos(1, latched=True), LEASE)
@@ -90,7 +98,7 @@ VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _make_qos(RESULT_DEPTH, 
 IMPACT = Topic("impact", Impact, _make_qos(RESULT_DEPTH, latched=True))
 ESTIMATE = Topic("estimate", SampleEstimate, _make_qos(RESULT_DEPTH, latched=True))
 HAMMER_ESTIMATE = Topic("hammer_estimate", HammerEstimate, _make_qos(1, latched=True))
-COMPARISON = Topic("comparison", ModelComparison, _make_qos(COMPARISON_DEPTH, latched=True))
+COMPARISON = Topic("comparison", ModelComparison, _make_qos(64, latched=True))  # 80 kB each
 HAMMER_STATE = Topic("hammer/state", HammerState, _make_qos(1, latched=True))
 ACQUISITION_STATE = Topic(
     "accelerometer/state", AcquisitionState, _make_qos(1, latched=True), LEASE

@@ -90,7 +90,7 @@ class Ledger:
             hits += self._judge(key)
         return tuple(hits)
 
-    def read(self, campaign_id: bytes, namespace: str) -> str:
+    def read(self, campaign_id: bytes, namespace: str) -> str | None:
         """Judge what the run's recordings have of the campaign, each record once.
 
         Parameters
@@ -102,11 +102,11 @@ class Ledger:
 
         Returns
         -------
-        str
-            Why not all could be read; empty: it was, or the recordings are on another computer.
+        str or None
+            Why not all could be read; None: it was, or the recordings are on another computer.
         """
         self._clear()
-        problem = ""
+        problem = None
         record: list[Block] = []
         key: Key | None = None
         for path in filter(Path.exists, list_parts(Path(self.recording))):

@@ -12,9 +12,6 @@ from impact_rig.nodes.guarded_hammer import Disarming, HammerPlace
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.recordings.messages import block_from_msg, origin_from_msg, setup_from_msg
 
-ACQUISITION_STATES = 3
-"""Numbered from 0 in the message's definition."""
-
 
 def _check_hammer_state(message: msg.HammerState) -> None:
     HammerPlace(message.state)
@@ -22,8 +19,8 @@ def _check_hammer_state(message: msg.HammerState) -> None:
 
 
 def _check_acquisition_state(message: msg.AcquisitionState) -> None:
-    if message.state >= ACQUISITION_STATES:
-        raise ParameterError(f"state is {message.state}: it must be below {ACQUISITION_STATES}")
+    if message.state > message.FAULT:
+        raise ParameterError(f"state is {message.state}: it must not be above {message.FAULT}")
 
 
 def _check_release(message: msg.HammerRelease) -> None:

@@ -38,15 +38,12 @@ def listen(node: Node, token: str) -> None:
     rclpy.spin_until_future_complete(node, heard)
 
 
-PROGRAMS = {"talk": talk, "listen": listen}
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one of the two programs; see the module's text."""
     name, token = sys.argv[1:3] if argv is None else argv
     rclpy.init(args=[])
     try:
-        PROGRAMS[name](Node(f"impact_rig_probe_{name}"), token)
+        {"talk": talk, "listen": listen}[name](Node(f"impact_rig_probe_{name}"), token)
         print(get_rmw_implementation_identifier())
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

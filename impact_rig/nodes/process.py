@@ -26,11 +26,6 @@ from impact_rig.nodes.rig_node import RigNode
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 DRAIN_QUIET = 0.1
 """How long nothing may have come before the queues count as empty at the end [s]."""
-DRAIN_TIMEOUT = 2.0
-"""How long emptying the queues at the end may take [s], below what process managers grant."""
-LEAVING_TIMEOUT = 8.0
-"""How long the middleware may take to leave, once all else is closed [s]: more than 3 s on a busy
-machine. Then the process ends and shows where it stood: `impact-rig up` kills it after 10 s."""
 
 
 def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None) -> int:
@@ -94,7 +89,9 @@ def _run(make_node: Callable[[], RigNode], argv: Sequence[str] | None) -> int:
             executor.shutdown()
         if node is not None:
             node.close()
-        faulthandler.dump_traceback_later(LEAVING_TIMEOUT, exit=True, file=2)
+        # The middleware takes more than 3 s to leave on a busy machine, and `impact-rig up` kills
+        # after 10 s: before that the process ends and shows where it stood.
+        faulthandler.dump_traceback_later(8.0, exit=True, file=2)
         if node is not None:
             node.destroy_node()
         if claim is not None:
@@ -140,8 +137,8 @@ def _open_launcher() -> list[int]:
 
 
 def _drain(node: RigNode, executor: Executor) -> None:
-    """Work off what is still in the queues, as long as there is anything, for a bounded time."""
-    deadline = time.monotonic() + DRAIN_TIMEOUT
+    """Work off what is still in the queues, as long as there is anything, for at most 2 s."""
+    deadline = time.monotonic() + 2.0
     quiet_since = time.monotonic()
     handled = node.messages_handled
     while time.monotonic() < deadline and time.monotonic() - quiet_since < DRAIN_QUIET:

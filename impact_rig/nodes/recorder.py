@@ -25,12 +25,6 @@ from impact_rig.recordings.provenance import read_attached_file
 from impact_rig.recordings.source import SUFFIX
 from impact_rig.recordings.writer import COMPRESSIONS, RecordingWriter
 
-DISCOVERY_PERIOD = 0.2
-"""How often further topics and nodes are looked for [s], our choice: the ROS graph sends no event
-here."""
-HEALTH_PERIOD = 1.0
-"""How often losses are published, and how long a message may wait to be written to disk [s]."""
-
 
 class RecorderNode(RigNode):
     """Records while it is active: one activation, one recording."""
@@ -56,10 +50,7 @@ class RecorderNode(RigNode):
         self._warning: str | None = None
         self._publish = self.advertise_state(interfaces.RECORDER_STATE)
         self._stored = self.advertise(interfaces.RECORD_STORED)
-        for period, work in (
-            (DISCOVERY_PERIOD, RecordingRun.discover),
-            (HEALTH_PERIOD, self._check_health),
-        ):
+        for period, work in ((0.2, RecordingRun.discover), (1.0, self._check_health)):
             self.create_timer(period / self.pace, partial(self._run_guarded, work))
         self.offer_to_join()
 

@@ -1,9 +1,10 @@
 """One recording in the making: what it subscribes to, what is on the disk, and its end."""
 
 import contextlib
+import importlib
 import time
-from collections.abc import Callable, Mapping
-from copy import copy
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
 from typing import Any
 
 import rclpy
@@ -11,7 +12,7 @@ from impact_rig_msgs.msg import AccelerationBlock, RecordStored, StreamBlock
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.parameter import parameter_value_to_python
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
@@ -23,35 +24,68 @@ from impact_rig.nodes.identity import Identity
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.nodes.topics import adapt_qos, describe_qos, import_type, name_type
 from impact_rig.recordings.hits import BlockCount, RecordCount, RecordWatch
-from impact_rig.recordings.messages import count_points
+from impact_rig.recordings.messages import STREAM_TYPE, count_points
 from impact_rig.recordings.provenance import (
     PARAMETERS_RECORD,
     PROVENANCE_RECORD,
     describe_provenance,
     format_parameters,
 )
-from impact_rig.recordings.records import OfferedQos
+from impact_rig.recordings.records import INFINITE, OfferedQos
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 
 QUEUE_DEPTH = 2000
-"""Depth of the queue of a topic [messages], our choice: almost a second of blocks of 1000 points
+"""Depth of the queue of a topic [messages]: almost a second of blocks of 1000 points
 at 2.5 MS/s, in which the disk may stand still. Only waiting messages take memory."""
 PARAMETER_EVENTS = "/parameter_events"
-GLOBAL_TOPICS = ("/diagnostics", "/rosout", PARAMETER_EVENTS)
-"""Topics outside the rig's namespace that are recorded."""
-_STREAM_TYPE = name_type(interfaces.STREAM.type)
 
 
-ANSWER_TIMEOUT = 3.0
-"""How long an answer may take until a node is asked again [s], our choice."""
 NODES = (
     "accelerometer", "campaign", "estimator", "hammer", "recorder", "replayer", "visualizer"
 )  # fmt: skip
 LISTER = "/list_parameters"
 """Ends the name of the service by which a node lists its parameters."""
+
+
+def import_type(type_name: str) -> Any:
+    """Return the class of a message type, for example `std_msgs/msg/Header`.
+
+    Raises
+    ------
+    FileError
+        If it is not installed.
+    """
+    package, _, name = type_name.partition("/msg/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError, ValueError):
+        raise FileError(f"message type {type_name} is not installed") from None
+
+
+def describe_qos(profile: QoSProfile) -> OfferedQos:
+    """Return a profile as it is kept in a recording."""
+    return OfferedQos(
+        reliability=profile.reliability.name.lower(),
+        durability=profile.durability.name.lower(),
+        history=profile.history.name.lower(),
+        depth=profile.depth,
+        lifespan=profile.lifespan.nanoseconds or INFINITE,
+    )
+
+
+def adapt_qos(publishers: Iterable[TopicEndpointInfo], depth: int) -> QoSProfile:
+    """Return the strictest profile that receives from all publishers, as rosbag2 does."""
+    offers = [item.qos_profile for item in publishers]
+    is_reliable = all(item.reliability == ReliabilityPolicy.RELIABLE for item in offers)
+    is_latched = all(item.durability == DurabilityPolicy.TRANSIENT_LOCAL for item in offers)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
+    )
 
 
 class NodeParameters:
@@ -84,9 +118,9 @@ class NodeParameters:
         lister = node.create_client(ListParameters, full_name + LISTER)
         getter = node.create_client(GetParameters, f"{full_name}/get_parameters")
         try:
-            listed = await node.call(lister, ListParameters.Request(), ANSWER_TIMEOUT)
+            listed = await node.call(lister, ListParameters.Request())
             names = sorted(listed.result.names)
-            got = await node.call(getter, GetParameters.Request(names=names), ANSWER_TIMEOUT)
+            got = await node.call(getter, GetParameters.Request(names=names))
         except DeviceError:
             self._asked.discard(full_name)
             return
@@ -174,8 +208,9 @@ class RecordingRun:
             if topic in self._subscriptions or topic in self._skipped:
                 continue
             is_ours = topic.startswith(prefix) and not topic_or_service_is_hidden(topic)
-            is_left_out = _STREAM_TYPE in types and not self._record_stream
-            if (is_ours or topic in GLOBAL_TOPICS) and not is_left_out:
+            is_global = topic in ("/diagnostics", "/rosout", PARAMETER_EVENTS)
+            is_left_out = STREAM_TYPE in types and not self._record_stream
+            if (is_ours or is_global) and not is_left_out:
                 publishers = self._node.get_publishers_info_by_topic(topic)
                 if publishers:
                     self._record_discovered(topic, types, publishers)
@@ -236,9 +271,8 @@ class RecordingRun:
 
     def _record_own(self, topic: Topic) -> None:
         # All of several states in quick succession are wanted, not only the last.
-        qos = copy(topic.qos)
-        qos.depth = max(qos.depth, QUEUE_DEPTH)
-        self._record(topic.name, topic.type, qos, (describe_qos(topic.qos),), own=topic)
+        qos = topic.deepen(QUEUE_DEPTH).qos
+        self._record(topic, qos, (describe_qos(topic.qos),), is_own=True)
 
     def _record_discovered(
         self, topic: str, types: list[str], publishers: list[TopicEndpointInfo]
@@ -246,26 +280,25 @@ class RecordingRun:
         try:
             if len(types) > 1:
                 raise FileError(f"it has several types: {', '.join(types)}")
-            kind = import_type(types[0])
             offers = tuple(describe_qos(item.qos_profile) for item in publishers)
-            self._record(topic, kind, adapt_qos(publishers, QUEUE_DEPTH), offers)
+            qos = adapt_qos(publishers, QUEUE_DEPTH)
+            self._record(Topic(topic, import_type(types[0]), qos), qos, offers)
         except RigError as error:
             self._skipped[topic] = str(error)
             self._node.get_logger().warning(f"{topic} is not recorded: {error}")
 
     def _record(
         self,
-        name: str,
-        kind: Any,
+        topic: Topic,
         qos: QoSProfile,
         offers: tuple[OfferedQos, ...],
         *,
-        own: Topic | None = None,
+        is_own: bool = False,
     ) -> None:
-        node, topic = self._node, self._node.resolve_topic_name(name)
-        on_written = self._on_written.get(topic)
-        definition = find_message_definition(name_type(kind))
-        channel = self.writer.add_channel(topic, definition, offers)
+        node, full_name = self._node, self._node.resolve_topic_name(topic.name)
+        on_written = self._on_written.get(full_name)
+        definition = find_message_definition(topic.type_name)
+        channel = self.writer.add_channel(full_name, definition, offers)
         previous: int | None = None
 
         def on_message(data: bytes, info: Mapping[str, Any]) -> None:
@@ -274,28 +307,26 @@ class RecordingRun:
             if self.writer.closed:
                 return
             message = None
-            if own is not None:
-                message = deserialize_message(data, kind)
-                if node.membership.is_foreign(message, name):
-                    return
-                if not node.message_check.accepts(own, message):
+            if is_own:
+                message = deserialize_message(data, topic.type)
+                if not node.takes(topic, message):
                     return
             received = info["received_timestamp"] or time.time_ns()
             sent = info["source_timestamp"] or received
             number = info.get("publication_sequence_number")
             if number and previous and number > previous + 1:
-                self._count_lost(topic, number - previous - 1)
+                self._count_lost(full_name, number - previous - 1)
             previous = number
             try:
                 self.writer.add_message(channel, data, received, sent)
                 if on_written is not None:
-                    on_written(message or deserialize_message(data, kind))
+                    on_written(message or deserialize_message(data, topic.type))
             except FileError as error:
                 self._on_failed(error)
 
-        self._subscriptions[topic] = node.create_subscription(
-            kind,
-            name,
+        self._subscriptions[full_name] = node.create_subscription(
+            topic.type,
+            topic.name,
             accept_message_info(on_message),
             qos,
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
@@ -319,12 +350,8 @@ class RecordingRun:
         self.stream.add(message.first_sample, count_points(message))
 
     def _publish_stored(self, count: RecordCount) -> None:
-        label = count.label
         message = RecordStored(
-            sample=label.sample,
-            record=label.record,
-            impact=label.impact,
-            attempt=label.attempt,
+            **asdict(count.label),
             blocks=count.blocks,
             gaps=count.gaps,
             missing_points=count.missing_points,

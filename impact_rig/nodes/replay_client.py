@@ -17,12 +17,10 @@ from impact_rig.nodes.result_messages import results_from_msg
 from impact_rig.recordings.messages import stamp_from_msg
 from impact_rig.results.campaign import Results
 
-CONNECTION_TIMEOUT = 20.0
-"""How long the estimator may take to listen [s]."""
 BLOCK_TIMEOUT = 60.0
 """How long it may take for one message [s]."""
 RESULTS_TIMEOUT = 600.0
-"""How long the estimates may take [s], our choice: fitting the model to a hundred samples."""
+"""How long the estimates may take [s]: fitting the model to a hundred samples."""
 
 
 class ReplayClient(RigClient):
@@ -72,7 +70,7 @@ class ReplayClient(RigClient):
         """
         self.spin_until(
             lambda: all(item.get_subscription_count() for item in self._outputs.values()),
-            CONNECTION_TIMEOUT,
+            20.0,
         )
         has_setup = has_blocks = False
         for message in recording.read_messages():

@@ -9,42 +9,27 @@ from typing import Any, NamedTuple
 from impact_rig_msgs.msg import ReplayerState
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from rclpy.serialization import serialize_message
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.node_claim import check_free, join_names
+from impact_rig.configuration.processes import split_names
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.stream import StreamCutter
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.identity import identity_from_msg
 from impact_rig.nodes.interfaces import Topic
-from impact_rig.nodes.messages import block_to_msg
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.nodes.topics import name_type
 from impact_rig.recordings.messages import (
     NANOSECONDS,
     NO_ID,
     SETUP_TYPE,
-    STREAM_TYPE,
-    block_from_msg,
     campaign_id_from_msg,
-    setup_from_msg,
 )
-from impact_rig.recordings.reader import holds_blocks, is_stream, list_namespaces
+from impact_rig.recordings.reader import list_namespaces
 from impact_rig.recordings.records import Channel
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import SchemaDecoder, check_interfaces, find_message_definition
 from impact_rig.recordings.source import find_recordings
 
-FASTEST = 1000.0
-"""Times the original speed [-]."""
-NODES_OF_A_RIG = ("accelerometer", "campaign", "hammer")
-"""Beside which nothing is replayed: it could be taken for what happens."""
-PUBLISHING_PERIOD = 0.005
-"""How often what is due is published [s]."""
-STATE_PERIOD = 1.0
-"""How often the state is published while it does not change but in its numbers [s]."""
 INPUTS = (
     interfaces.SETUP,
     interfaces.ACCELERATION,
@@ -64,8 +49,6 @@ class RecordedMessage(NamedTuple):
 
 class RecordingToReplay:
     """The inputs in the recording of one rig; of a run that was resumed, all its files in turn.
-
-    Of a running stream in which no impacts were found before, the impacts are replayed.
 
     Parameters
     ----------
@@ -92,7 +75,10 @@ class RecordingToReplay:
         self._files = [(file, _find_topics(file, prefix)) for file in files]
         self.topics = {topic.name: topic for _, found in self._files for topic in found.values()}
         if interfaces.ACCELERATION.name not in self.topics:
-            raise FileError(f"{path} holds nothing to replay: no hits of a rig")
+            raise FileError(
+                f"{path} holds nothing to replay, no hits of a rig: `impact-rig analyze` finds"
+                " those of a running stream"
+            )
         self.warnings = tuple(warning for file in files for warning in file.warnings)
         ranges = [file.read_time_range() for file in files]
         self.duration = sum(last - first for first, last in ranges)  # [ns], of all files
@@ -100,29 +86,19 @@ class RecordingToReplay:
     def read_messages(self) -> Iterator[RecordedMessage]:
         """Yield the messages in file order."""
         decoder = SchemaDecoder()
-        cutter: StreamCutter | None = None
         campaign = NO_ID
         elapsed = 0
         for file, topics in self._files:
             first, last = file.read_time_range()
             for message in file.read_messages(partial(_is_replayed, topics)):
                 channel, time = message.channel, elapsed + message.log_time - first
-                topic = topics[channel.id]
-                if is_stream(channel):
-                    segment = decoder.decode(channel, message.data)
-                    identity = identity_from_msg(segment)
-                    for cut in cutter.feed(block_from_msg(segment)) if cutter else ():
-                        data = serialize_message(block_to_msg(cut, identity))
-                        yield RecordedMessage(topic, time, data)
-                    continue
                 if channel.type_name == SETUP_TYPE:
                     setup = decoder.decode(channel, message.data)
-                    cutter = StreamCutter(setup_from_msg(setup).analysis)
                     before, campaign = campaign, campaign_id_from_msg(setup)
                     # A run that was resumed has the set-up of its campaign in each file.
                     if campaign == before != NO_ID:
                         continue
-                yield RecordedMessage(topic, time, message.data)
+                yield RecordedMessage(topics[channel.id], time, message.data)
             elapsed += last - first
 
 
@@ -132,9 +108,7 @@ def _is_replayed(topics: dict[int, Topic], channel: Channel) -> bool:
 
 def _find_topics(file: Scan, prefix: str) -> dict[int, Topic]:
     """Return what is replayed of a file, by the numbers of its channels."""
-    by_type = {name_type(topic.type): topic for topic in INPUTS}
-    if not holds_blocks(file):
-        by_type[STREAM_TYPE] = interfaces.ACCELERATION
+    by_type = {topic.type_name: topic for topic in INPUTS}
     topics: dict[int, Topic] = {}
     for channel in file.read_channels():
         topic = by_type.get(channel.type_name)
@@ -158,7 +132,7 @@ class ReplayerNode(RigNode):
             "rate", 1.0,
             "speed, part of the original's [-]; may be changed at any time; what comes faster than"
             " the subscribers take it is lost",
-            low=0.001, high=FASTEST, live=True,
+            low=0.001, high=1000.0, live=True,
         )  # fmt: skip
         self.declare("loop", 1, "how often [-]; 0: without end", low=0, high=1_000_000, live=True)
         self.declare(
@@ -181,13 +155,14 @@ class ReplayerNode(RigNode):
         self._phase = ReplayerState.IDLE
         self._message = "no recording"
         self._publish = self.advertise_state(interfaces.REPLAYER_STATE)
-        self.create_timer(STATE_PERIOD / self.pace, self._publish_state)
+        self.create_timer(1.0 / self.pace, self._publish_state)
         self.create_service(Trigger, interfaces.PAUSE_REPLAYER, self._on_pause)
         self.create_service(Trigger, interfaces.RESUME_REPLAYER, self._on_resume)
 
     def configure(self) -> None:
         """Open the recording and announce its topics, where no rig is up."""
-        check_free(join_names(self.get_namespace(), NODES_OF_A_RIG))
+        # Beside a rig it could be taken for what happens.
+        check_free(join_names(self.get_namespace(), ("accelerometer", "campaign", "hammer")))
         if not self.get_value("file"):
             raise ParameterError("file is empty: it must be the path of a recording")
         self._recording = recording = RecordingToReplay(Path(self.get_value("file")).expanduser())
@@ -205,7 +180,7 @@ class ReplayerNode(RigNode):
         """Start as soon as the subscribers are there."""
         self._passes = self._count = 0
         self._set_state(ReplayerState.WAITING, "waiting for subscribers")
-        self._timer = self.create_timer(PUBLISHING_PERIOD, self._on_tick)
+        self._timer = self.create_timer(0.005, self._on_tick)
 
     def deactivate(self) -> None:
         """Stop publishing."""
@@ -264,7 +239,7 @@ class ReplayerNode(RigNode):
             self._finish(str(error))
 
     def _is_connected(self) -> bool:
-        required = self.get_value("required_subscribers")
+        required = split_names(self.get_value("required_subscribers"))
         blocks = self._outputs[interfaces.ACCELERATION.name]
         missing = self.find_missing_subscriber(blocks.topic_name, required)
         return not missing and self.is_connected(blocks)

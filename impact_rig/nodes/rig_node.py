@@ -2,7 +2,7 @@
 
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -19,7 +19,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from impact_rig.configuration.processes import ACTIVE, split_names
+from impact_rig.configuration.processes import ACTIVE
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.async_node import AsyncNode
 from impact_rig.nodes.identity import Identity, Membership, id_from_msg
@@ -29,11 +29,6 @@ from impact_rig.nodes.message_check import MessageCheck
 RCLError = rclpy_implementation.RCLError
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two diagnostic messages of a node [s]."""
-ACKNOWLEDGEMENT_TIMEOUT = 0.2
-"""How long the last state may take to reach its subscribers [s], our choice."""
-_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
-"""Name of a node whose endpoints the middleware knows, but not its name: so it is for good after
-a long break of the network."""
 _NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 """rclpy's own callbacks warn of a QoS that does not fit, as the subscriber's do; each callback
 adds to the cost of every message."""
@@ -109,13 +104,15 @@ class RigNode(AsyncNode):
         high: float | None = None,
         choices: Sequence[str] = (),
         live: bool = False,
+        read_only: bool = False,
     ) -> None:
         """Declare a parameter with its range or its choices.
 
-        One that is `live` takes effect at once; any other is read when the node is configured,
-        and cannot be set until it is cleaned up.
+        One that is `live` takes effect at once, one that is `read_only` is set when the node
+        starts; any other is read when the node is configured, and cannot be set until it is
+        cleaned up.
         """
-        descriptor = ParameterDescriptor(description=description)
+        descriptor = ParameterDescriptor(description=description, read_only=read_only)
         if choices:
             descriptor.additional_constraints = f"one of {', '.join(choices)}"
             self._choices[name] = choices
@@ -174,9 +171,7 @@ class RigNode(AsyncNode):
 
         def on_message(message: Any) -> None:
             self.messages_handled += 1
-            if self.membership.is_foreign(message, topic.name):
-                return
-            if not self.message_check.accepts(topic, message):
+            if not self.takes(topic, message):
                 return
             try:
                 callback(message)
@@ -194,12 +189,19 @@ class RigNode(AsyncNode):
             ),
         )
 
-    def find_missing_subscriber(self, topic: str, required: str) -> str | None:
-        """Return which of the required nodes, named by commas, does not subscribe to a topic."""
+    def takes(self, topic: Topic, message: Any) -> bool:
+        """Return whether a message is of this node's campaign, and sound."""
+        is_foreign = self.membership.is_foreign(message, topic.name)
+        return not is_foreign and self.message_check.accepts(topic, message)
+
+    def find_missing_subscriber(self, topic: str, required: Iterable[str]) -> str | None:
+        """Return which of the required nodes does not subscribe to a topic."""
         names = {item.node_name for item in self.get_subscriptions_info_by_topic(topic)}
-        if _UNKNOWN_NODE in names:  # it may be any of them
+        # After a long break of the network the middleware knows a node's endpoints, but its name
+        # never again: it may be any of them.
+        if "_NODE_NAME_UNKNOWN_" in names:
             return None
-        return next((name for name in split_names(required) if name not in names), None)
+        return next((name for name in required if name not in names), None)
 
     def is_connected(self, publisher: Any) -> bool:
         """Return whether all subscribers that the graph knows are connected to a publisher.
@@ -307,7 +309,7 @@ class RigNode(AsyncNode):
         if self.context.ok():
             # Else the middleware may end before the last state has reached all subscribers.
             for publisher, _ in self._states:
-                publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGEMENT_TIMEOUT))
+                publisher.wait_for_all_acked(Duration(seconds=0.2))
 
     def _run_transition(
         self, work: Callable[[], None], *, configured: bool, active: bool

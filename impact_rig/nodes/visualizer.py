@@ -5,45 +5,64 @@ The file is written as hits come. What it keeps of a hit is its verdict; 512 MB 
 this host that come late.
 """
 
+import math
 import os
 import time
-from collections import deque
-from collections.abc import Callable, Hashable
-from copy import copy
+from collections import Counter, deque
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs.msg import (
     AccelerationBlock,
+    HammerEstimate,
     Impact,
     ModelComparison,
-    RigSetup,
+    SampleEstimate,
+    VirtualImpact,
 )
+from impact_rig_msgs.msg import RigSetup as RigSetupMessage
+from numpy.typing import NDArray
 
+from impact_rig.core import paper_method, sample
+from impact_rig.core.contact_law import NO_LAW, ContactLaw
+from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.errors import RigError
+from impact_rig.core.hits import filter_record
+from impact_rig.core.records import Block, HitLabel, Record
+from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import id_from_msg
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RateMeter, RigNode
-from impact_rig.nodes.visualizer_campaign import Finding, ShownCampaign
+from impact_rig.nodes.result_messages import hit_results_from_msg
+from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RigNode
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.health import Level, NodeHealth
 from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.recordings.messages import (
     NO_ID,
     block_from_msg,
+    from_message,
     label_from_msg,
     setup_from_msg,
     stamp_from_msg,
 )
 from impact_rig.recordings.new_file import choose_free
-from impact_rig.results.traces import TraceAssembler
+from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.traces import (
+    AlignedHit,
+    ModelTraces,
+    SampleTraces,
+    TraceAssembler,
+    align_hit,
+)
 
 SILENCE = 5.0 * DIAGNOSTIC_PERIOD
-"""How long a node that is not silent may take between two diagnostics [s], our choice."""
+"""How long a node that is not silent may take between two diagnostics [s]."""
 
 
 class RigHealth:
@@ -77,23 +96,163 @@ class RigHealth:
         return tuple(nodes)
 
 
-NICENESS = 10
-"""How far the process steps back [steps of nice], our choice."""
-REFRESH_PERIOD = 1.0
-"""Least time between two versions of what is replaced as a whole [s], our choice."""
+def sample_traces_from_msgs(
+    comparisons: Sequence[ModelComparison], estimate: SampleEstimate | None
+) -> SampleTraces:
+    """Return the mean hit of a sample in m/s^2, with the models that were laid onto it.
+
+    Parameters
+    ----------
+    comparisons : sequence of impact_rig_msgs.msg.ModelComparison
+        Of one sample, the newest of each model, the newest of all last; those of another mean
+        than this one are left out.
+    estimate : impact_rig_msgs.msg.SampleEstimate or None
+        Of the same sample.
+
+    Returns
+    -------
+    SampleTraces
+    """
+    newest = comparisons[-1]
+    peaks = np.array([[newest.hammer_peak], [newest.specimen_peak]])
+    mean = _stack(newest.hammer_measured, newest.specimen_measured) * peaks
+    models = tuple(
+        ModelTraces(
+            model=comparison.model,
+            traces=_stack(comparison.hammer_model, comparison.specimen_model) * peaks,
+            mse_percent=(comparison.mse_hammer_percent, comparison.mse_sample_percent),
+        )
+        for comparison in comparisons
+        if comparison.impacts_accepted == newest.impacts_accepted
+        and len(comparison.hammer_model) == mean.shape[1]
+    )
+    return SampleTraces(
+        name=newest.sample,
+        sampling_rate=newest.sampling_rate,
+        # There from the start of the contact, here from its middle.
+        start_time=newest.start_time - newest.contact_time / 2.0,
+        mean=mean,
+        contact_time=newest.contact_time,
+        half_amplitude_width=estimate.half_amplitude_width if estimate else math.nan,
+        first_peak_time=estimate.first_peak_time if estimate else math.nan,
+        second_peak_time=estimate.second_peak_time if estimate else math.nan,
+        models=models,
+    )
+
+
+def _stack(hammer: Any, specimen: Any) -> NDArray[np.float64]:
+    """Return two traces of a message, shape (2, n)."""
+    traces = [np.frombuffer(memoryview(trace), np.float32) for trace in (hammer, specimen)]
+    count = min(trace.size for trace in traces)
+    return np.stack([trace[:count] for trace in traces]).astype(np.float64)
+
+
+def is_shown(number: int) -> bool:
+    """Whether the hit of this number, counted from 1 for each sample, is shown.
+
+    From the hundredth hit on it is every tenth, from the thousandth on every hundredth, and so on:
+    more would be a black band.
+    """
+    step = 1
+    while number >= step * 100:
+        step *= 10
+    return number % step == 0
+
+
+Finding: TypeAlias = VirtualImpact | Impact | SampleEstimate | HammerEstimate | ModelComparison
+LARGEST_CAMPAIGN = 1000
+"""Most hits that tables show, the newest [-]: eight of the paper's campaigns."""
+
+
+class ShownCampaign:
+    """Keeps the newest message about each hit, sample and model of a campaign."""
+
+    def __init__(self, setup: RigSetup, campaign_id: bytes) -> None:
+        self.setup = setup
+        self.campaign_id = campaign_id
+        self._detector = ImpactDetector(setup.analysis)
+        self._low_corners = [response.low_corner for response in setup.responses]
+        self._records: deque[Record] = deque(maxlen=10)  # one waits for its verdict
+        self._numbers: Counter[str] = Counter()
+        self._hits: dict[HitLabel, HitResults] = {}
+        self._faults: dict[HitLabel, tuple[str, ...]] = {}
+        self._hammer: HammerEstimate | None = None
+        self._estimates: dict[str, SampleEstimate] = {}
+        self._comparisons: dict[str, dict[str, ModelComparison]] = {}
+
+    def align(self, block: Block) -> tuple[AlignedHit, ...]:
+        """Take a block; return the good hits that it completes, to be laid over the others."""
+        records = tuple(self._detector.feed(block))
+        self._records.extend(records)
+        return tuple(hit for it in records if (hit := self.align_judged(it.label)) is not None)
+
+    def align_judged(self, label: HitLabel) -> AlignedHit | None:
+        """Return a good hit once both its record and its verdict came, in either order.
+
+        Of a long series only some are shown, see `is_shown`.
+        """
+        verdict = self._hits.get(label)
+        record = next((it for it in self._records if it.label == label), None)
+        # A flaw is a block that was lost on the way to this node.
+        if verdict is None or record is None or not verdict.accepted or record.flaws:
+            return None
+        self._numbers[label.sample] += 1
+        if not is_shown(self._numbers[label.sample]):
+            return None
+        hit = filter_record(record, self.setup.analysis, self._low_corners)
+        return align_hit(label, hit)
+
+    def add(self, message: Finding) -> None:
+        """Keep what was found, in place of what was known of the same hit, sample and model."""
+        match message:
+            case VirtualImpact():
+                self._faults[label_from_msg(message)] = tuple(message.faults)
+            case Impact():
+                label = label_from_msg(message)
+                self._hits[label] = hit_results_from_msg(message, self._faults.get(label, ()))
+            case SampleEstimate():
+                self._estimates[message.name] = message
+            case HammerEstimate():
+                self._hammer = message
+            case ModelComparison():
+                models = self._comparisons.setdefault(message.sample, {})
+                models.pop(message.model, None)
+                models[message.model] = message
+
+    @property
+    def newest_hit(self) -> HitResults:
+        """The hit that was kept last."""
+        return next(reversed(self._hits.values()))
+
+    def make_results(self) -> Results:
+        """Return what is known now."""
+        hammer, estimates = self._hammer, self._estimates
+        return Results(
+            setup=self.setup,
+            hammer=paper_method.HammerEstimate()
+            if hammer is None
+            else from_message(paper_method.HammerEstimate, hammer),
+            samples=tuple(
+                from_message(sample.SampleEstimate, estimates[name])
+                for name in self.setup.samples.names
+                if name in estimates
+            ),
+            hits=tuple(self._hits.values())[-LARGEST_CAMPAIGN:],
+        )
+
+    def make_traces(self, sample: str) -> SampleTraces:
+        """Return the traces of one sample as they are known now; errors as they are joined."""
+        comparisons = tuple(self._comparisons[sample].values())
+        estimate = self._estimates.get(sample)
+        return sample_traces_from_msgs(comparisons, estimate)
+
+    def make_law(self, sample: str) -> ContactLaw:
+        """Return the contact law of one sample as it is known now."""
+        estimate = self._estimates.get(sample)
+        return from_message(ContactLaw, estimate.contact_law) if estimate else NO_LAW
+
+
 Work = Callable[[ViewLog], None]
-WAITING_BLOCKS = 2000
-"""Blocks that may wait before the oldest are lost [-], our choice: 16 MB, for the seconds that the
-first plots take on a busy computer."""
-WAITING_MESSAGES = 1000
-"""Messages kept while their set-up has not arrived [-], our choice: more than the topics keep."""
-
-
-def _deepen(topic: interfaces.Topic) -> interfaces.Topic:
-    """Return a topic of which `WAITING_BLOCKS` may wait."""
-    qos = copy(topic.qos)
-    qos.depth = WAITING_BLOCKS
-    return replace(topic, qos=qos)
 
 
 class VisualizerNode(RigNode):
@@ -119,9 +278,9 @@ class VisualizerNode(RigNode):
         self._subscriptions_of_view: list[Any] = []
         self._assembler = TraceAssembler()
         self._campaign: ShownCampaign | None = None
-        self._early: deque[Finding] = deque(maxlen=WAITING_MESSAGES)
+        # Of a campaign whose set-up has not come: more than the topics keep.
+        self._early: deque[Finding] = deque(maxlen=1000)
         self._health = RigHealth(self.get_namespace())
-        self._rates = {name: RateMeter() for name in ("blocks", "hits")}
         self._counts = {"blocks": 0, "hits": 0, "comparisons": 0}
 
     def configure(self) -> None:
@@ -134,7 +293,8 @@ class VisualizerNode(RigNode):
             announce=log.info,
             notify=log.warning,
         )
-        self._refreshing = self.create_timer(REFRESH_PERIOD, self._refresh)
+        # What is replaced as a whole is replaced once a second.
+        self._refreshing = self.create_timer(1.0, self._refresh)
         self._campaign = None
 
     def activate(self) -> None:
@@ -143,7 +303,8 @@ class VisualizerNode(RigNode):
             self.listen(topic, callback)
             for topic, callback in (
                 (interfaces.SETUP, self._on_setup),
-                (_deepen(interfaces.ACCELERATION), self._on_block),
+                # 16 MB, for the seconds that the first plots take on a busy computer.
+                (interfaces.ACCELERATION.deepen(2000), self._on_block),
                 (interfaces.VIRTUAL_IMPACT, self._on_finding),
                 (interfaces.IMPACT, self._on_finding),
                 (interfaces.ESTIMATE, self._on_finding),
@@ -170,27 +331,13 @@ class VisualizerNode(RigNode):
             self._view = None
 
     def diagnose(self) -> dict[str, Any]:
-        """Return what was shown, how fast it came, and what was not shown."""
-        return {
-            **self._counts,
-            **{
-                f"{name} per second": f"{meter.measure(self._counts[name]):.1f}"
-                for name, meter in self._rates.items()
-            },
-            "hits missing": self._campaign.missing if self._campaign else 0,
-        }
+        """Return what was shown."""
+        return dict(self._counts)
 
     def describe_warning(self) -> str | None:
         """Return why the view is not complete."""
-        if self._is_behind:
-            return "a viewer takes no data, or the disk is full: the view may be behind"
-        missing = self._campaign.missing if self._campaign else 0
-        if not missing:
-            return None
-        return (
-            f"{missing} hits are missing: the view was too slow for them;"
-            " impact-rig view shows all of the recording"
-        )
+        late = "a viewer takes no data, or the disk is full: the view may be behind"
+        return late if self._is_behind else None
 
     def _log(self, work: Work) -> None:
         if self._view is None:
@@ -213,7 +360,7 @@ class VisualizerNode(RigNode):
         if self._view is not None:
             self._is_behind = not self._view.flush()
 
-    def _on_setup(self, message: RigSetup) -> None:
+    def _on_setup(self, message: RigSetupMessage) -> None:
         setup = setup_from_msg(message)
         stamp = stamp_from_msg(message.header.stamp)
         campaign_id = id_from_msg(message.campaign_id)
@@ -261,11 +408,8 @@ class VisualizerNode(RigNode):
         if traces is not None:
             self._counts["hits"] += 1
             self._log(lambda log: log.log_hit(traces))
-        if self._campaign is not None:
-            if traces is not None:
-                self._campaign.note_shown(block.label)
-            if hits := self._campaign.align(block):
-                self._log(lambda log: log.log_aligned_hits(hits))
+        if self._campaign is not None and (hits := self._campaign.align(block)):
+            self._log(lambda log: log.log_aligned_hits(hits))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         if self._health.add(message):
@@ -282,5 +426,5 @@ def _log_sample(log: ViewLog, campaign: ShownCampaign, sample: str) -> None:
 
 def main() -> int:
     """Run the node, behind all others: it may be late, the rig may not."""
-    os.nice(NICENESS)
+    os.nice(10)
     return run_node(VisualizerNode)

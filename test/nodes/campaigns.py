@@ -25,7 +25,6 @@ def start_rig(
     harness.add(
         AccelerometerNode,
         namespace=namespace,
-        required_subscribers="estimator",
         **{"trigger_timeout": 0.2, **accelerometer},
     )
     harness.add(EstimatorNode, namespace=namespace, **(estimator or {}))

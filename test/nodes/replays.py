@@ -11,7 +11,7 @@ from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg, virtual_hit_to_msg
-from impact_rig.nodes.topics import describe_qos, name_type
+from impact_rig.nodes.recorder_run import describe_qos
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import RecordingWriter
 
@@ -30,7 +30,7 @@ def write_recording(path: Path, events, *, namespace="", **options) -> Path:
         if topic.name not in channels:
             channels[topic.name] = writer.add_channel(
                 f"{namespace}/{topic.name}",
-                find_message_definition(name_type(topic.type)),
+                find_message_definition(topic.type_name),
                 (describe_qos(topic.qos),),
             )
         stamp = START + round(offset * 1e9)

@@ -12,7 +12,7 @@ from impact_rig.configuration.rig_file import read_template
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.campaign import plan_campaign
+from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.messages import stamp_to_msg
 
 from .campaigns import begin, run, start_rig

@@ -4,10 +4,12 @@ import signal
 
 import pytest
 from action_msgs.msg import GoalStatus
+from impact_rig_msgs.action import RunCampaign
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal, read_newest_campaign
+from impact_rig.nodes.campaign_client import CampaignClient
+from impact_rig.nodes.campaign_plan import read_newest_campaign
 from impact_rig.recordings.reader import read_recording
 from impact_rig.results.results_file import format_json, results_to_json
 
@@ -86,7 +88,7 @@ def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     on, off = power
     verdicts = harness.listen(interfaces.IMPACT)
-    goal = CampaignGoal(samples=SAMPLES, impacts=IMPACTS)
+    goal = RunCampaign.Goal(samples=SAMPLES, impacts=IMPACTS)
 
     killed = []
 
@@ -108,7 +110,7 @@ def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
     with CampaignClient() as client:
         client.wait_for_rig(START_PATIENCE)
         client.check_run(tmp_path)
-        goal = CampaignGoal(resumed=read_newest_campaign(tmp_path))
+        goal = RunCampaign.Goal(resumed=read_newest_campaign(tmp_path))
         outcome = client.run(goal, Onlooker(lambda _: None))
     assert outcome.success, outcome.message
     off()

@@ -41,9 +41,7 @@ def kill(process):
 
 
 def test_a_killed_node_disarms_the_hammer_and_pauses_the_campaign(harness, start_process):
-    accelerometer = start_process(
-        "accelerometer", required_subscribers="estimator", trigger_timeout=0.001
-    )
+    accelerometer = start_process("accelerometer", trigger_timeout=0.001)
     harness.add(EstimatorNode)
     harness.add(HammerNode, swing_time=0.001)
     harness.record()
@@ -63,7 +61,7 @@ def test_a_hammer_that_is_started_again_while_a_campaign_waits_for_it_is_seen(
     harness, start_process
 ):
     hammer = start_process("hammer", swing_time=0.001, confirm_return=True)
-    harness.add(AccelerometerNode, required_subscribers="estimator", trigger_timeout=0.2)
+    harness.add(AccelerometerNode, trigger_timeout=0.2)
     harness.add(EstimatorNode)
     harness.record()
     harness.add(CampaignNode)
@@ -92,7 +90,7 @@ node.destroy_node()
 def test_two_rigs_in_one_domain_release_no_hammer(harness, start_process, ros_domain):
     harness.add(HammerNode)
     states = harness.listen(interfaces.HAMMER_STATE)
-    first = start_process("accelerometer", required_subscribers="''")
+    first = start_process("accelerometer")
     harness.wait_until(lambda: harness.call(Trigger, interfaces.ARM_HAMMER).success)
     # As on another computer: on this one a second process of a node ends at once.
     second = subprocess.Popen(
@@ -114,11 +112,11 @@ def test_two_rigs_in_one_domain_release_no_hammer(harness, start_process, ros_do
 def test_a_subscriber_whose_name_the_middleware_has_lost_is_not_missed(harness, monkeypatch):
     node = harness.add(lambda **options: RigNode("speaker", **options))
     harness.listen(interfaces.NOTE)
-    harness.wait_until(lambda: not node.find_missing_subscriber("note", "peer"))
-    assert node.find_missing_subscriber("note", "peer, other") == "other"
+    harness.wait_until(lambda: not node.find_missing_subscriber("note", ["peer"]))
+    assert node.find_missing_subscriber("note", ["peer", "other"]) == "other"
     known = node.get_subscriptions_info_by_topic("note")
     for item in known:
         # For good, once the network was away for longer than the lease of a participant.
         item.node_name = "_NODE_NAME_UNKNOWN_"
     monkeypatch.setattr(node, "get_subscriptions_info_by_topic", lambda _: known)
-    assert not node.find_missing_subscriber("note", "peer, other")
+    assert not node.find_missing_subscriber("note", ["peer", "other"])

@@ -100,7 +100,7 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
     assert "weak" in rejected
     # Chunks lie in the file in no promised order.
     told = [text for (text,) in find_column(chunks, "/health/now", "TextDocument:text")]
-    words = ("estimator", "visualizer", "blocks per second")
+    words = ("estimator", "visualizer", "comparisons")
     assert any(all(word in text for word in words) for text in told)
     drawn = list_entities(chunks, r"/samples/aluminium\ large/")
     assert any("models" in name for name in drawn)

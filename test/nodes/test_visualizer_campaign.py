@@ -18,10 +18,10 @@ from impact_rig.devices.virtual.rig import (
     VirtualRig,
     VirtualRigSettings,
 )
-from impact_rig.nodes import messages, result_messages, visualizer_campaign
+from impact_rig.nodes import messages, result_messages, visualizer
 from impact_rig.nodes.identity import NO_IDENTITY
-from impact_rig.nodes.visualizer_campaign import ShownCampaign
-from impact_rig.recordings.messages import NO_ID, label_from_msg
+from impact_rig.nodes.visualizer import ShownCampaign
+from impact_rig.recordings.messages import NO_ID
 from impact_rig.results.campaign import results_from_session
 from impact_rig.results.traces import sample_traces_from_estimate
 
@@ -158,24 +158,10 @@ def test_traces_are_those_of_the_session(told, campaign):
 
 
 def test_an_endless_campaign_keeps_its_newest_hits(told, monkeypatch):
-    monkeypatch.setattr(visualizer_campaign, "LARGEST_CAMPAIGN", 3)
+    monkeypatch.setattr(visualizer, "LARGEST_CAMPAIGN", 3)
     shown = ShownCampaign(PAPER_SETUP, NO_ID)
     message = copy(told.verdicts[0])
     for record in range(1, 6):
         message.record = record
         shown.add(message)
     assert [hit.record for hit in shown.make_results().hits] == [3, 4, 5]
-
-
-def test_hits_whose_traces_were_lost_are_counted(told, campaign):
-    first, second = map(label_from_msg, told.verdicts)
-    campaign.note_shown(second)
-    # What came before the view began was not lost.
-    assert campaign.missing == 0
-    last = HitLabel(NAMES[-1], 3)
-    for shown, missing in (((first, last), 1), ((first, second, last), 0)):
-        lossy = ShownCampaign(PAPER_SETUP, NO_ID)
-        told.tell(lossy)
-        for label in shown:
-            lossy.note_shown(label)
-        assert lossy.missing == missing

@@ -44,19 +44,19 @@ def desk(module):
 def rig(harness, module, blocks, tmp_path):
     """Return a function that starts the accelerometers with the rig file, and gives a set-up."""
 
-    def start(source=SOURCE, **parameters):
+    def start(source=SOURCE, subscribers=1, **parameters):
         path = tmp_path / "rig.toml"
         path.write_text(read_template() + source)
         node = harness.add(
             AccelerometerNode,
             rig_file=str(path),
             **{
-                "required_subscribers": "peer",
                 "trigger_timeout": 0.01,
                 "reconnect_period": 0.02,
                 **parameters,
             },
         )
+        harness.wait_until(lambda: node._blocks.get_subscription_count() >= subscribers)
         harness.tell_setup()
         return node
 

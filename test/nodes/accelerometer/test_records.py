@@ -5,13 +5,16 @@ import functools
 import numpy as np
 import pytest
 from impact_rig_msgs.msg import AcquisitionState
-from impact_rig_msgs.srv import Arm
+from impact_rig_msgs.srv import Arm, JoinCampaign
 from std_srvs.srv import Trigger
 
 from impact_rig.core.records import MEASURED, Origin
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.estimator import EstimatorNode
+from impact_rig.nodes.identity import id_to_msg, make_id
+from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.recordings.messages import block_from_msg
 
 from .desk_rig import SAMPLE, SOURCE, arm, make_record, wait_for_release, wait_for_state
@@ -94,7 +97,7 @@ def test_a_record_that_stalls_gets_one_verdict_for_its_gap(
 ):
     impacts = harness.listen(interfaces.IMPACT)
     harness.add(EstimatorNode)
-    rig(required_subscribers="estimator, peer")
+    rig(subscribers=2)
     record = arm(harness).record
     release(record, latest_contact=60.0)
     desk.deliver(make_record().cut(0, 700))
@@ -143,9 +146,7 @@ def start(harness):
     """Return a function that starts the node, and gives it the paper's set-up."""
 
     def start(**parameters):
-        harness.add(
-            AccelerometerNode, required_subscribers="peer", trigger_timeout=0.01, **parameters
-        )
+        harness.add(AccelerometerNode, trigger_timeout=0.01, **parameters)
         harness.tell_setup()
 
     return start
@@ -169,17 +170,20 @@ def test_refuses_an_unknown_sample_by_name_and_to_arm_twice_until_disarmed(harne
     [
         ({}, "'estimator' does not listen"),
         (
-            {"mode": "continuous", "stream_block_size": 50_000, "required_subscribers": ""},
+            {"mode": "continuous", "stream_block_size": 50_000},
             "no node finds impacts in /acceleration/stream",
         ),
     ],
 )
-def test_says_not_yet_until_those_who_must_not_miss_a_block_are_connected(
+def test_in_a_campaign_says_not_yet_until_those_who_must_not_miss_a_block_are_connected(
     harness, blocks, parameters, told
 ):
     harness.add(AccelerometerNode, **parameters)
-    harness.tell_setup()
-    request = Arm.Request(sample=SAMPLE, impact=1, attempt=1)
+    setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(1))
+    setup.campaign_id = id_to_msg(make_id())
+    join = JoinCampaign.Request(setup=setup)
+    assert harness.call(JoinCampaign, interfaces.make_join_name("accelerometer"), join).success
+    request = Arm.Request(campaign_id=setup.campaign_id, sample=SAMPLE, impact=1, attempt=1)
     ask = functools.partial(harness.call, Arm, interfaces.ARM_ACCELEROMETER, request)
     answer = harness.ask_until(told, ask)[-1]
     assert answer.later

@@ -62,8 +62,8 @@ def impacts(harness):
 @pytest.fixture
 def stream_rig(rig):
     """Return a function that starts the accelerometers with a running stream."""
-    options = {"required_subscribers": "estimator, peer", "trigger_timeout": 60.0}
-    return lambda period: rig(mode="continuous", reconnect_period=period, **options)
+    options = {"mode": "continuous", "subscribers": 1, "trigger_timeout": 60.0}
+    return lambda period: rig(reconnect_period=period, **options)
 
 
 @pytest.mark.parametrize("end", ["loss", "deactivation"])

@@ -1,0 +1,89 @@
+"""What a campaign has to do: as a goal asks for it, or as the recordings of a run have it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from builtin_interfaces.msg import Time
+from impact_rig_msgs import msg
+from impact_rig_msgs.action import RunCampaign
+from rclpy.serialization import deserialize_message
+
+from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.setup import RigSetup
+from impact_rig.nodes.identity import id_to_msg, make_id
+from impact_rig.nodes.messages import setup_to_msg
+from impact_rig.recordings.messages import SETUP_TYPE, setup_from_msg
+from impact_rig.recordings.scan import Scan
+from impact_rig.recordings.source import find_recordings
+
+
+def plan_campaign(
+    goal: RunCampaign.Goal, setup: RigSetup, angles: Sequence[float], stamp: Time
+) -> msg.RigSetup:
+    """Return the set-up of the campaign that a goal asks for, with its id and its plan.
+
+    Parameters
+    ----------
+    goal : RunCampaign.Goal
+        Of a new campaign, or of one that goes on.
+    setup : RigSetup
+        Of the rig file.
+    angles : sequence of float
+        Release angles of the rig file [rad].
+    stamp : Time
+        When the campaign begins.
+
+    Raises
+    ------
+    ParameterError
+        If the goal cannot be run.
+    """
+    if goal.resumed.plan.impacts:
+        setup_from_msg(goal.resumed)
+        goal.resumed.plan.confirm_samples = goal.confirm_samples
+        return goal.resumed
+    if goal.impacts < 1:
+        raise ParameterError("impacts is 0: a campaign needs at least 1 per sample")
+    if goal.keep_hits > goal.impacts:
+        raise ParameterError(
+            f"keep_hits is {goal.keep_hits} of {goal.impacts} impacts: no more hits can be"
+            " kept than are struck"
+        )
+    samples = list(goal.samples) or list(setup.samples.names)
+    for name in samples:
+        setup.samples.find(name)
+        if samples.count(name) > 1:
+            raise ParameterError(f"sample {name!r} is asked for twice: once is enough")
+    if angles := list(goal.release_angles) or angles:
+        setup = setup.at_angles(angles)
+    if goal.keep_hits:
+        setup = replace(setup, analysis=replace(setup.analysis, keep_hits=goal.keep_hits))
+    message = setup_to_msg(setup, stamp)
+    message.campaign_id = id_to_msg(make_id())
+    message.plan = msg.CampaignPlan(
+        samples=setup.samples.find_series(samples),
+        impacts=goal.impacts,
+        attempts_per_impact=goal.attempts_per_impact,
+        confirm_samples=goal.confirm_samples,
+    )
+    return message
+
+
+def read_newest_campaign(folder: Path) -> msg.RigSetup:
+    """Return the set-up of the newest campaign in the recordings of a run, as a message.
+
+    Raises
+    ------
+    FileError
+        If there is none.
+    """
+    newest: msg.RigSetup | None = None
+    for path in find_recordings(folder):
+        for raw in Scan(path).read_messages(lambda channel: channel.type_name == SETUP_TYPE):
+            message = deserialize_message(raw.data, msg.RigSetup)
+            if message.plan.impacts:
+                newest = message
+    if newest is None:
+        raise FileError(f"{folder} holds no campaign that could go on")
+    return newest
