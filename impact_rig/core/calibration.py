@@ -44,7 +44,6 @@ class HitFit:
     # RMS of what it leaves, part of the RMS of the trace about its mean [-]: the square root of
     # 1 - r^2, r the correlation of both traces.
     misfit: float = math.nan
-    linearity: float = math.nan  # largest |deviation| over the trace's largest value [-]
     flaw: str = ""  # why the hit is not used, in words; empty: it is
 
 
@@ -84,7 +83,6 @@ def fit_hit(hit: JudgedHit, channel: str, factor: float) -> HitFit:
             found,
             ratio=ratio,
             misfit=math.sqrt(float(left @ left) / size_y),
-            linearity=float(np.abs(left).max() / np.abs(tested).max()),
         )
     if found.misfit <= LARGEST_MISFIT:
         return found

@@ -185,12 +185,10 @@ def _correct_zero(
         if shift is None or (is_stated and shift.reason is Reason.DROOP):
             continue
         # A body that is damped comes back by itself, as a charge does.
-        if channel and not shift.stays and (not shifts[0] or shifts[0].reason is Reason.RINGING):
+        if channel and not shift.stays and not shifts[0]:
             continue
         # What is not sure of the sample is in the uncertainty of its momentum.
-        is_harmless = bool(
-            channel or shift.reason is Reason.RINGING or shift.correction is not None
-        )
+        is_harmless = bool(channel or shift.correction is not None)
         text = f"zero of the {name} after the impact: {shift.explanation}"
         found.append(Finding(shift.reason, text, is_harmless))
         left[channel] = math.hypot(left[channel], shift.uncertainty)

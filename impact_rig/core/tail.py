@@ -23,7 +23,6 @@ class Limits:
     baseline_parts: int = 4  # [-] which tell a drift
     shortest_part: int = 8  # [points] our choice
     remaining: float = 0.5  # [level] what is left at the record's end of what a body does not do
-    cycles: int = 6  # [-] in the tail from which a narrow line is ringing, our choice
 
 
 LIMITS = Limits()
@@ -79,30 +78,12 @@ def judge_zeros(
             share = compute_share(traces[0] - shift.correction, pulse)
             shift = replace(tail, share=share).explain(models)
         found[channel] = shift
-    if found[0] is None:
-        whole = math.sqrt(float(np.mean(np.square(tails[0]))))
-        level = settings.double_hit_level * float(peaks[0])
-        frequency = _find_ringing(tails[0]) if whole > level else None
-        percent = f"{100.0 * whole / peaks[0]:.2g} % of the peak, RMS"
-        if frequency is not None:
-            text = f"it rings by {percent}, at {frequency * sampling_rate * 1e-3:.2g} kHz"
-            found[0] = ZeroShift(Reason.RINGING, text)
-        elif levels[0] > level and not _is_wave(means[0]):
-            text = f"it wanders by {percent}, as by noise of a cable or strain of the sensor's"
-            text += " base"
-            found[0] = ZeroShift(Reason.UNSTEADY_ZERO, text)
+    is_loud = levels[0] > settings.double_hit_level * peaks[0]
+    if found[0] is None and is_loud and not _is_wave(means[0]):
+        text = f"it wanders by {100.0 * levels[0] / peaks[0]:.2g} % of the peak, RMS, as by noise"
+        text += " of a cable or strain of the sensor's base"
+        found[0] = ZeroShift(Reason.UNSTEADY_ZERO, text)
     return found
-
-
-def _find_ringing(tail: FloatArray) -> float | None:
-    """Return the frequency of a tail that rings, over the sampling rate [-]; None: it does not."""
-    power = np.square(np.abs(np.fft.rfft((tail - tail.mean()) * np.hanning(tail.size))))
-    line = int(power.argmax())
-    near = np.arange(max(line - 2, 0), min(line + 3, power.size))
-    is_narrow = float(power[near].sum()) > 0.5 * float(power.sum())
-    if not is_narrow or line < LIMITS.cycles:
-        return None
-    return float(near @ power[near] / power[near].sum()) / tail.size
 
 
 def _is_wave(means: FloatArray) -> bool:

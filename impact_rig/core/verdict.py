@@ -325,8 +325,8 @@ def find_second_pulse(
     # A pulse of just that level is seen; noise of 6 standard deviations is, once in 10^4 records.
     least = max(0.9 * level * abs(pulse.peak), 6.0 * noise)
     duration = estimate_duration(pulse)
-    # Sooner it is the same contact, whose duration is known within 5 % by the shape.
-    apart = 0.9 * 1.2 * duration
+    # Sooner it is the same contact.
+    apart = 0.7 * duration
     peaks, _ = scipy.signal.find_peaks(np.append(upright, -math.inf), height=least)
     if peaks.size <= 1:
         return None
@@ -345,12 +345,14 @@ def find_second_pulse(
         is_apart = apart <= abs(delay) <= window
         # A softer hit lasts longer (Hertz).
         shortest = 0.0 if is_cut else 0.5 * pulse.half_amplitude_width
-        if not is_apart or fall - rise < shortest:
+        if not is_apart:
             continue
         found = SecondPulse(height / abs(pulse.peak), delay)
         # A wave swings by 1 to the other side, a contact by 0.
         if _find_swing(upright, pulse, index, duration) >= 0.5 * height:
             doubtful = doubtful or replace(found, reason=Reason.RINGING)
+        elif fall - rise < shortest:
+            continue
         elif _find_wander(upright, pulse, rise, fall, duration) > 0.1 * height:
             doubtful = doubtful or replace(found, reason=Reason.UNSTEADY_ZERO)
         else:

@@ -231,9 +231,8 @@ def test_a_tail_that_rings_is_ringing():
     block = STILL.make_block(HitLabel("struck", 1, 1))
     ringing = block.hammer.output + np.rint(wave * block.hammer.output.max()).astype(np.int32)
     (hit,) = Session(SETUP).feed(replace(block, hammer=replace(block.hammer, output=ringing)))
-    told = [item for item in hit.findings if item.reason is Reason.RINGING]
-    assert "at 8 kHz" in told[0].explanation
-    assert Reason.UNSTEADY_ZERO not in {item.reason for item in (*hit.rejections, *hit.findings)}
+    assert hit.accepted
+    assert [item.reason for item in hit.findings] == [Reason.RINGING]
 
 
 def test_where_in_the_shock_the_step_came_is_in_the_budgets():

@@ -308,4 +308,14 @@ def test_the_ringing_of_a_real_shock_is_none():
     pulse = measure_pulse(trace)
     tail = trace[pulse.peak_index + 24 :]
     assert tail.max() > LEVEL * pulse.peak
-    assert find_second_pulse(trace, pulse, LEVEL) is None
+    assert find_second_pulse(trace, pulse, LEVEL).reason is Reason.RINGING
+
+
+@pytest.mark.parametrize(("delay", "height"), [(0.9, 0.1), (0.95, 1.0)])
+def test_a_second_contact_that_begins_within_the_first_is_found(delay, height):
+    law = Impact(exponent=1.5)
+    time = np.arange(COUNT) * law.duration / DURATION - law.duration
+    first, second = (law.find_force(time - late * law.duration) for late in (0.0, delay))
+    found = find((first + height * second) / first.max())
+    assert found.reason is Reason.DOUBLE_HIT
+    assert found.height == pytest.approx(height, rel=0.05)
