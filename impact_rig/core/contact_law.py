@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -38,7 +39,7 @@ from impact_rig.core.pulse_shape import (
 from impact_rig.core.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.pulses import VERSED_SINE
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
-from impact_rig.core.records import FloatArray
+from impact_rig.core.records import FloatArray, make_read_only
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.tail import ZERO_AFTER, compute_share
@@ -59,8 +60,8 @@ START, TIME, HEIGHT, OFFSET, LOSS, EXPONENT = range(COUNT)
 class Limits:
     """Of the fit, and of what is said of it; all are our choices."""
 
-    start: tuple[float, float] = (0.1, 1.5)  # B and n [-] metal on metal
-    shorter: float = 0.8  # [-] T of a second start over that of the first
+    possible: float = 4.5  # [-] of what the best form leaves: a loss δ δ' leaves 4.3 times
+    as_well: float = 1.1  # [-] the same: 10 in BIC of some 50 points, Kass and Raftery 1995
     step: float = 1e-4  # [-] of n and B, relative of what else there is, for derivatives
     finest: float = 1.0 / 64.0  # [w50] over which the force is averaged
     margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
@@ -72,14 +73,25 @@ class Limits:
 LIMITS = Limits()
 
 
-def _estimate_start(exponent: float) -> FloatArray:
-    """Return parameters from the pulse's width and peak alone, shape (6,)."""
-    loss = LIMITS.start[0]
-    pulse = compute_pulses(np.array([exponent]), np.array([loss]), LossForm.PROPORTIONAL)
-    duration, peak = float(pulse.duration[0]), float(pulse.compute_peak_force()[0])
-    # Such a pulse has a w50 of 0.55 durations.
-    time = 1.0 / (0.55 * duration)
-    return np.array([-duration * time / 2.0, time, 1.0 / peak, 0.0, loss, exponent])
+@lru_cache(maxsize=4)
+def _list_starts(exponent: float) -> FloatArray:
+    """Return parameters of a pulse of each form, of the window's width, middle and peak."""
+    # A loss of e about 0.7: from one of less, some searches end where the pulse gains energy.
+    loss = np.array([0.3 * most for _, most in LOSSES.values()])
+    pulses = compute_pulses(np.full(loss.size, exponent), loss, *LOSSES)
+    time = pulses.duration[:, np.newaxis] * np.linspace(0.0, 1.0, 257)
+    force = pulses.compute_force(time)
+    peak = force.max(axis=1)
+    is_high = force > peak[:, np.newaxis] / 2.0
+    first, last = (np.nanquantile(np.where(is_high, time, np.nan), end, axis=1) for end in (0, 1))
+    unit = 1.0 / (last - first)
+    middle = (first + last) / 2.0
+    return make_read_only(
+        np.stack(
+            (-middle * unit, unit, 1.0 / peak, 0.0 * loss, loss, np.full(loss.size, exponent)),
+            axis=1,
+        )
+    )
 
 
 def evaluate_laws(window: PulseWindow, parameters: FloatArray, *forms: LossForm) -> Evaluation:
@@ -118,76 +130,53 @@ def evaluate_laws(window: PulseWindow, parameters: FloatArray, *forms: LossForm)
 
 
 def fit_forms(
-    window: PulseWindow,
-    exponent: float | None,
-    white: float,
-    noise: float,
-    *,
-    is_ringing: bool = False,
+    window: PulseWindow, exponent: float | None, noise: float
 ) -> dict[LossForm, WindowFit]:
-    """Return the fits that describe the pulse as well as the best; Hunt and Crossley's first.
+    """Return the fits of all forms that are possible, the one that is taken first.
 
-    All forms have as many parameters: their BIC differ by their sums of squares over the variance
-    of the noise, or of what the best leaves if that is more. Where the best leaves more than
-    noise, every form counts that leaves no more than a law may.
+    A loss between two forms leaves some of the pulse in both, up to `LIMITS.possible` times as
+    much in one as in the other: so far every form is possible, beside the best.
 
     Parameters
     ----------
     exponent : float or None
         n where it is given [-].
-    white, noise : float
-        Of the trace before and behind the low-pass, over the peak [-].
-    is_ringing : bool
-        The sensor rings, which makes the pulse wider and the fit's minima several.
+    noise : float
+        Of the trace, over the peak [-].
     """
-    start = _estimate_start(LIMITS.start[1] if exponent is None else exponent)
-    starts = np.tile(start, (2 if is_ringing else 1, 1))
-    # A shorter one with the same middle: a pulse lasts some 3.2 T.
-    starts[1:, START] += (1.0 - LIMITS.shorter) * 1.6 * start[TIME]
-    starts[1:, TIME] *= LIMITS.shorter
-
-    def fit(starts: FloatArray, *forms: LossForm, most: float = math.inf) -> list[WindowFit]:
-        bounds = np.empty((2, len(starts), COUNT))
-        bounds[0], bounds[1] = -np.inf, np.inf
-        # T over w50: no pulse of the family is so wide.
-        bounds[0, :, TIME] = 0.05
-        bounds[..., LOSS] = np.transpose([LOSSES[form] for form in forms])
-        bounds[..., EXPONENT] = (
-            [[limit] for limit in TABLES.exponents] if exponent is None else exponent
-        )
-        return fit_window(
-            window,
-            lambda parameters: evaluate_laws(window, parameters, *forms),
-            starts,
-            bounds,
-            most,
-        )
-
-    def judge(fit: WindowFit) -> tuple[bool, float]:
-        return not fit.is_inside, fit.residual
-
-    first, *others = LossForm
-    fits = {first: min(fit(starts, first), key=judge)}
-    # The others begin with about the same e.
-    begin = np.tile(fits[first].parameters, (len(others), 1))
-    begin[:, LOSS] *= [LOSSES[form][1] / LOSSES[first][1] for form in others]
-    # A form is given up that leaves half as much again as the first, and more than a law may.
-    largest = find_largest_residual(noise)
-    most = max(1.5 * fits[first].residual, largest)
-    fits |= dict(zip(others, fit(begin, *others, most=most), strict=True))
-    best = min(fits.values(), key=judge)
-    level = white / math.sqrt(window.step) * max(1.0, best.residual / noise) if noise else 0.0
-    # A difference of 10 in BIC is very strong evidence (Kass and Raftery 1995); the tables of
-    # pulses tell no difference below 1e-5 of the peak.
-    limit = math.sqrt(best.residual**2 + 10.0 * max(level, 1e-5) ** 2 / best.fitted.size)
-    if compute_unexplained(best.residual, noise) > 0.0:
-        # The true form is none of these: no evidence tells which of them is nearest to its e.
-        limit = max(limit, largest)
-    return {
+    bounds = np.empty((2, len(LOSSES), COUNT))
+    bounds[0], bounds[1] = -np.inf, np.inf
+    # T over w50: no pulse of the family is so wide.
+    bounds[0, :, TIME] = 0.05
+    bounds[..., LOSS] = np.transpose(list(LOSSES.values()))
+    bounds[..., EXPONENT] = (
+        [[limit] for limit in TABLES.exponents] if exponent is None else exponent
+    )
+    each = fit_window(
+        window,
+        lambda parameters: evaluate_laws(window, parameters, *LOSSES),
+        _list_starts(1.5 if exponent is None else exponent),
+        bounds,
+        most=2.0 * LIMITS.possible,
+    )
+    exponents, losses = np.array([fit.parameters for fit in each]).T[[EXPONENT, LOSS]]
+    restitutions = compute_pulses(exponents, losses, *LOSSES).restitution
+    best = min(each, key=lambda fit: (not fit.is_inside, fit.residual))
+    # The tables of pulses tell no difference below 1e-5 of the peak.
+    as_well = LIMITS.as_well * max(best.residual, 1e-5)
+    # Noise alone leaves half its own square and more.
+    misfit = math.sqrt(max(best.residual**2 - noise**2 / 2.0, 0.0))
+    limit = max(math.hypot(LIMITS.possible * misfit, noise), as_well)
+    possible = {
         form: fit
-        for form, fit in fits.items()
+        for form, fit in zip(LOSSES, each, strict=True)
         if fit is best or (fit.is_inside and fit.residual < limit)
     }
+    taken = next(form for form, fit in possible.items() if fit.residual <= as_well)
+    # Free bodies gain no energy; the fit itself may be wrong by 1e-3.
+    gaining = {form for form, e in zip(LOSSES, restitutions, strict=True) if e > 1.0 + 1e-3}
+    others = {form: fit for form, fit in possible.items() if form not in gaining | {taken}}
+    return {taken: possible[taken], **others}
 
 
 LEAST_HITS = 2
@@ -301,7 +290,7 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     correlation = correlation[correlation.size // 2 :]
     noise = float(compute_raw_noise(mean)[0]) * math.sqrt(correlation[0]) / peak
     white = float(mean.raw_noise[0]) / peak
-    fits = fit_forms(window, exponent, white, noise, is_ringing=sensors[0].resonance > 0.0)
+    fits = fit_forms(window, exponent, noise)
     form, fit = next(iter(fits.items()))
     restored = restore_levels(mean, sensors)
     whole = slice(window.points.start, window.points.stop)

@@ -254,7 +254,8 @@ def minimise(
     bounds : ndarray, shape (2, k, p), or one that is broadcast to it
         Least and largest parameters; equal for one that is not varied.
     most : float
-        Sum of squares of a model that is still of use: one that stays above it is given up.
+        Sum of squares over the least of all models of one that is still of use: one that stays
+        above it is given up.
 
     Returns
     -------
@@ -288,13 +289,15 @@ def minimise(
         is_whole = np.all(moved == wanted, axis=1)
         # A step that is small beside what noise makes of the parameters is the last.
         is_found |= is_whole & (gain <= 3e-3**2 * squares / residual.shape[1])
-        is_done = is_found | (is_whole & (squares - 2.0 * gain > most))
+        is_done = is_found | (is_whole & (squares - 2.0 * gain > most * squares.min()))
         if is_done.all():
             break
         moved[is_done] = found[is_done]
         tried, derivatives = evaluate(moved)
         left = np.sum(tried**2, axis=-1)
         is_better = left < squares
+        # A pulse that jumps at touch has a rough minimum.
+        is_found |= is_better & (squares - left < 1e-6 * squares)
         found[is_better], squares[is_better] = moved[is_better], left[is_better]
         residual[is_better], jacobian[is_better] = tried[is_better], derivatives[is_better]
         damping = np.where(
@@ -317,11 +320,9 @@ def fit_window(
     start, bounds : ndarray, shape (k, p) and (2, k, p)
         Of k models' parameters; bounds are equal where one is not varied.
     most : float
-        Residual over the peak of a model that is still of use [-].
+        Residual over the least of all models of one that is still of use [-].
     """
-    parameters, evaluation, is_found = minimise(
-        evaluate, start, bounds, most**2 * window.measured.size
-    )
+    parameters, evaluation, is_found = minimise(evaluate, start, bounds, most**2)
     is_varied = bounds[0] < bounds[1]
     is_inside = ((bounds[0] < parameters) & (parameters < bounds[1]) | ~is_varied).all(axis=1)
     return [

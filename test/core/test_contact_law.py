@@ -191,7 +191,7 @@ def test_the_intervals_cover_the_truth_as_often_as_they_say():
 
 
 def test_a_given_exponent_makes_the_rest_more_certain():
-    mean = make_mean(strike(1.5, 0.9).traces, NOISE)
+    mean = make_mean(strike(1.5, 0.7).traces, NOISE)
     free, fixed = estimate(mean), estimate(mean, 1.5)
     assert fixed.exponent.value == 1.5
     assert fixed.exponent.standard == 0.0
