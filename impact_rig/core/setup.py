@@ -402,14 +402,9 @@ class RigSetup(Comparable):
         )
 
 
-HAMMER_MASS = 0.100
-"""m1, Table 1 [kg]."""
-ACCELEROMETER_MASS = 3e-3
-"""Accelerometer on every sample, Table 1 [kg]. It belongs to m2: only so do equations (5) and
-(6) turn Table 2 into Table 3."""
-GRAM_UNCERTAINTY, SAMPLE_MASS_UNCERTAINTY = 0.29e-3, 0.0029e-3
-"""Standard uncertainties of the printed masses by their rounding alone [kg]: half a unit of the
-last digit of 100 g, 3 g and 21.31 g, rectangular, so over sqrt(3)."""
+GRAM_UNCERTAINTY = 0.29e-3
+"""Standard uncertainty of a mass printed as 100 g or 3 g, by its rounding alone [kg]: half a unit
+of the last digit, rectangular, so over sqrt(3)."""
 HAMMER_STIFFNESS = 22.54e6
 """k1, Table 3 [N/m]."""
 HAMMER_DAMPING_COEFFICIENT = 1909.0
@@ -417,70 +412,45 @@ HAMMER_DAMPING_COEFFICIENT = 1909.0
 PULSE_NAME = "versed-sine"
 """What equation (4) is called."""
 CONTROL_SAMPLE = "aluminium large"
-
-
-@dataclass(frozen=True)
-class PublishedSample:
-    """One cell of Tables 1 to 4, in SI units."""
-
-    material: str
-    size: str
-    mass: float  # without accelerometer [kg], Table 1
-    printed_contact_time: float  # tau_p as Table 2 prints it [s]
-    stiffness: float  # k2 [N/m], Table 3
-    damping_coefficient: float  # c2 [N s/m], Table 4
-    contact_time: float  # tau_p that agrees with Table 3 [s]: as printed unless that is a misprint
-
-    @property
-    def name(self) -> str:
-        """Material and size."""
-        return f"{self.material} {self.size}"
-
-    @property
-    def is_misprinted(self) -> bool:
-        """Whether Table 2 contradicts Table 3 for this sample."""
-        return self.contact_time != self.printed_contact_time
-
-
-PUBLISHED_SAMPLES = tuple(
-    PublishedSample(material, size, mass / 1e3, time / 1e6, stiffness * 1e6, damping, right / 1e6)
-    for material, size, mass, time, stiffness, damping, right in (
-        # [g], [us], [MN/m], [N s/m], and the contact time by Table 3 [us].
-        ("aluminium", "small", 21.31, 144.8, 15.56, 206, 144.8),
-        ("aluminium", "medium", 61.62, 196.8, 17.99, 531, 196.8),
-        ("aluminium", "large", 102.38, 212.0, 22.54, 802, 212.0),
-        ("steel", "small", 56.32, 170.0, 29.18, 483, 170.0),
-        ("steel", "medium", 166.91, 203.2, 45.29, 1170, 203.2),
-        ("steel", "large", 277.10, 219.2, 46.11, 1670, 219.2),
-        ("bronze", "small", 70.48, 188.0, 24.89, 848, 188.0),
-        ("bronze", "medium", 209.53, 226.4, 31.26, 2028, 226.4),
-        ("bronze", "large", 348.13, 239.2, 33.22, 2423, 239.2),
-        ("brass", "small", 60.86, 189.0, 20.71, 667, 189.0),
-        # 288.10 us would give 11.7 MN/m; Table 3's 26.99 MN/m needs 228.0 us.
-        ("brass", "medium", 180.14, 288.1, 26.99, 1070, 228.0),
-        ("brass", "large", 299.60, 244.0, 27.87, 2768, 244.0),
-    )
-)
+MISPRINTS = {"brass medium": 288.1e-6}
+"""Contact times of Table 2 that contradict Table 3 [s]: this one would give 11.7 MN/m."""
 
 PAPER_SETUP = RigSetup(
     samples=SampleSet(
         samples=tuple(
             Sample(
-                name=cell.name,
-                mass=cell.mass,
-                material=cell.material,
-                reference_contact_time=cell.contact_time,
-                reference_stiffness=cell.stiffness,
-                reference_damping_coefficient=cell.damping_coefficient,
-                mass_uncertainty=SAMPLE_MASS_UNCERTAINTY,
+                name=f"{material} {size}",
+                mass=mass / 1e3,
+                material=material,
+                reference_contact_time=time / 1e6,
+                reference_stiffness=stiffness * 1e6,
+                reference_damping_coefficient=damping,
+                # As that of a gram, for 21.31 g.
+                mass_uncertainty=0.0029e-3,
             )
-            for cell in PUBLISHED_SAMPLES
+            for material, size, mass, time, stiffness, damping in (
+                # [g], [us], [MN/m], [N s/m]; Tables 1 to 4.
+                ("aluminium", "small", 21.31, 144.8, 15.56, 206),
+                ("aluminium", "medium", 61.62, 196.8, 17.99, 531),
+                ("aluminium", "large", 102.38, 212.0, 22.54, 802),
+                ("steel", "small", 56.32, 170.0, 29.18, 483),
+                ("steel", "medium", 166.91, 203.2, 45.29, 1170),
+                ("steel", "large", 277.10, 219.2, 46.11, 1670),
+                ("bronze", "small", 70.48, 188.0, 24.89, 848),
+                ("bronze", "medium", 209.53, 226.4, 31.26, 2028),
+                ("bronze", "large", 348.13, 239.2, 33.22, 2423),
+                ("brass", "small", 60.86, 189.0, 20.71, 667),
+                # By Table 3; Table 2 is misprinted.
+                ("brass", "medium", 180.14, 228.0, 26.99, 1070),
+                ("brass", "large", 299.60, 244.0, 27.87, 2768),
+            )
         ),
         control_sample=CONTROL_SAMPLE,
-        accelerometer_mass=ACCELEROMETER_MASS,
+        # Table 1. It belongs to m2: only so do equations (5) and (6) turn Table 2 into Table 3.
+        accelerometer_mass=3e-3,
         accelerometer_mass_uncertainty=GRAM_UNCERTAINTY,
     ),
-    hammer_mass=HAMMER_MASS,
+    hammer_mass=0.100,
     hammer_mass_uncertainty=GRAM_UNCERTAINTY,
     # As printed; 0.312 rad/s times 265 mm would be 0.0827 m/s.
     impact_speed=0.0819,

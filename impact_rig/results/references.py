@@ -2,14 +2,15 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 from impact_rig.core.quantity import Comparable
 from impact_rig.core.records import SIMULATED, Origin
 from impact_rig.core.setup import (
     HAMMER_DAMPING_COEFFICIENT,
     HAMMER_STIFFNESS,
-    PUBLISHED_SAMPLES,
-    PublishedSample,
+    MISPRINTS,
+    PAPER_SETUP,
     Sample,
 )
 from impact_rig.results.campaign import Results
@@ -27,13 +28,13 @@ class Reference(Comparable):
     contact_time: float = NAN  # tau_p [s]
     stiffness: float = NAN  # k [N/m]
     damping_coefficient: float = NAN  # c [N s/m]
-    published: PublishedSample | None = None  # the cell of the paper that these are from
+    published: Sample | None = None  # the cell of the paper that these are from
     is_published: bool = False  # these values are the paper's
 
     @property
     def is_misprinted(self) -> bool:
         """Whether the paper prints another contact time than the one held against."""
-        return self.published is not None and self.published.is_misprinted
+        return self.published is not None and self.published.name in MISPRINTS
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def find_expected(results: Results, name: str) -> Reference:
     sample = samples.find(body)
     if sample.has_angle:
         return Reference()
-    published = next((cell for cell in PUBLISHED_SAMPLES if _is_published(sample, cell)), None)
+    published = next(filter(partial(_is_published, sample), PAPER_SETUP.samples.samples), None)
     if name != HAMMER_NAME:
         return Reference(
             contact_time=sample.reference_contact_time,
@@ -107,19 +108,19 @@ def find_expected(results: Results, name: str) -> Reference:
     )
 
 
-def _is_published(sample: Sample, cell: PublishedSample) -> bool:
+def _is_published(sample: Sample, cell: Sample) -> bool:
     """Return whether a sample is the paper's: same name, mass and contact time."""
     return (
         cell.name == sample.name
         and abs(cell.mass - sample.mass) <= MASS_TOLERANCE
-        and math.isclose(cell.contact_time, sample.reference_contact_time)
+        and math.isclose(cell.reference_contact_time, sample.reference_contact_time)
     )
 
 
-def explain_misprint(cell: PublishedSample) -> str:
+def explain_misprint(cell: Sample) -> str:
     """Return the footnote of a misprinted cell."""
     return (
-        f"* Table 2 of the paper prints {cell.printed_contact_time * 1e6:.2f} µs for {cell.name},"
-        f" a misprint: the masses and {cell.stiffness / 1e6:.2f} MN/m in Table 3 need"
-        f" {cell.contact_time * 1e6:.1f} µs, which stands here instead."
+        f"* Table 2 of the paper prints {MISPRINTS[cell.name] * 1e6:.2f} µs for {cell.name},"
+        f" a misprint: the masses and {cell.reference_stiffness / 1e6:.2f} MN/m in Table 3 need"
+        f" {cell.reference_contact_time * 1e6:.1f} µs, which stands here instead."
     )

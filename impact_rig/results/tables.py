@@ -309,7 +309,11 @@ def _tabulate_bodies(
     if quantity is CONTACT_TIME:
         has_deviation = any(math.isfinite(row.compute_deviation(quantity)) for row in rows)
         notes = [*[DEVIATION] * has_deviation, *notes]
-    misprints = [cell for row in rows if (cell := row.reference.published) and cell.is_misprinted]
+    misprints = [
+        row.reference.published
+        for row in rows
+        if row.reference.published and row.reference.is_misprinted
+    ]
     if misprints:
         first = "* Its contact time is misprinted in the paper, see Table 2."
         told = map(explain_misprint, misprints) if quantity is CONTACT_TIME else [first]

@@ -11,7 +11,7 @@ from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import IMPORTED, Origin
 from impact_rig.core.sample import FittedModel, SampleEstimate
-from impact_rig.core.setup import PAPER_SETUP, PUBLISHED_SAMPLES, Sample, SampleSet
+from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
 from impact_rig.present.screen import print_full, print_screen
 from impact_rig.results.campaign import FileResults, HitResults, Results
 
@@ -42,7 +42,7 @@ def make_sample(name: str, **values: object) -> SampleEstimate:
 def test_eighty_columns_are_enough_and_every_name_keeps_its_line(results):
     text = render(print_full, results)
     assert max(map(len, text.splitlines())) <= 80
-    for cell in PUBLISHED_SAMPLES:
+    for cell in PAPER_SETUP.samples.samples:
         # Tables 2 to 4, Fig. 6, pulse shape, free decay, summary; no law or model describes it.
         assert len(re.findall(rf"^{cell.name}(?![,:])", text, re.MULTILINE)) == 7
 
@@ -56,7 +56,7 @@ def test_twelve_samples_fit_one_screen_with_the_five_largest_remarks(results):
     lines = text.splitlines()
     assert len(lines) <= 40
     assert max(map(len, lines)) <= 80
-    for cell in PUBLISHED_SAMPLES:
+    for cell in PAPER_SETUP.samples.samples:
         assert len(re.findall(rf"^{cell.name}(?![,:])", text, re.MULTILINE)) == 1
     assert sum(line.startswith("- ") for line in lines) == 5
     assert "24 hits accepted, 0 rejected. 10 more remarks with --full." in text
