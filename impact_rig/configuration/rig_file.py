@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from datetime import datetime
 from importlib import resources
 from pathlib import Path
@@ -10,7 +10,6 @@ from typing import Any
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
 from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
-from impact_rig.core.quantity import list_stored
 from impact_rig.core.sensors import (
     CHANNELS,
     DEFAULT_RESONANCE_DAMPING,
@@ -55,7 +54,7 @@ def parse_settings(document: TomlTable) -> dict[str, Any]:
         If one is unknown, or is no number.
     """
     table = document.take_table("analysis")
-    table.check_keys(*list_stored(AnalysisSettings))
+    table.check_keys(*(item.name for item in fields(AnalysisSettings)))
     values: dict[str, Any] = {}
     for key in table:
         if key in ANALYSIS_QUANTITIES:

@@ -144,20 +144,6 @@ def judge_hit(
     )
 
 
-def filter_record(
-    record: Record, settings: AnalysisSettings, low_corners: Sequence[float] = ()
-) -> FilteredHit:
-    """Return the traces behind the verdict on a hit, without judging it again.
-
-    Raises
-    ------
-    RigError
-        If the record has no whole pulse, or its sampling rate is too low for the low-pass.
-    """
-    _, filtered, _ = _filter_raw(record, settings)
-    return _correct_zero(filtered, settings, low_corners)[0]
-
-
 def _correct_zero(
     hit: FilteredHit, settings: AnalysisSettings, low_corners: Sequence[float]
 ) -> tuple[FilteredHit, list[Finding]]:

@@ -92,15 +92,6 @@ def read_description(item: "Field[Any]") -> Description:
     return found
 
 
-def list_stored(record: Any) -> dict[str, Any]:
-    """Return what of a dataclass, or of its instance, is stored: fields that are not internal."""
-    return {
-        item.name: getattr(record, item.name, item.default)
-        for item in fields(record)
-        if not read_description(item).is_internal
-    }
-
-
 class StoredField(NamedTuple):
     """A field of a dataclass that leaves where it was made."""
 

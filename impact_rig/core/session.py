@@ -102,13 +102,9 @@ class Session:
         """Samples with hits, in the order of the sample set."""
         return tuple(name for name in self.setup.samples.names if name in self._series)
 
-    def get_setup(self, name: str) -> RigSetup:
-        """Return the set-up as it is for one sample, see `RigSetup.for_series`."""
-        return self.setup.for_series(name)
-
     def is_control(self, name: str) -> bool:
         """Return whether a sample is the control sample of its release angle."""
-        return name == self.get_setup(name).samples.control_sample
+        return name == self.setup.for_series(name).samples.control_sample
 
     def estimate_hammer(self, name: str = "") -> HammerEstimate:
         """Return what the control experiment says of the hammer so far.
@@ -118,7 +114,7 @@ class Session:
         name : str
             Of the sample whose release angle counts; empty: that of the set's control sample.
         """
-        setup = self.get_setup(name) if name else self.setup
+        setup = self.setup.for_series(name) if name else self.setup
         control = setup.samples.control_sample
         if math.isfinite(setup.hammer_stiffness):
             return HammerEstimate(Quantity(setup.hammer_stiffness), control_sample=control)
@@ -139,7 +135,11 @@ class Session:
         fits take as long as all else together, and `estimate_sample` repeats them. Before the
         first time there is no uncertainty.
         """
-        series, mean, setup = self._series[name], self.compute_mean(name), self.get_setup(name)
+        series, mean, setup = (
+            self._series[name],
+            self.compute_mean(name),
+            self.setup.for_series(name),
+        )
         if mean is None:
             note = f"{name}: not determined: 0 of {len(series)} hits accepted"
             return SampleEstimate(name, 0, len(series), notes=(note,))
@@ -163,15 +163,18 @@ class Session:
 
     def estimate_sample(self, name: str) -> SampleEstimate:
         """Return the same with what stands beside it, but for the fitted model."""
-        for struck in {name, self.get_setup(name).samples.control_sample}:
+        for struck in {name, self.setup.for_series(name).samples.control_sample}:
             mean, (known, _) = self.compute_mean(struck), self._traces.get(struck, (None, None))
             if mean is not None and mean is not known:
-                self._traces[struck] = mean, estimate_traces(struck, mean, self.get_setup(struck))
+                self._traces[struck] = (
+                    mean,
+                    estimate_traces(struck, mean, self.setup.for_series(struck)),
+                )
         estimate, mean = self.estimate_numbers(name), self.compute_mean(name)
         if mean is None:
             return estimate
         hammer, (_, traces) = self.estimate_hammer(name), self._traces[name]
-        return add_checks(estimate, mean, hammer, self.get_setup(name), traces)
+        return add_checks(estimate, mean, hammer, self.setup.for_series(name), traces)
 
     def _get_pulse(self, name: str) -> HammerPulse:
         """Return what was last found in the pulse of a sample: of this mean, or an older one."""
@@ -197,7 +200,7 @@ class Session:
             for name in sorted(self.names, key=lambda name: not self.is_control(name)):
                 estimate, mean = self.estimate_sample(name), self.compute_mean(name)
                 if with_models and mean is not None and not self.setup.find_unknown_masses(name):
-                    estimate = add_model(estimate, mean, self.get_setup(name))
+                    estimate = add_model(estimate, mean, self.setup.for_series(name))
                 found[name] = estimate
                 if report is not None:
                     report(len(found))

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from impact_rig.core.detection import SPREAD_OF_MEDIAN
 from impact_rig.core.errors import SignalError
 from impact_rig.core.pulse_width import PulseWidth, find_crossing, measure_pulse
-from impact_rig.core.pulses import HALF_SINE, VERSED_SINE
 from impact_rig.core.records import ChannelBlock, FloatArray, Record
 from impact_rig.core.setup import AnalysisSettings
 
@@ -282,22 +281,6 @@ class SecondPulse:
     reason: Reason = Reason.DOUBLE_HIT  # or what a contact cannot be told from
 
 
-def estimate_duration(pulse: PulseWidth) -> float:
-    """Estimate how long a pulse lasts [points], whatever its shape.
-
-    The factor of the width at half amplitude goes from that of a half-sine to that of a
-    versed-sine with the ratio of widths w10 / w50 [-]; for sin^1.5 and Hertz this is within 5 %.
-    The shortest where the ratio is not known.
-    """
-    ratio = HALF_SINE.width_ratio if math.isnan(pulse.width_ratio) else pulse.width_ratio
-    factor = np.interp(
-        ratio,
-        (HALF_SINE.width_ratio, VERSED_SINE.width_ratio),
-        (HALF_SINE.pulse_factor, VERSED_SINE.pulse_factor),
-    )
-    return float(factor) * pulse.half_amplitude_width
-
-
 def find_second_pulse(
     trace: FloatArray,
     pulse: PulseWidth,
@@ -324,9 +307,9 @@ def find_second_pulse(
     upright = trace if pulse.peak > 0 else -trace
     # A pulse of just that level is seen; noise of 6 standard deviations is, once in 10^4 records.
     least = max(0.9 * level * abs(pulse.peak), 6.0 * noise)
-    duration = estimate_duration(pulse)
-    # Sooner it is the same contact.
-    apart = 0.7 * duration
+    width = pulse.half_amplitude_width
+    # Sooner it is the same contact, which lasts 1.5 to 2 of these widths.
+    apart = 1.3 * width
     peaks, _ = scipy.signal.find_peaks(np.append(upright, -math.inf), height=least)
     if peaks.size <= 1:
         return None
@@ -344,25 +327,25 @@ def find_second_pulse(
         delay = (index if is_cut else (rise + fall) / 2.0) - pulse.middle
         is_apart = apart <= abs(delay) <= window
         # A softer hit lasts longer (Hertz).
-        shortest = 0.0 if is_cut else 0.5 * pulse.half_amplitude_width
+        shortest = 0.0 if is_cut else 0.5 * width
         if not is_apart:
             continue
         found = SecondPulse(height / abs(pulse.peak), delay)
         # A wave swings by 1 to the other side, a contact by 0.
-        if _find_swing(upright, pulse, index, duration) >= 0.5 * height:
+        if _find_swing(upright, pulse, index) >= 0.5 * height:
             doubtful = doubtful or replace(found, reason=Reason.RINGING)
         elif fall - rise < shortest:
             continue
-        elif _find_wander(upright, pulse, rise, fall, duration) > 0.1 * height:
+        elif _find_wander(upright, pulse, rise, fall) > 0.1 * height:
             doubtful = doubtful or replace(found, reason=Reason.UNSTEADY_ZERO)
         else:
             return found
     return doubtful
 
 
-def _find_swing(upright: FloatArray, pulse: PulseWidth, index: int, duration: float) -> float:
+def _find_swing(upright: FloatArray, pulse: PulseWidth, index: int) -> float:
     """Return how far the trace swings to the other side near a bump, one that comes again."""
-    reach = int(1.5 * duration)
+    reach = int(2.7 * pulse.half_amplitude_width)
     low, high = max(index - reach, 0), index + reach + 1
     if index > pulse.peak_index:
         low = max(low, math.ceil(pulse.fall))
@@ -371,12 +354,11 @@ def _find_swing(upright: FloatArray, pulse: PulseWidth, index: int, duration: fl
     return -float(np.min(upright[low:high]))
 
 
-def _find_wander(
-    upright: FloatArray, pulse: PulseWidth, rise: float, fall: float, duration: float
-) -> float:
+def _find_wander(upright: FloatArray, pulse: PulseWidth, rise: float, fall: float) -> float:
     """Return how far the trace typically is from zero behind the pulse and beside a bump."""
-    tail = np.arange(upright.size) > pulse.fall + duration
-    tail[max(int(rise - duration), 0) : int(fall + duration)] = False
+    near = 1.8 * pulse.half_amplitude_width
+    tail = np.arange(upright.size) > pulse.fall + near
+    tail[max(int(rise - near), 0) : int(fall + near)] = False
     return SPREAD_OF_MEDIAN * float(np.median(np.abs(upright[tail]))) if tail.any() else 0.0
 
 

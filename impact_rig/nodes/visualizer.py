@@ -32,7 +32,7 @@ from impact_rig.core import paper_method, sample
 from impact_rig.core.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.errors import RigError
-from impact_rig.core.hits import filter_record
+from impact_rig.core.hits import judge_hit
 from impact_rig.core.records import Block, HitLabel, Record
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
@@ -199,8 +199,8 @@ class ShownCampaign:
         self._numbers[label.sample] += 1
         if not is_shown(self._numbers[label.sample]):
             return None
-        hit = filter_record(record, self.setup.analysis, self._low_corners)
-        return align_hit(label, hit)
+        hit = judge_hit(record, self.setup.analysis, self._low_corners).filtered
+        return None if hit is None else align_hit(label, hit)
 
     def add(self, message: Finding) -> None:
         """Keep what was found, in place of what was known of the same hit, sample and model."""

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 
-from impact_rig.core.quantity import list_stored
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import (
     DEFAULT_CLOCK_UNCERTAINTY,
@@ -226,7 +225,7 @@ def _tabulate_calibrations(campaign: TracedCampaign) -> list[Part]:
 
 def _fold_settings(settings: AnalysisSettings) -> Folded:
     rows = []
-    for name, value in list_stored(settings).items():
+    for name, value in vars(settings).items():
         label, unit, scale = SETTINGS[name]
         rows.append((label, f"{_format_value(value, scale)} {unit}".rstrip()))
     return Folded("Settings of judgement and evaluation", (Facts(tuple(rows)),))
