@@ -39,7 +39,6 @@ class Disarming(IntEnum):
     EMERGENCY_STOP = 2
 
 
-ON_ITS_WAY = "the holder moves the hammer to its release angle"
 NEVER_ARMED = "held, not armed"
 """The message of a hammer that has just been started, or is back."""
 _AWAY = "put it back and call hammer/confirm_held"
@@ -74,6 +73,7 @@ class GuardedHammer:
         self._holder: HammerHolder | None = None
         self._fault: str | None = None
         self._is_known_held = True
+        self.is_turning = False  # on its way to the release angle that was last asked for
 
     @property
     def condition(self) -> HammerCondition:
@@ -173,13 +173,15 @@ class GuardedHammer:
         Returns
         -------
         str or None
-            Why it is not there, `ON_ITS_WAY` until it is; None: it is there.
+            Why it is not there, or not yet, see `is_turning`; None: it is there.
         """
+        self.is_turning = False
         if reason := self.describe_obstacle():
             return reason
         if not isinstance(self._holder, AngledHolder):
             return "the holder cannot set a release angle"
-        return None if self._holder.set_angle(angle) else ON_ITS_WAY
+        self.is_turning = not self._holder.set_angle(angle)
+        return "the holder moves the hammer to its release angle" if self.is_turning else None
 
     def release(self, obstacle: str | None) -> str | None:
         """Release the hammer, if nothing forbids it.

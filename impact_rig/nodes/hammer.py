@@ -16,7 +16,6 @@ from impact_rig.devices.drivers import HOLDERS, make_device
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.guarded_hammer import (
-    ON_ITS_WAY,
     GuardedHammer,
     HammerCondition,
     HammerPlace,
@@ -319,7 +318,7 @@ class HammerNode(DeviceNode):
         except ParameterError as error:
             return _answer(response, str(error))
         reason = self._run_guarded(lambda: self._hammer.set_angle(request.angle))
-        response.later = reason == ON_ITS_WAY
+        response.later = self._hammer.is_turning
         return _answer(response, reason, "there")
 
     def _on_emergency_stop(

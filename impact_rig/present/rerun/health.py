@@ -67,8 +67,8 @@ NO_HEALTH = "No node has published its state. A view of a recording shows none."
 class HealthLog:
     """Logs the health of a rig.
 
-    The view keeps the history of rates ("blocks per second") and losses ("gaps", "missing
-    points", "views dropped", "impacts rejected"), by the name of the figure.
+    The view keeps the history of rates ("points per second") and losses ("gaps", "missing
+    points"), by the name of the figure.
     """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
