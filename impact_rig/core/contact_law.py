@@ -1,7 +1,7 @@
 """The contact law of a sample, from the shape of the hammer's pulse."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 
@@ -44,6 +44,7 @@ from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.tail import ZERO_AFTER, compute_share
 from impact_rig.core.uncertainty import (
+    LEAST_HITS,
     RigNumbers,
     list_variances,
     make_label,
@@ -67,7 +68,6 @@ class Limits:
     margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
     points: float = 6.0  # [-] in w50: a dozen in the contact for six parameters
     versed_residual: float = 0.003  # [-] what a versed-sine leaves of a Hertz contact is 0.006
-    correlation: float = 0.95  # [-] of n and B: fixing one makes the other thrice as certain
 
 
 LIMITS = Limits()
@@ -179,10 +179,6 @@ def fit_forms(
     return {taken: possible[taken], **others}
 
 
-LEAST_HITS = 2
-"""Hits that have a scatter [-]."""
-
-
 @dataclass(frozen=True)
 class ContactLaw(Comparable):
     """The law of one contact and what follows from it; not known: see the notes."""
@@ -232,7 +228,6 @@ class ContactLaw(Comparable):
     form: str = ""  # of the loss, of `LossForm`
     loss: float = math.nan  # B of `impact_rig.core.law_pulses` [-]
     residual_percent: float = math.nan  # RMS of what the best law leaves, over the peak [%]
-    correlation: float = math.nan  # of the errors of n and B [-]
     notes: tuple[str, ...] = ()  # what is not determined, and why; what is not told apart
     # Of the relative errors of `SCALED`, by sources that no other sample has: masses and clock,
     # which all share, change no exponent; pairs of a source and an array of shape (4, 4).
@@ -323,13 +318,10 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
         moved = _move_step(mean, pulse)[window.points] / pulse.peak
         change = fit.project(moved)
         sources.append((ZERO_AFTER, np.outer(change, change), math.inf))
-    total = sources[0][1] + sources[1][1]
     sources += [
         (source, np.outer(fit.project(change), fit.project(change)), math.inf)
         for source, change in changes
     ]
-    spread = math.sqrt(total[EXPONENT, EXPONENT] * total[LOSS, LOSS])
-    told = float(total[EXPONENT, LOSS]) / spread if spread > 0.0 else math.nan
     points = [(one, each.parameters * scales) for one, each in fits.items()]
     quantities, own = _compute_quantities(points, np.diag(scales), sources, masses)
     restitution = quantities["restitution"]
@@ -350,10 +342,9 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
         momentum_ratio=ratio,
         form=form.value,
         loss=float(fit.parameters[LOSS]),
-        correlation=told,
         own_covariances=own,
         separation=(touch - pulse.middle) / mean.sampling_rate + quantities["duration"].value,
-        notes=_list_notes(told, exponent, masses) + _name_forms(fits),
+        notes=_list_notes(exponent, masses, fits),
         warnings=check_momenta(ratio)
         + check_hit_momenta(restored, contact)
         + without.warnings
@@ -386,14 +377,6 @@ def _find_misfit(form: LossForm, fit: WindowFit, largest: float, *, is_worse: bo
     if is_worse:
         return f"{LIKE_CONTACT}: a versed-sine comes nearer to it than the best of them"
     return None
-
-
-def _name_forms(fits: dict[LossForm, WindowFit]) -> tuple[str, ...]:
-    """Say which forms of loss are possible, if several are."""
-    if len(fits) == 1:
-        return ()
-    forms = ", ".join(form.value for form in fits)
-    return (f"the pulse does not tell apart the forms of loss {forms}",)
 
 
 def _check_rest(residual: float, noise: float) -> tuple[str, ...]:
@@ -617,19 +600,20 @@ def _describe_laws(form: LossForm, points: FloatArray) -> FloatArray:
     )
 
 
-def _list_notes(correlation: float, exponent: float | None, masses: RigNumbers) -> tuple[str, ...]:
+def _list_notes(
+    exponent: float | None, masses: RigNumbers, forms: Iterable[LossForm]
+) -> tuple[str, ...]:
     notes = []
     if exponent is not None:
         notes.append(f"n was given, {exponent:g}, not found")
-    if abs(correlation) > LIMITS.correlation:
-        notes.append(
-            f"n and the loss are hardly told apart: their errors' correlation is {correlation:.3f}"
-        )
     bodies = (("hammer", masses.hammer_mass), ("sample", masses.moving_mass))
-    unknown = [body for body, mass in bodies if math.isnan(mass.x)]
+    unknown = " and ".join(body for body, mass in bodies if math.isnan(mass.x))
     if unknown:
         notes.append(
             "stiffness, damping, impact speed, indentation and energy: the mass of"
-            f" {' and '.join(unknown)} is not known"
+            f" {unknown} is not known"
         )
+    possible = ", ".join(form.value for form in forms)
+    if ", " in possible:
+        notes.append(f"the pulse does not tell apart the forms of loss {possible}")
     return tuple(notes)

@@ -189,9 +189,6 @@ MISFIT = 1.5
 SMALLEST_R_SQUARED = 0.99
 """Where the fit leaves twice `MISFIT` and more, it must explain this part of the tail's variance
 [-], our choice: otherwise it is no single damped oscillation."""
-MISFIT_BAND = 2.0
-"""What a wrong model leaves lies near the oscillation: it is measured up to so many times
-its frequency [-], our choice."""
 
 
 @dataclass(frozen=True)
@@ -271,11 +268,14 @@ def estimate_free_decay(
     # noise, of which decimation leaves all in fewer points.
     white = float(mean.raw_noise[channel]) / math.sqrt(tail.step)
     white = white * max(1.0, excess) if noise > 0.0 else left
-    if excess > MISFIT:
-        white = max(white, _estimate_misfit_level(fit.residual, float(solution[1])))
     covariance = np.asarray(white**2 * np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64)
     r_squared = 1.0 - float(np.sum(fit.residual**2)) / (measured.size * spread**2)
-    _check_signal(fit.oscillation, white)
+    signal = float(np.linalg.norm(fit.oscillation))
+    if signal < SMALLEST_SIGNAL * white:
+        raise NotDeterminedError(
+            "free decay: the tail after the contact is in the noise (signal to noise of its"
+            f" energy {(signal / white) ** 2:.3g}; it needs {SMALLEST_SIGNAL**2:.3g})"
+        )
     duration = (measured.size - 1) / rate
     decay, frequency = (float(value) * rate for value in solution)
     if decay <= 0.0:
@@ -319,23 +319,6 @@ def _find_tail(mean: MeanHit, contact_end: float, cutoff_frequency: float) -> sl
             f" {points} points; it needs {MINIMUM_POINTS}: record longer"
         )
     return slice(first, last, step)
-
-
-def _estimate_misfit_level(residual: FloatArray, frequency: float) -> float:
-    """Return the standard deviation of the white noise that is as strong near `frequency`."""
-    lines = math.ceil(MISFIT_BAND * frequency / (2.0 * math.pi) * residual.size)
-    power = np.abs(np.fft.rfft(residual))[: max(lines, 4)] ** 2 / residual.size
-    # Two real numbers a line, of which the fit has taken all parameters but the offset.
-    return math.sqrt(2.0 * float(power.sum()) / (2 * power.size - (FITTED - 1)))
-
-
-def _check_signal(oscillation: FloatArray, white_noise: float) -> None:
-    signal = float(np.linalg.norm(oscillation))
-    if signal < SMALLEST_SIGNAL * white_noise:
-        raise NotDeterminedError(
-            "free decay: the tail after the contact is in the noise (signal to noise of its"
-            f" energy {(signal / white_noise) ** 2:.3g}; it needs {SMALLEST_SIGNAL**2:.3g})"
-        )
 
 
 def _check_decay(parameters: FloatArray, covariance: FloatArray, periods: float) -> None:

@@ -11,14 +11,12 @@ from impact_rig.core.errors import NotDeterminedError, check_not_negative, check
 
 
 class UncertainNumber(Protocol):
-    """A value x with standard uncertainty u and degrees of freedom df, as GTC's real numbers."""
+    """A value x with standard uncertainty u, as GTC's real numbers."""
 
     @property
     def x(self) -> float: ...  # noqa: D102
     @property
     def u(self) -> float: ...  # noqa: D102
-    @property
-    def df(self) -> float: ...  # noqa: D102
     def __add__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105
     def __radd__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105
     def __sub__(self, other: Any, /) -> "UncertainNumber": ...  # noqa: D105

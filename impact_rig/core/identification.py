@@ -65,9 +65,6 @@ class Identification:
     model: FloatArray  # its traces, low-passed [m/s^2], shape (2, n)
     residual_percent: tuple[float, float]  # RMS over the peak of hammer and sample [%]
     chi_square: float  # reduced, of both traces [-]; 1: nothing but noise is left
-    # Bayesian information criterion [-]: the sum of N ln(mean square over peak^2) over both traces
-    # and p ln(2 N), of N independent points.
-    criterion: float
     misfit: str | None = None  # why no parameter but the force balance is determined
 
     def find(self, name: str) -> float:
@@ -412,7 +409,6 @@ def _report(problem: FitProblem, values: FloatArray, mean: MeanHit) -> Identific
     lengths = np.linalg.norm(joined, axis=0)
     inverse = np.linalg.pinv(joined / lengths)
     steps = [inverse @ problem.weigh(hit[:, points] - traces) / lengths for hit in mean.cut_hits()]
-    by_peak = np.log(np.maximum(left, LIMITS.least_noise) ** 2)
     return Identification(
         values=make_read_only(values),
         covariance=make_read_only(covariance),
@@ -420,6 +416,5 @@ def _report(problem: FitProblem, values: FloatArray, mean: MeanHit) -> Identific
         model=make_read_only(problem.evaluate(values)[0]),
         residual_percent=(100.0 * float(left[0]), 100.0 * float(left[1])),
         chi_square=float(np.mean(squares)),
-        criterion=independent * float(by_peak.sum()) + len(NAMES) * math.log(total),
         misfit=misfit,
     )

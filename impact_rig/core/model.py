@@ -48,26 +48,11 @@ def find_contact(
     sampling_rate : float
         [Hz]
     """
-    first = _find_point(start, 0.0, sampling_rate, count)
-    beyond = math.nextafter(contact_time, math.inf)
-    free = _find_point(start, beyond, sampling_rate, count)
+    times = start + np.arange(count) / sampling_rate
+    first, free = int(times.searchsorted(0.0)), int(times.searchsorted(contact_time, "right"))
     begin, late = start + first / sampling_rate, start + free / sampling_rate - contact_time
     # Where the grid has no such point, a harmless time.
     return ContactSpan(first, free, min(max(begin, 0.0), contact_time), max(late, 0.0))
-
-
-def _find_point(start: float, time: float, sampling_rate: float, count: int) -> int:
-    """Return the first point at a time or after it; `count`: there is none."""
-    place = (time - start) * sampling_rate
-    if not -1.0 < place < count + 1.0:
-        return 0 if place < 0.0 else count
-    point = math.ceil(place)
-    # The grid is start + n / rate as rounded, which may be one point aside.
-    if start + (point - 1) / sampling_rate >= time:
-        point -= 1
-    elif start + point / sampling_rate < time:
-        point += 1
-    return min(max(point, 0), count)
 
 
 FULL_TURN = 2.0 * math.pi

@@ -28,7 +28,6 @@ from impact_rig.core.pulse_shape import (
 )
 from impact_rig.core.pulse_width import (
     PulseErrors,
-    PulseWidth,
     TraceQuality,
     compute_peak_excess,
     compute_quantisation_error,
@@ -155,7 +154,7 @@ def read_mean_hit(
     SignalError
         If the mean hammer trace has no whole pulse.
     """
-    pulse = measure_pulse(mean.traces[0])
+    pulse, settings = measure_pulse(mean.traces[0]), setup.analysis
     # The hits on the control sample say something of both bodies, correlated; those on another
     # sample are asked for that sample alone.
     channels = (0, 1) if sample == setup.samples.control_sample else (1,)
@@ -178,26 +177,50 @@ def read_mean_hit(
             peaks[channel] = found
         except RigError as error:
             notes[channel] = f"{DAMPING_NAMES[channel]}: {error}"
+    factor = settings.pulse_factor / mean.sampling_rate
+    scatter = np.zeros((1 + len(peaks), 1 + len(peaks)))
+    if len(mean.hits) >= LEAST_HITS:
+        rows = [[factor * hit.pulse.half_amplitude_width for hit in mean.hits]]
+        rows += [_read_decrements(mean, channel, found) for channel, found in peaks.items()]
+        scatter += np.cov(np.array(rows), ddof=1) / mean.count
+    contact_time, *changes = make_ensemble(
+        f"scatter of the hits on {sample}",
+        [
+            factor * pulse.half_amplitude_width,
+            *(found.log_decrement for found in peaks.values()),
+        ],
+        scatter,
+        max(len(mean.hits) - 1, 1),
+        owner=sample,
+    )
     width = pulse.half_amplitude_width / mean.sampling_rate
     noise = float(mean.noise[0]) / abs(pulse.peak)
     form = form or look_at_pulse(mean, setup, sample)
-    contact_time, changes = estimate_contact_numbers(
-        mean,
-        pulse,
-        peaks,
-        setup,
-        sample,
-        compute_shape_error(form, noise, width, setup.analysis.pulse_factor * width),
-        reason="the pulse's shape, and with it the uncertainty, comes later"
-        if form is UNSEEN
-        else "",
+    spread, own = compute_shape_error(form, noise, width, settings.pulse_factor * width)
+    errors = estimate_pulse_errors(
+        mean.traces[0], pulse, _describe_mean(mean, 0, settings.cutoff_frequency)
     )
+    contact_time = contact_time + _make_common_errors(errors, factor, sample)
+    # The same law on all samples makes the same error on all.
+    contact_time = contact_time + spread * make_input(PULSE_SHAPE, 0.0, 1.0)
+    contact_time = contact_time + make_input(PULSE_SHAPE, 0.0, own, sample)
+    reasons: tuple[str, ...] = ()
+    if len(mean.hits) < LEAST_HITS:
+        reasons = (ONE_HIT,)
+    elif form is UNSEEN:
+        reasons = ("the pulse's shape, and with it the uncertainty, comes later",)
+    decrements = {}
+    for (channel, found), change in zip(peaks.items(), changes, strict=True):
+        quality = _describe_mean(mean, channel, settings.cutoff_frequency)
+        more = _make_decrement_errors(mean.traces[channel], found, quality, f"{sample} {channel}")
+        decrements[channel] = found, Known(change + more, reasons)
+    clock = make_input("sampling clock", 1.0, setup.clock_uncertainty)
     return MeanReading(
         width,
         pulse.width_ratio,
         make_rig_numbers(setup, sample),
-        contact_time,
-        {channel: (peaks[channel], change) for channel, change in changes.items()},
+        Known(contact_time * clock, reasons),
+        decrements,
         notes,
     )
 
@@ -206,74 +229,19 @@ PULSE_SHAPE = "shape of the pulse"
 """Source of what another shape than the paper's makes of tau_p."""
 
 
-def estimate_contact_numbers(
-    mean: MeanHit,
-    pulse: PulseWidth,
-    decrements: Mapping[int, LogDecrement],
-    setup: RigSetup,
-    sample: str,
-    shape_error: tuple[float, float],
-    reason: str = "",
-) -> tuple[Known, dict[int, Known]]:
-    """Estimate tau_p [s] and, by channel, log decrements of a mean hit with their uncertainties.
-
-    Parameters
-    ----------
-    decrements : mapping of int to LogDecrement
-        Peaks of the mean traces by channel.
-    shape_error : tuple of float
-        Standard uncertainty of tau_p by the shapes that the pulse may have, signed, and that of
-        this sample's own contact [s].
-    reason : str
-        Why no uncertainty is determined; empty: it may be.
-    """
-    reason = reason if len(mean.hits) >= LEAST_HITS else ONE_HIT
-    settings, channels = setup.analysis, sorted(decrements)
-    estimates = [settings.pulse_factor * (pulse.half_amplitude_width / mean.sampling_rate)]
-    estimates += [decrements[channel].log_decrement for channel in channels]
-    factor = settings.pulse_factor / mean.sampling_rate
-    scatter = np.zeros((len(estimates), len(estimates)))
-    if len(mean.hits) >= LEAST_HITS:
-        rows = [[factor * hit.pulse.half_amplitude_width for hit in mean.hits]]
-        rows += _read_decrements(mean, decrements)
-        scatter += np.cov(np.array(rows), ddof=1) / mean.count
-    contact_time, *changes = make_ensemble(
-        f"scatter of the hits on {sample}",
-        estimates,
-        scatter,
-        max(len(mean.hits) - 1, 1),
-        owner=sample,
-    )
-    errors = estimate_pulse_errors(
-        mean.traces[0], pulse, _describe_mean(mean, 0, settings.cutoff_frequency)
-    )
-    contact_time = contact_time + _make_common_errors(errors, factor, sample)
-    if any(shape_error):
-        # The same law on all samples makes the same error on all.
-        contact_time = contact_time + shape_error[0] * make_input(PULSE_SHAPE, 0.0, 1.0)
-        contact_time = contact_time + make_input(PULSE_SHAPE, 0.0, shape_error[1], sample)
-    clock = make_input("sampling clock", 1.0, setup.clock_uncertainty)
-    numbers: dict[int, Known] = {}
-    for channel, change in zip(channels, changes, strict=True):
-        quality = _describe_mean(mean, channel, settings.cutoff_frequency)
-        errors_of_peaks, why = _make_decrement_errors(
-            mean.traces[channel], decrements[channel], quality, f"{sample} {channel}"
-        )
-        why = reason or why
-        numbers[channel] = Known(change + errors_of_peaks, (why,) if why else ())
-    return Known(contact_time * clock, (reason,) if reason else ()), numbers
-
-
 def _make_common_errors(errors: PulseErrors, factor: float, owner: str) -> UncertainNumber:
     """Return what is wrong with all hits of a series alike, in s."""
-    total = make_input("quantisation", 0.0, factor * errors.quantisation, owner)
-    total = total + make_input("trend of the baseline", 0.0, factor * errors.trend, owner)
-    total = total + make_input("sampling", 0.0, factor * errors.sampling, owner)
-    total = total + make_input("peak reading", 0.0, factor * errors.peak_reading, owner)
-    if errors.correction:
-        total = total + make_input(ZERO_AFTER, 0.0, factor * errors.correction, owner)
     # A known error that is not corrected (GUM F.2.4.5), alike on every sample of the rig.
-    return total + factor * errors.low_pass * make_input("low-pass", 0.0, 1.0)
+    total = factor * errors.low_pass * make_input("low-pass", 0.0, 1.0)
+    for source, error in (
+        ("quantisation", errors.quantisation),
+        ("trend of the baseline", errors.trend),
+        ("sampling", errors.sampling),
+        ("peak reading", errors.peak_reading),
+        (ZERO_AFTER, errors.correction),
+    ):
+        total = total + make_input(source, 0.0, factor * error, owner)
+    return total
 
 
 def _describe_mean(mean: MeanHit, channel: int, cutoff_frequency: float) -> TraceQuality:
@@ -289,42 +257,22 @@ def _describe_mean(mean: MeanHit, channel: int, cutoff_frequency: float) -> Trac
     )
 
 
-def _read_decrements(mean: MeanHit, decrements: Mapping[int, LogDecrement]) -> list[list[float]]:
-    """Return Delta of every hit, shape (channels, hits), about that of the mean.
+def _read_decrements(mean: MeanHit, channel: int, peaks: LogDecrement) -> list[float]:
+    """Return Delta of every hit, about that of the mean.
 
     Read at the mean's two peaks and linearised: a weak second peak may drown in one hit's noise,
     and the highest point near it would be too high.
     """
-    if not decrements:
-        return []
-    cuts = list(mean.cut_hits())
-    rows = []
-    for channel in sorted(decrements):
-        peaks = decrements[channel]
-        first = float(mean.traces[channel, peaks.first_index])
-        second = float(mean.traces[channel, peaks.second_index])
-        rows.append(
-            [
-                float(cut[channel, peaks.first_index]) / first
-                - float(cut[channel, peaks.second_index]) / second
-                for cut in cuts
-            ]
-        )
-    return rows
+    places = [peaks.first_index, peaks.second_index]
+    means = mean.traces[channel, places]
+    return [float(np.subtract(*cut[channel, places] / means)) for cut in mean.cut_hits()]
 
 
 def _make_decrement_errors(
     trace: FloatArray, peaks: LogDecrement, quality: TraceQuality, owner: str
-) -> tuple[UncertainNumber, str]:
-    """Return what is wrong with Delta in all hits alike [-], and why that is not known."""
-    step, reason = compute_quantisation_error(quality.resolution, quality.dither), ""
-    # Beyond a tenth, as of a peak of three counts, the logarithm is not linear any more.
-    if step > 0.1 * peaks.second_peak:
-        reason = (
-            "uncertainty of zeta and c: not determined, since the second peak is"
-            f" {peaks.second_peak / quality.resolution:.2g} counts high and no noise smooths the"
-            " converter's steps; use a smaller full scale"
-        )
+) -> UncertainNumber:
+    """Return what is wrong with Delta in all hits alike [-]."""
+    step = compute_quantisation_error(quality.resolution, quality.dither)
     quantisation = step * math.hypot(1.0 / peaks.first_peak, 1.0 / peaks.second_peak)
     start = (quality.baseline_points - 1) / 2.0
     trend = compute_trend(trace, quality) * abs(
@@ -336,8 +284,7 @@ def _make_decrement_errors(
     excess = compute_peak_excess(quality.noise, curvature, quality.relative_cutoff)
     total = make_input("quantisation of the peaks", 0.0, quantisation, owner)
     total = total + make_input("trend of the baseline", 0.0, trend, owner)
-    total = total + make_input("second peak reading", 0.0, excess / peaks.second_peak, owner)
-    return total, reason
+    return total + make_input("second peak reading", 0.0, excess / peaks.second_peak, owner)
 
 
 def estimate_hit(

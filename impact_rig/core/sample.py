@@ -115,7 +115,6 @@ class FittedModel(Comparable):
 
     model: str  # "driven": equation (4) on the hammer, the sample driven by F(t) alone
     is_preferred: bool = False
-    criterion: float = NAN  # Bayesian information criterion
     contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)
     stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
     damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
@@ -207,7 +206,6 @@ def fit_model(mean: MeanHit, setup: RigSetup, sample: str) -> FittedModel:
             body[name] = UNKNOWN
     return replace(
         described,
-        criterion=found.criterion,
         **body,
         parameters=NAMES,
         values=tuple(

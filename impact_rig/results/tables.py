@@ -586,7 +586,6 @@ def tabulate_variants(sample: SampleEstimate) -> list[Table]:
         read_column("Leaves of hammer [%]", fits, "residual_hammer_percent", 2),
         read_column("Leaves of sample [%]", fits, "residual_sample_percent", 2),
         read_column("Residual/noise", fits, "residual_over_noise", 1, is_optional=True),
-        read_column("BIC", fits, "criterion", 0, is_optional=True),
     ]
     notes = [f"{fit.model}: {text}." for fit in fits for text in (*fit.undetermined, *fit.notes)]
     return [make_table("Fitted models", columns, notes)]
