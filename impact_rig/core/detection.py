@@ -150,9 +150,6 @@ class Segment:
 RELATIVE_LEVEL = 0.1
 """Where full scale is unknown, the part of the largest deviation that starts a pulse [-], our
 choice: a hit recorded as a whole always has one."""
-QUIET_END, LEAST_END = 0.05, 8
-"""Part of a record, and points at least, that tell its baseline and noise, our choice: half the
-default pre-trigger."""
 LOUD_BEGINNING = 2.0
 """Noise of a record's beginning over that of its end from which a pulse is there [-], our choice:
 of 125 points each, noise alone differs by less."""
@@ -194,7 +191,8 @@ def _find_quiet_end(output: RawArray) -> Baseline:
     Before the impact nothing happens, unless the pulse begins at once; then what follows is
     quieter. How long the pulse lasts and rings does not matter.
     """
-    count = max(int(QUIET_END * output.size), LEAST_END)
+    # Half the default pre-trigger, our choice.
+    count = max(int(0.05 * output.size), 8)
     first, last = compute_baseline(output[:count]), compute_baseline(output[-count:])
     return last if first.noise > LOUD_BEGINNING * last.noise else first
 

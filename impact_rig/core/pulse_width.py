@@ -12,7 +12,6 @@ from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF, low_pass
 from impact_rig.core.pulses import VERSED_SINE, compute_pulse
 from impact_rig.core.records import FloatArray
 
-HALF_LEVEL = 0.5
 TENTH_LEVEL = 0.1
 
 
@@ -111,7 +110,7 @@ def measure_pulse(trace: FloatArray) -> PulseWidth:
         raise SignalError("the trace has no pulse: it must leave its baseline and come back")
     upright = trace if peak > 0 else -trace
     height = abs(peak)
-    rise, fall = (find_crossing(upright, peak_index, HALF_LEVEL * height, s) for s in (-1, 1))
+    rise, fall = (find_crossing(upright, peak_index, 0.5 * height, s) for s in (-1, 1))
     if np.isnan(rise) or np.isnan(fall):
         raise SignalError(
             "the pulse is cut off: the trace must fall to half its peak on both sides"
@@ -132,12 +131,6 @@ BASELINE_POINTS = 3
 FLANK_LEVELS = (0.4, 0.6)
 """Between which parts of the peak a flank's slope is taken [-], our choice: near the crossing,
 far enough apart that noise does not matter."""
-PEAK_LOSS = math.sqrt(1.0 / 320.0)
-"""Root mean square of d^2 / 2 for d uniform in +-1/2 [-]: what the highest point misses of a
-parabola's top, over its curvature."""
-CHORD_ERROR = math.sqrt(1.0 / 120.0)
-"""Root mean square of f (1 - f) / 2 for f uniform in 0 to 1 [-]: what a chord misses of a
-parabola, over its curvature."""
 FILTER_POINTS = 400
 """Points per contact time of the pulse on which the low-pass is tried [-], our choice."""
 FILTER_RECORD = 6
@@ -191,7 +184,10 @@ def estimate_pulse_errors(
     curvature = 0.5 * height * (math.pi / width) ** 2
     trend = compute_trend(trace, quality)
     lever = pulse.middle - (quality.baseline_points - 1) / 2.0
-    interpolation = CHORD_ERROR * (
+    # Of a parabola a chord misses f (1 - f) / 2 of the curvature, f uniform in 0 to 1, and the
+    # highest point d^2 / 2, d uniform in +-1/2: root mean square.
+    chord, top = math.sqrt(1.0 / 120.0), math.sqrt(1.0 / 320.0)
+    interpolation = chord * (
         _compute_bend(upright, pulse.rise) / rise + _compute_bend(upright, pulse.fall) / fall
     )
     return PulseErrors(
@@ -199,7 +195,7 @@ def estimate_pulse_errors(
         zero=quality.raw_noise / math.sqrt(quality.baseline_points) * both / 2.0,
         trend=trend * lever * both / 2.0,
         quantisation=compute_quantisation_error(quality.resolution, quality.dither) * reading,
-        sampling=math.hypot(PEAK_LOSS * curvature * both / 2.0, interpolation),
+        sampling=math.hypot(top * curvature * both / 2.0, interpolation),
         peak_reading=compute_peak_excess(quality.noise, curvature, quality.relative_cutoff)
         * both
         / 2.0,

@@ -23,23 +23,14 @@ class PulseShape:
     # Force at phase 0 to 1 over the peak, and its derivative in the phase.
     differentiate: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
     half_amplitude_width: float  # w50 over the duration
-    tenth_amplitude_width: float  # w10 over the duration
 
     @property
     def pulse_factor(self) -> float:
         """F in tau_p = F * w50 [-]."""
         return 1.0 / self.half_amplitude_width
 
-    @property
-    def width_ratio(self) -> float:
-        """w10 / w50 [-]."""
-        return self.tenth_amplitude_width / self.half_amplitude_width
-
 
 def _make_sine_power(name: str, power: float) -> PulseShape:
-    def compute_width(level: float) -> float:
-        return 1.0 - 2.0 / np.pi * float(np.arcsin(level ** (1.0 / power)))
-
     def differentiate(phase: FloatArray) -> tuple[FloatArray, FloatArray]:
         angle = np.pi * phase
         sine = np.sin(angle)
@@ -48,14 +39,11 @@ def _make_sine_power(name: str, power: float) -> PulseShape:
     return PulseShape(
         name=name,
         differentiate=differentiate,
-        half_amplitude_width=compute_width(0.5),
-        tenth_amplitude_width=compute_width(0.1),
+        half_amplitude_width=1.0 - 2.0 / np.pi * float(np.arcsin(0.5 ** (1.0 / power))),
     )
 
 
 HALF_SINE = _make_sine_power("half-sine", 1.0)
-SINE_POWER_1_5 = _make_sine_power("sin^1.5", 1.5)
-"""A common stand-in for a Hertz contact."""
 VERSED_SINE = _make_sine_power(PULSE_NAME, 2.0)
 
 
@@ -91,10 +79,10 @@ HERTZ = PulseShape(
     name="Hertz",
     differentiate=_differentiate_hertz_force,
     half_amplitude_width=0.5493874475299448,  # 1 - I(2/5, 1/2) at 0.5^(5/3)
-    tenth_amplitude_width=0.8531480273045823,  # the same at 0.1^(5/3)
 )
 
-PULSE_SHAPES = (VERSED_SINE, HALF_SINE, SINE_POWER_1_5, HERTZ)
+# sin^1.5 is a common stand-in for a Hertz contact.
+PULSE_SHAPES = (VERSED_SINE, HALF_SINE, _make_sine_power("sin^1.5", 1.5), HERTZ)
 
 
 def compute_pulse(

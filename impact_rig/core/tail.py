@@ -20,8 +20,8 @@ class Limits:
     """What is asked of a tail before it is believed; limits of one test alone stand there."""
 
     parts: int = 16  # [-] of the tail; their means take noise and ringing out
-    baseline_parts: int = 4  # [-] which tell a drift
     shortest_part: int = 8  # [points] our choice
+    baseline_parts: int = 4  # [-] which tell a drift
     remaining: float = 0.5  # [level] what is left at the record's end of what a body does not do
 
 
@@ -71,7 +71,8 @@ def judge_zeros(
         known = float(peaks[channel]), float(noise[channel]), sampling_rate
         tail = _Tail(traces[channel], share, pulse, baseline, begin, size, before, *known)
         is_droop = channel and found[0] is not None and found[0].reason is Reason.DROOP
-        models = DROOP_FIRST if is_droop else MODELS
+        # One cause has one name.
+        models = ((DROOP,), *MODELS) if is_droop else MODELS
         shift = tail.explain(models)
         if not channel and shift is not None and shift.correction is not None:
             # What was corrected is no momentum.
@@ -107,8 +108,6 @@ STEP, DROOP, DRIFT = range(3)
 MODELS = ((STEP,), (DROOP,), (DRIFT,), (STEP, DROOP), (STEP, DROOP, DRIFT))
 """Which terms a tail may need, the simplest first: of two that cannot be told apart, and take off
 the same, always the same is named. A step that goes is a step with a droop."""
-DROOP_FIRST = ((DROOP,), *MODELS)
-"""The same for a sample whose hammer droops: one cause has one name."""
 
 
 @dataclass(frozen=True)

@@ -308,8 +308,7 @@ def find_second_pulse(
     # A pulse of just that level is seen; noise of 6 standard deviations is, once in 10^4 records.
     least = max(0.9 * level * abs(pulse.peak), 6.0 * noise)
     width = pulse.half_amplitude_width
-    # Sooner it is the same contact, which lasts 1.5 to 2 of these widths.
-    apart = 1.3 * width
+    foot = 1.5 * width if math.isnan(pulse.width_ratio) else pulse.tenth_amplitude_width
     peaks, _ = scipy.signal.find_peaks(np.append(upright, -math.inf), height=least)
     if peaks.size <= 1:
         return None
@@ -325,6 +324,8 @@ def find_second_pulse(
         fall = float(upright.size) if math.isnan(fall) else fall
         is_cut = fall > upright.size - 1
         delay = (index if is_cut else (rise + fall) / 2.0) - pulse.middle
+        # Sooner it is the same contact; of less than 5 % it may be how the hammer answers to it.
+        apart = 1.3 * width if height > 0.05 * abs(pulse.peak) else 1.36 * foot
         is_apart = apart <= abs(delay) <= window
         # A softer hit lasts longer (Hertz).
         shortest = 0.0 if is_cut else 0.5 * width

@@ -8,7 +8,6 @@ from typing import Any
 
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import ShapeFit
-from impact_rig.core.pulses import HALF_SINE, HERTZ, VERSED_SINE
 from impact_rig.core.quantity import UNKNOWN, BudgetLine, Quantity, list_fields
 from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
 from impact_rig.core.setup import PULSE_NAME
@@ -227,12 +226,10 @@ def tabulate_contact_times(results: Results) -> Table:
             for header, name, digits, note in more
         ),
     ]
-    shapes = ", ".join(
-        f"{shape.name} {shape.width_ratio:.2f}" for shape in (VERSED_SINE, HERTZ, HALF_SINE)
-    )
     note = (
         "w10/w50: width at a tenth of the peak over that at half of it, which differs between"
-        f" pulse shapes: {shapes}. Spread: standard deviation over the hits in the mean."
+        " pulse shapes: versed-sine 1.59, Hertz 1.55, half-sine 1.40. Spread:"
+        " standard deviation over the hits in the mean."
     )
     return _tabulate_bodies("Table 2. Contact time τp", results, CONTACT_TIME, columns, [note])
 

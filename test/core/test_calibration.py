@@ -95,7 +95,7 @@ MASSES = replace(PAPER_SETUP, hammer_mass=0.1, hammer_mass_uncertainty=0.001)
 
 def make_fits(*ratios, misfit=0.0):
     return [
-        HitFit(HitLabel("block", number), 0, ratio, misfit, misfit)
+        HitFit(HitLabel("block", number), 0, ratio, misfit)
         for number, ratio in enumerate(ratios, start=1)
     ]
 
