@@ -103,14 +103,11 @@ def find_best_shift(measured: FloatArray, model: FloatArray, largest: int) -> fl
     """
     count = measured.size
     largest = min(largest, count - 1)
-    # What a transform of this length folds back lies beyond the largest shift.
-    length = scipy.fft.next_fast_len(count + largest, real=True)
-    spectra = scipy.fft.rfft(np.stack((measured, model)), length)
-    correlation = scipy.fft.irfft(spectra[0] * np.conj(spectra[1]), length)
     lags = np.arange(-largest, largest + 1)
+    correlation = scipy.signal.correlate(measured, model, method="fft")[lags + count - 1]
     energy = np.concatenate(([0.0], np.cumsum(model**2)))
     inside = energy[np.minimum(count, count - lags)] - energy[np.maximum(0, -lags)]
-    error = inside - 2.0 * correlation[lags]
+    error = inside - 2.0 * correlation
     best = int(np.argmin(error))
     if 0 < best < error.size - 1:
         left, middle, right = error[best - 1 : best + 2]

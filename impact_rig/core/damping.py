@@ -86,8 +86,6 @@ def estimate_log_decrement(trace: FloatArray, noise: float) -> LogDecrement:
     )
 
 
-PADDING = 2
-"""Length of the spectrum over that of the tail [-], our choice: half a line is near enough."""
 TOLERANCE = 1e-6
 """Relative change of sum of squares and of parameters that ends the fit [-], our choice: of some
 hundred points, a hundredth of what noise makes of the parameters."""
@@ -161,7 +159,8 @@ def _search_spectrum(tail: FloatArray, highest: float) -> FloatArray:
     # From nearly undamped to gone after a few per cent of the tail.
     decays = np.array((0.3, 1.0, 3.0, 10.0, 30.0, 100.0)) / count
     weights = np.exp(-decays[:, np.newaxis] * np.arange(count))
-    length = scipy.fft.next_fast_len(PADDING * count, real=True)
+    # Half a line is near enough.
+    length = scipy.fft.next_fast_len(2 * count, real=True)
     # What takes longer than two tails is offset.
     first = int(0.5 * length / count)
     last = max(first + 1, int(min(highest, 0.5) * length))

@@ -294,8 +294,8 @@ def estimate_hit(
 
     The next hit may well differ by more.
     """
-    settings, factor = setup.analysis, setup.analysis.pulse_factor / hit.sampling_rate
-    mean = average_hits([hit])
+    mean, settings = average_hits([hit]), setup.analysis
+    factor = settings.pulse_factor / hit.sampling_rate
     quality = _describe_mean(mean, 0, settings.cutoff_frequency)
     errors = estimate_pulse_errors(hit.traces[0], hit.pulse, quality)
     width = hit.pulse.half_amplitude_width / hit.sampling_rate

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from impact_rig.core.contact_law import SCALED
-from impact_rig.core.errors import check_positive
 from impact_rig.core.quantity import UNKNOWN, Comparable, Quantity, describe
 from impact_rig.core.records import FloatArray
 from impact_rig.core.sample import SampleEstimate
@@ -19,9 +18,6 @@ ALL_SAMPLES = "all"
 """Name of the fit to all samples together, each with its own constant."""
 HERTZ_SPEED_EXPONENTS = {"duration": -1.0 / 5.0, "peak_force": 6.0 / 5.0}
 SPRING_SPEED_EXPONENTS = {"duration": 0.0, "peak_force": 1.0}
-LEFT = "what the power law leaves"
-BY_HITS = "A"
-"""Kind of a contribution that comes from the hits."""
 
 Covariances = Sequence[tuple[str, FloatArray]]
 """Of the relative errors of speed and result, shape (2, 2), by source."""
@@ -109,7 +105,7 @@ def _find_covariances(sample: SampleEstimate) -> Covariances:
         for label, own in sample.contact_law.own_covariances
     ]
     time = sample.contact_time
-    scatter = [line for line in time.budget if line.kind == BY_HITS]
+    scatter = [line for line in time.budget if line.kind == "A"]
     freedom = sample.impacts_accepted - 1.0
     return found + [
         (make_label(line.source, freedom), np.diag([0.0, (line.contribution / time.value) ** 2]))
@@ -152,14 +148,14 @@ def _fit_exponent(
     if freedom:
         excess = float(left @ left) / freedom / spread - math.fsum(variances.values())
         # An exponent is rounded to 1e-9.
-        variances[make_label(LEFT, freedom)] = excess if excess > 1e-9**2 else 0.0
+        variances[make_label("what the power law leaves", freedom)] = (
+            excess if excess > 1e-9**2 else 0.0
+        )
     return make_quantity(exponent, dict(variances)) if variances else Quantity(exponent)
 
 
 def _center_logarithms(groups: Sequence[str], values: Sequence[float]) -> FloatArray:
     """Return the logarithms less their mean over the same group, shape (series,)."""
-    for value in values:
-        check_positive("value of a power law", value, "SI units")
     logarithms = np.log(values)
     names = np.array(groups)
     means = {name: logarithms[names == name].mean() for name in set(groups)}

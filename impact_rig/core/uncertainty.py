@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
 
 from impact_rig.core.equations import UncertainNumber, estimate_damping_ratio_from_coefficient
-from impact_rig.core.errors import ParameterError, check_not_negative
+from impact_rig.core.errors import check_not_negative
 from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.records import FloatArray
 from impact_rig.core.sensors import CHANNELS
@@ -18,8 +18,6 @@ from impact_rig.core.setup import RigSetup
 REMEMBERED_INPUTS = 512
 """Inputs that are told apart by name and value [-], our choice: those that two results of a
 campaign share are asked for within some dozen others. Each hit brings ten, which stay so long."""
-REMEMBERED_ENSEMBLES = 64
-"""The same of ensembles [-], which are larger: each hit brings two."""
 
 
 @cache
@@ -84,22 +82,11 @@ def make_ensemble(
         n - 1 of n hits; infinite: type B.
     owner : str
         As in `make_input`.
-
-    Raises
-    ------
-    ParameterError
-        If the covariance is not finite, or of another shape.
     """
-    matrix = np.array(covariance, dtype=np.float64)
-    if matrix.shape != (len(estimates), len(estimates)) or not np.all(np.isfinite(matrix)):
-        raise ParameterError(
-            f"covariance of {source} is {matrix.tolist()}: it must be a finite"
-            f" {len(estimates)} x {len(estimates)} matrix"
-        )
     # Scaled, since the parameters' units may differ by many powers of ten.
-    scale = np.sqrt(np.clip(np.diag(matrix), 0.0, None))
+    scale = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
     divisor = np.where(scale > 0.0, scale, 1.0)
-    values, vectors = np.linalg.eigh(matrix / np.outer(divisor, divisor))
+    values, vectors = np.linalg.eigh(covariance / np.outer(divisor, divisor))
     # Smaller variances are rounding.
     kept = values > 1e-14 * max(len(estimates), 1)
     factors = scale[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept])
@@ -122,7 +109,7 @@ def make_scatter(
     return number
 
 
-@lru_cache(maxsize=REMEMBERED_ENSEMBLES)
+@lru_cache(maxsize=64)  # they are larger than inputs: each hit brings two
 def _make_errors(
     source: str, count: int, degrees_of_freedom: float, _factors: bytes, _owner: str
 ) -> tuple[UncertainNumber, ...]:
@@ -227,16 +214,8 @@ class RigNumbers:
     hammer_mass: UncertainNumber
     moving_mass: UncertainNumber
     clock: UncertainNumber
-    notes: tuple[str, ...] = ()
-    gains: tuple[UncertainNumber, ...] = field(default_factory=lambda: make_gains(0.0, 0.0))
-
-
-def make_gains(*uncertainties: float) -> tuple[UncertainNumber, ...]:
-    """Return the gains of the channels, by their relative standard uncertainties [-]."""
-    return tuple(
-        make_input(f"gain of the {body}'s channel", 1.0, uncertainty)
-        for body, uncertainty in zip(("hammer", "sample"), uncertainties, strict=True)
-    )
+    notes: tuple[str, ...]
+    gains: tuple[UncertainNumber, ...]
 
 
 def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
@@ -268,8 +247,13 @@ def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
         moving_mass=sample_mass + accelerometer_mass,
         clock=make_input("sampling clock", 1.0, setup.clock_uncertainty),
         notes=(note,) if unstated else (),
-        gains=make_gains(
-            *(setup.find_sensor(channel).sensitivity_uncertainty for channel in CHANNELS)
+        gains=tuple(
+            make_input(
+                f"gain of the {body}'s channel",
+                1.0,
+                setup.find_sensor(channel).sensitivity_uncertainty,
+            )
+            for body, channel in zip(("hammer", "sample"), CHANNELS, strict=True)
         ),
     )
 
@@ -321,12 +305,8 @@ def propagate_fit(
     if has_scatter:
         scatter += np.cov(per_hit, rowvar=False, ddof=1) / averaged
     numbers = formula(make_ensemble(source, estimates, scatter, max(hits - 1, 1), owner), rig)
-    return {
-        name: compute_quantity(float(number.x), number, rig.notes)
-        if has_scatter
-        else Quantity(float(number.x), notes=(ONE_HIT,))
-        for name, number in numbers.items()
-    }
+    reasons = () if has_scatter else (ONE_HIT,)
+    return {name: Known(number, reasons).state(rig.notes) for name, number in numbers.items()}
 
 
 def find_decaying_body(
