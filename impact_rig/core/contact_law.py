@@ -67,7 +67,6 @@ class Limits:
     finest: float = 1.0 / 64.0  # [w50] over which the force is averaged
     margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
     points: float = 6.0  # [-] in w50: a dozen in the contact for six parameters
-    versed_residual: float = 0.003  # [-] what a versed-sine leaves of a Hertz contact is 0.006
 
 
 LIMITS = Limits()
@@ -284,7 +283,6 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     correlation = compute_noise_correlation(cutoff_frequency, mean.sampling_rate, window.step)
     correlation = correlation[correlation.size // 2 :]
     noise = float(compute_raw_noise(mean)[0]) * math.sqrt(correlation[0]) / peak
-    white = float(mean.raw_noise[0]) / peak
     fits = fit_forms(window, exponent, noise)
     form, fit = next(iter(fits.items()))
     restored = restore_levels(mean, sensors)
@@ -297,7 +295,7 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
         ),
         warnings=_check_hits(restored, leaves),
     )
-    is_worse, excludes_versed_sine = _compare_with_versed_sine(fit, window, white, noise)
+    is_worse, excludes_versed_sine = _compare_with_versed_sine(fit, window)
     changes = _change_sensor(mean, pulse, (form, fit), sensors[0], seen[:2])
     largest = find_largest_residual(noise)
     largest += 2.0 * max((fit.find_rest(change) for _, change in changes), default=0.0)
@@ -447,30 +445,18 @@ def _change_sensor(
     return changes
 
 
-def _compare_with_versed_sine(
-    law: WindowFit, window: PulseWindow, white: float, noise: float
-) -> tuple[bool, bool]:
+def _compare_with_versed_sine(law: WindowFit, window: PulseWindow) -> tuple[bool, bool]:
     """Return whether a versed-sine comes nearer than the law, and whether the data exclude it.
 
     On the pulse alone: ringing behind it belongs to neither.
-
-    Parameters
-    ----------
-    law : WindowFit
-        As it was fitted to pulse and tail.
-    white, noise : float
-        Of the trace before and behind the low-pass, over the peak [-].
     """
     part = window.find_pulse()
     (versed,) = fit_shapes(window.cut(part), [VERSED_SINE])
     left = law.fitted[part] - window.measured[part]
-    ours = replace(
-        law, fitted=law.fitted[part], residual=math.sqrt(left @ left / (left.size - COUNT))
-    )
-    least = min(ours.residual, versed.residual)
-    level = white / math.sqrt(window.step) * max(1.0, least / noise) if noise > 0.0 else least
-    is_excluded = versed.is_worse(ours, level) and versed.residual > LIMITS.versed_residual
-    return ours.is_worse(versed, level), is_excluded
+    ours = math.sqrt(left @ left / (left.size - COUNT))
+    # A versed-sine leaves 0.006 of a Hertz contact.
+    is_excluded = versed.residual > max(LIMITS.as_well * ours, 0.003)
+    return ours > LIMITS.as_well * versed.residual, is_excluded
 
 
 def _compute_scatter(

@@ -177,6 +177,7 @@ def read_mean_hit(
             peaks[channel] = found
         except RigError as error:
             notes[channel] = f"{DAMPING_NAMES[channel]}: {error}"
+    width = pulse.half_amplitude_width / mean.sampling_rate
     factor = settings.pulse_factor / mean.sampling_rate
     scatter = np.zeros((1 + len(peaks), 1 + len(peaks)))
     if len(mean.hits) >= LEAST_HITS:
@@ -185,15 +186,11 @@ def read_mean_hit(
         scatter += np.cov(np.array(rows), ddof=1) / mean.count
     contact_time, *changes = make_ensemble(
         f"scatter of the hits on {sample}",
-        [
-            factor * pulse.half_amplitude_width,
-            *(found.log_decrement for found in peaks.values()),
-        ],
+        [settings.pulse_factor * width, *(found.log_decrement for found in peaks.values())],
         scatter,
         max(len(mean.hits) - 1, 1),
         owner=sample,
     )
-    width = pulse.half_amplitude_width / mean.sampling_rate
     noise = float(mean.noise[0]) / abs(pulse.peak)
     form = form or look_at_pulse(mean, setup, sample)
     spread, own = compute_shape_error(form, noise, width, settings.pulse_factor * width)
