@@ -4,6 +4,7 @@ import contextlib
 import logging
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from multiprocessing import resource_tracker
 from pathlib import Path
@@ -26,6 +27,10 @@ CONNECT_TIMEOUT = 5.0
 """How long a cluster may take to answer [s], our choice: one that is there answers at once."""
 READ_VERSION = "__import__('impact_rig').__version__"
 """What each worker of a cluster is asked first."""
+
+_ANALYZING = threading.Lock()
+"""One recording at a time in a process: GTC is not safe in several threads, and a
+worker of a cluster may have several."""
 
 Report = Callable[[Path], None]
 """Called with each recording as it is finished, in any order."""
@@ -153,7 +158,8 @@ def run_on_workers(
 def _analyze(path: Path, settings: Settings) -> Analysis | RigError:
     """Analyze one recording; return its error if it cannot be analyzed."""
     try:
-        return analyze(read_recording(path), settings)
+        with _ANALYZING:
+            return analyze(read_recording(path), settings)
     except RigError as error:
         return error
     except MemoryError:

@@ -52,11 +52,11 @@ def expected(runs):
 
 @pytest.fixture(scope="module")
 def cluster():
-    """Return a Dask cluster of somebody else."""
+    """Return a Dask cluster of somebody else, whose worker takes several recordings at once."""
     from distributed import LocalCluster
 
     with LocalCluster(
-        n_workers=1, threads_per_worker=1, dashboard_address=":0", silence_logs=50
+        n_workers=1, threads_per_worker=3, dashboard_address=":0", silence_logs=50
     ) as running:
         yield running
 
