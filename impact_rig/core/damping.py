@@ -8,7 +8,7 @@ import scipy
 
 from impact_rig.core.errors import NotDeterminedError, check_not_negative, check_positive
 from impact_rig.core.hits import MeanHit
-from impact_rig.core.pulse_width import measure_pulse
+from impact_rig.core.pulse_width import find_peaks, measure_pulse
 from impact_rig.core.records import FloatArray
 
 
@@ -67,13 +67,13 @@ def estimate_log_decrement(trace: FloatArray, noise: float) -> LogDecrement:
     # Of some 5000 filtered points fewer than one in a hundred records exceeds four standard
     # deviations, which the baseline tells within a sixth.
     needed = max(5.0 * noise, np.finfo(float).eps * abs(pulse.peak))
-    candidates, _ = scipy.signal.find_peaks(tail, height=needed, prominence=needed)
-    if candidates.size == 0:
+    candidates = find_peaks(tail, needed)
+    if not candidates:
         raise NotDeterminedError(
             "no log decrement, since no second peak stands out of the noise"
             f" ({needed / abs(pulse.peak) * 100:.2g} % of the first)"
         )
-    second = tail_start + int(candidates[np.argmax(tail[candidates])])
+    second = tail_start + candidates[int(np.argmax(tail[candidates]))]
     if upright[second] >= abs(pulse.peak):
         raise NotDeterminedError(
             "log decrement: the second peak is as high as the first, so that nothing decays"

@@ -343,7 +343,7 @@ class FitProblem:
         kernel = compute_noise_correlation(
             self.cutoff_frequency, self.sampling_rate, self.points.step
         )
-        seen = scipy.signal.fftconvolve(scaled, kernel[np.newaxis, np.newaxis], "same", axes=-1)
+        seen = scipy.ndimage.convolve1d(scaled, kernel, axis=-1, mode="constant")
         seen *= factors[:, np.newaxis] ** 2
         inverse = np.linalg.inv(joined @ joined.T)
         spread = joined @ seen.reshape(joined.shape).T

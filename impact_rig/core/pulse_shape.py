@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from impact_rig.core.errors import NotDeterminedError, check_not_negative
-from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF, MINIMUM_POINTS, low_pass, respond
+from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF, low_pass, respond
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.pulse_width import TENTH_LEVEL, PulseWidth, find_crossing, measure_pulse
 from impact_rig.core.pulses import (
@@ -156,7 +156,7 @@ def _compute_reach(relative_cutoff: float) -> int:
     if not relative_cutoff:
         return 0
     # 1e-5 of the kernel lies outside: a law's n is off by less than noise of 0.02 % makes it.
-    return max(math.ceil(2.0 / relative_cutoff), MINIMUM_POINTS)
+    return max(math.ceil(2.0 / relative_cutoff), 16)
 
 
 @lru_cache(maxsize=8)

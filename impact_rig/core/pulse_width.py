@@ -65,6 +65,28 @@ def find_crossing(trace: FloatArray, peak_index: int, level: float, step: int) -
     return peak_index + step * (index - 1 + (inner - level) / (inner - outer))
 
 
+def find_peaks(trace: FloatArray, least: float) -> list[int]:
+    """Return the tops that are `least` high, and as much above their surroundings on both sides.
+
+    As far as the trace stays below the top, shape (n,); of a flat top its first point. This is
+    `scipy.signal.find_peaks`, whose package takes as long to load as all else together.
+    """
+    inner = trace[1:-1]
+    tops = np.flatnonzero((inner >= least) & (inner > trace[:-2]) & (inner >= trace[2:])) + 1
+    # Before the first top, between the tops, behind the last.
+    floor, *lows = np.minimum.reduceat(trace, [0, *tops])
+    found: list[int] = []
+    best: int | None = None  # the highest top since it rose by so much
+    for top, low in zip(map(int, tops), lows, strict=True):
+        if trace[top] - floor >= least if best is None else trace[top] > trace[best]:
+            best = top
+        if best is not None and trace[best] - low >= least:
+            found.append(best)
+            best, floor = None, low
+        floor = min(floor, low)
+    return found
+
+
 def measure_rise(trace: FloatArray) -> float:
     """Return how long the largest pulse of a trace takes from a tenth to nine tenths of its peak.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from impact_rig.core.detection import SPREAD_OF_MEDIAN
 from impact_rig.core.errors import SignalError
-from impact_rig.core.pulse_width import PulseWidth, find_crossing, measure_pulse
+from impact_rig.core.pulse_width import PulseWidth, find_crossing, find_peaks, measure_pulse
 from impact_rig.core.records import ChannelBlock, FloatArray, Record
 from impact_rig.core.setup import AnalysisSettings
 
@@ -309,13 +309,9 @@ def find_second_pulse(
     least = max(0.9 * level * abs(pulse.peak), 6.0 * noise)
     width = pulse.half_amplitude_width
     foot = 1.5 * width if math.isnan(pulse.width_ratio) else pulse.tenth_amplitude_width
-    peaks, _ = scipy.signal.find_peaks(np.append(upright, -math.inf), height=least)
-    if peaks.size <= 1:
-        return None
-    ended = np.append(upright, upright.min())
-    peaks = peaks[scipy.signal.peak_prominences(ended, peaks)[0] >= least]
+    peaks = find_peaks(np.append(upright, upright.min()), least)
     doubtful = None
-    for index in sorted(map(int, peaks), key=lambda index: -upright[index]):
+    for index in sorted(peaks, key=lambda index: -upright[index]):
         if index == pulse.peak_index:
             continue
         height = float(upright[index])

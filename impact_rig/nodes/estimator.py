@@ -40,7 +40,6 @@ LIBRARIES = (
     "scipy.integrate",
     "scipy.interpolate",
     "scipy.optimize",
-    "scipy.signal",
 )
 """What the core loads when it first needs it: no hit waits for that."""
 
