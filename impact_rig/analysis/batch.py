@@ -25,12 +25,9 @@ LOOPBACK = "127.0.0.1"
 """Workers of this host are for this host."""
 CONNECT_TIMEOUT = 5.0
 """How long a cluster may take to answer [s], our choice: one that is there answers at once."""
-READ_VERSION = "__import__('impact_rig').__version__"
-"""What each worker of a cluster is asked first."""
-
 _ANALYZING = threading.Lock()
-"""One recording at a time in a process: GTC is not safe in several threads, and a
-worker of a cluster may have several."""
+"""One recording at a time in a process: GTC is not safe in threads, and a worker of a
+cluster may have several."""
 
 Report = Callable[[Path], None]
 """Called with each recording as it is finished, in any order."""
@@ -128,7 +125,8 @@ def connect_to_workers(address: str) -> "Iterator[Client]":
         ) from None
     with client:
         # As text: a worker cannot be sent a function which it cannot import.
-        for worker, version in client.run(eval, READ_VERSION, on_error="return").items():
+        asked = "__import__('impact_rig').__version__"
+        for worker, version in client.run(eval, asked, on_error="return").items():
             if version != __version__:
                 raise RigError(
                     f"the Dask worker {worker} has not impact_rig {__version__} but {version!r}:"

@@ -131,8 +131,6 @@ class Contents:
         return max((topic.end_time for topic in self.topics if topic.messages), default=0)
 
 
-OUR_LIBRARY = "impact_rig"
-"""First word of the library in files of our recorder, which numbers messages without gaps."""
 MOST_PLACES = 10
 """How many damaged places are described in words, our choice."""
 NOTE_TYPE = "std_msgs/msg/String"
@@ -217,7 +215,8 @@ def _count_lost(scan: Scan, topics: Mapping[int, TopicContents]) -> None:
     written: Counter[int] = Counter()
     if scan.summary is not None and scan.summary.statistics is not None:
         written |= Counter(scan.summary.statistics.channel_message_counts)
-    is_ours = scan.library.split(" ")[0] == OUR_LIBRARY
+    # Our recorder numbers messages without gaps.
+    is_ours = scan.header is not None and scan.header.library.split(" ")[0] == "impact_rig"
     for number, topic in topics.items():
         span = topic.last_sequence - topic.first_sequence + 1 if is_ours and topic.messages else 0
         topic.lost = max(written[number] - topic.messages, span - topic.messages, 0)
@@ -254,10 +253,6 @@ def _check_kind(scan: Scan) -> None:
         )
 
 
-UNNAMED = "attachment"
-"""Name of a file that has none that could be used."""
-DESCRIPTION_RECORD = "rosbag2"
-"""Metadata record of rosbag2 with the counts of the file, which may no longer be true."""
 LIBRARY = f"impact_rig-recover {__version__}"
 """What the new file says wrote it: its messages may not be numbered without gaps."""
 
@@ -314,7 +309,7 @@ def _copy(scan: Scan, writer: RecordingWriter, report: Report) -> None:
             writer.add_message(announce(item.channel), item.data, *times, item.sequence)
         elif isinstance(item, Attachment):
             writer.add_attachment(item.name, item.media_type, item.data, item.log_time)
-        elif item.name != DESCRIPTION_RECORD:
+        elif item.name != "rosbag2":  # has the counts of the file, which may no longer be true
             writer.add_metadata(item.name, item.fields)
     for channel in scan.channels.values():
         announce(channel)
@@ -360,7 +355,7 @@ def extract_attachments(path: Path, folder: Path) -> tuple[Path, ...]:
 def _make_safe(name: str) -> str:
     last = name.replace("\\", "/").rpartition("/")[2]
     safe = "".join(letter if letter.isprintable() else "_" for letter in last).strip()
-    return safe.lstrip(".") or UNNAMED
+    return safe.lstrip(".") or "attachment"
 
 
 def _number(name: str, taken: set[str]) -> str:

@@ -52,9 +52,6 @@ class Attachment(NamedTuple):
 Item = RawMessage | MetadataRecord | Attachment
 
 
-DEFAULT_DEPTH = 10
-"""History depth where a recording does not tell it; the default of ROS 2."""
-
 INFINITE = 2**63 - 1
 """How ROS 2 writes a duration without limit [ns]."""
 
@@ -66,7 +63,7 @@ class OfferedQos:
     reliability: str = "reliable"  # "reliable" or "best_effort"
     durability: str = "volatile"  # "volatile" or "transient_local"
     history: str = "keep_last"  # or "keep_all", "unknown": publishers do not announce it
-    depth: int = DEFAULT_DEPTH  # [messages]; 0: not known
+    depth: int = 10  # [messages], by default as in ROS 2; 0: not known
     lifespan: int = INFINITE  # [ns]
 
 

@@ -51,8 +51,6 @@ MAX_SEARCH = 4
 """How often the bytes of a file may be looked at in search of the next chunk [-], our choice."""
 ALL_KINDS: frozenset[type] = frozenset({RawMessage, MetadataRecord, Attachment})
 
-_PRIVATE = 0x80
-"""First of the kinds of private records, which are passed over."""
 _FOOTER_SIZE = FRAME.size + 20
 _CHUNK_START = re.compile(rb"(?s)\x06(?=.{5}\x00{3})")
 """How a chunk begins: its kind, and a length below a terabyte."""
@@ -122,11 +120,6 @@ class Scan:
         self.chunks = 0
         self._unpacker = Unpacker(self.size)
         self._search_room = MAX_SEARCH * self.size
-
-    @property
-    def library(self) -> str:
-        """What wrote the file, by its own word."""
-        return self.header.library if self.header is not None else ""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -249,7 +242,8 @@ class Scan:
     def _read_head(self, file: BinaryIO, place: int) -> tuple[int, int]:
         """Return kind and end of the record at a place."""
         kind, after = self._unpack_frame(file, place)
-        if not Opcode.HEADER <= kind <= Opcode.DATA_END and kind < _PRIVATE:
+        # Private records, whose kinds begin at 0x80, are passed over.
+        if not Opcode.HEADER <= kind <= Opcode.DATA_END and kind < 0x80:  # noqa: PLR2004
             raise DamageError(f"at byte {place} there is no record")
         if after > self._end:
             raise DamageError(f"the record at byte {place} is longer than the file")

@@ -13,7 +13,7 @@ from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PULSE_NAME, RigSetup
 from impact_rig.core.verdict import Reason
 from impact_rig.results.campaign import FileResults, HitResults, Results
-from impact_rig.results.numbers import MISSING, format_count, format_number, show_unit
+from impact_rig.results.numbers import MISSING, format_number, show_unit
 from impact_rig.results.references import Plant, find_plant
 from impact_rig.results.tables import (
     Column,
@@ -24,8 +24,6 @@ from impact_rig.results.tables import (
     read_column,
 )
 
-SHOWN_FILES = 1
-"""How many files the line on the origin names, our choice."""
 EXPLANATIONS = {
     SIMULATED: "No hammer struck.",
     MIXED: "The list of hits says which is which.",
@@ -40,10 +38,10 @@ def describe_origin(origins: Iterable[Origin]) -> str:
     joined = join_origins(found)
     names = [PurePath(name).name for name in dict.fromkeys(item.file for item in found) if name]
     text = f"Origin: {joined}"
-    if names:
-        more = len(names) - SHOWN_FILES
-        shown = ", ".join(names[:SHOWN_FILES]) + (f" and {more} more" if more > 0 else "")
-        text += f" of {format_count(len(names), 'file')}: {shown}" if more > 0 else f": {shown}"
+    if len(names) > 1:
+        text += f" of {len(names)} files: {names[0]} and {len(names) - 1} more"
+    elif names:
+        text += f": {names[0]}"
     plant = find_plant(joined)
     explanation = plant.description if plant else EXPLANATIONS.get(joined.kind, "")
     return f"{text}.\n{explanation}".rstrip()
@@ -247,11 +245,8 @@ def _list_rejections(results: Results) -> list[Remark]:
         return []
     part = len(rejected) / len(results.hits)
     text = f"{len(rejected)} of {len(results.hits)} rejected: {count_reasons(rejected)}"
-    return [Remark(text, "hits", LEAST_EFFECT * part)]
-
-
-LEAST_EFFECT = 1e-6
-"""Effect of a rejected hit [-]: it changes no result, and is worth a look all the same."""
+    # A rejected hit changes no result, and is worth a look all the same.
+    return [Remark(text, "hits", 1e-6 * part)]
 
 
 def count_reasons(hits: Sequence[HitResults]) -> str:
