@@ -32,7 +32,6 @@ NAME = "name"
 """Ours: a name may have slashes, which part groups here."""
 RECORDED_AT = "recorded_at"
 """Ours: when the start's time was 0, nanoseconds since the epoch."""
-MATLAB_CLASS = "MATLAB_class"
 MATLAB_NUMBERS = {
     "double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
 }  # fmt: skip
@@ -87,7 +86,7 @@ def _read_group(
 
 def _is_readable(item: Any) -> bool:
     """Tell whether a data set holds real numbers, with few axes, in this file."""
-    matlab = item.attrs.get(MATLAB_CLASS, b"double")
+    matlab = item.attrs.get("MATLAB_class", b"double")
     kind = matlab.decode() if isinstance(matlab, bytes) else str(matlab)
     return (
         item.shape is not None

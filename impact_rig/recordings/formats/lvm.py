@@ -37,8 +37,6 @@ from impact_rig.recordings.formats.text import (
 
 X_VALUE = "X_Value"
 """Heading of every column of times."""
-COMMENT = "Comment"
-"""Heading of the last column, of words."""
 FIRST_WORDS, END_OF_HEADER = "LabVIEW Measurement", "***End_of_Header***"
 SEGMENT_TAGS = {"Channels", "Samples", "Delta_X"}
 """What the header of a table states, and that of the file does not."""
@@ -74,7 +72,7 @@ class Segment:
 
     def list_columns(self) -> list[int]:
         """Return the columns of the channels: neither of times nor of words."""
-        count = len(self.headings) - (self.headings[-1] == COMMENT)
+        count = len(self.headings) - (self.headings[-1] == "Comment")
         return [column for column in range(1, count) if self.headings[column] != X_VALUE]
 
 

@@ -19,8 +19,6 @@ from impact_rig.recordings.formats.measurement import (
 )
 
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
-HDF5_END = 512 + len(HDF5_MARK)
-"""Where the mark ends in MATLAB's files [byte]: words for people stand before it."""
 CHANNELS = "channels"
 """Ours: names, units, rates, starts and dates of all variables, as JSON."""
 NAME_LETTERS = 27
@@ -44,7 +42,8 @@ def parse_mat(path: Path) -> Measurement:
         If the file is no file of MATLAB, is cut off, or has no vector of real numbers.
     """
     with path.open("rb") as file:
-        if HDF5_MARK in file.read(HDF5_END):
+        # 512 bytes with words for people stand before the mark.
+        if HDF5_MARK in file.read(512 + len(HDF5_MARK)):
             return parse_hdf5(path)
 
     from scipy.io import loadmat

@@ -22,9 +22,6 @@ from impact_rig.core.sensors import (
     normalize_unit,
 )
 
-DOUBLE_DIGITS = 17
-"""Digits that tell every float64 from all others [-]."""
-
 TIE = 1.0 + 1e-6
 """Factor that lets a step in the very middle between two printed ones be either [-]."""
 RATE_DIGITS = 9
@@ -86,7 +83,7 @@ def round_rate(step: float, error: float = 0.0) -> float:
     """
     if not (math.isfinite(step) and step > 0 and math.isfinite(1.0 / step)):
         return math.nan
-    for digits in range(1, DOUBLE_DIGITS + 1):
+    for digits in range(1, 18):  # 17 digits tell every float64 from all others
         rate = float(f"{1.0 / step:.{digits}g}")
         if abs(1.0 / rate - step) <= TIE * error:
             return rate
@@ -192,8 +189,6 @@ def split_points(values: RawArray) -> Iterator[tuple[int, RawArray]]:
             source.madvise(mmap.MADV_DONTNEED)
 
 
-EXACT_INTEGERS = 2**53
-"""Up to here float64 holds every whole number [-]."""
 EARLIEST, LATEST = 315_532_800, 2_145_916_800
 """A date is believed between these, 1980 and 2038 [s since the epoch]. Our choice: clocks that
 were never set begin in 1904, 1970 or 1980, and ROS 2's stamps end in January 2038."""
@@ -300,11 +295,7 @@ def keep_values(array: NDArray[Any], what: str) -> RawArray:
     kind = array.dtype.kind
     if kind in "iu" and np.can_cast(array.dtype, np.int32):
         return array.astype(np.int32, copy=False)
-    if (
-        kind in "iu"
-        and array.size
-        and max(abs(int(array.min())), int(array.max())) > EXACT_INTEGERS
-    ):
+    if kind in "iu" and array.size and max(abs(int(array.min())), int(array.max())) > 2**53:
         raise FileError(
             f"{what} holds whole numbers beyond 2^53: float64 cannot keep them exactly"
         )

@@ -14,8 +14,6 @@ from impact_rig.recordings.formats.measurement import (
 
 CHANNELS = b"channels"
 """Ours, in the metadata of the table: names, units, rates, starts and dates, as JSON."""
-NUMBER_SIZE = 8
-"""Of a number in memory, at most [byte]."""
 UNITS = (b"unit", b"units")
 """In the metadata of a column."""
 
@@ -35,7 +33,7 @@ def read_parquet(path: Path) -> Measurement:
     pa.set_memory_pool(pa.system_memory_pool())
     heading = parquet.read_metadata(path)
     limit = SizeLimit(path)
-    limit.claim(heading.num_rows * heading.num_columns * NUMBER_SIZE)
+    limit.claim(8 * heading.num_rows * heading.num_columns)  # bytes of a number, at most
     for number in range(heading.num_row_groups):
         limit.claim(heading.row_group(number).total_byte_size)
     table = parquet.read_table(

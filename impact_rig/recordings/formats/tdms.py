@@ -22,10 +22,6 @@ from impact_rig.recordings.formats.measurement import (
     round_rate,
 )
 
-NUMBER_SIZE = 8
-"""Of a number in memory, at most [byte]."""
-GROUP = "traces"
-"""Where channels are written."""
 STEP, START, UNIT = "wf_increment", "wf_start_offset", "unit_string"
 RECORDED_AT = "wf_start_time"
 """National Instruments' names of what belongs to a waveform."""
@@ -60,7 +56,7 @@ def read_tdms(path: Path) -> Measurement:
         groups = tdms.groups()
         limit = SizeLimit(path)
         for channel in (channel for group in groups for channel in group.channels()):
-            limit.claim(len(channel) * NUMBER_SIZE)
+            limit.claim(8 * len(channel))  # bytes of a number, at most
         arrays = [
             _read_channel(
                 channel,
@@ -154,6 +150,6 @@ def write_tdms(path: Path, measurement: Measurement) -> None:
             properties[RECORDED_AT] = _make_time(channel.recorded_at)
         if name != channel.name:
             properties[NAME] = channel.name
-        objects.append(ChannelObject(GROUP, name, channel.values, properties))
+        objects.append(ChannelObject("traces", name, channel.values, properties))
     with TdmsWriter(str(path)) as writer:
         writer.write_segment(objects)
