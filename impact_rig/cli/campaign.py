@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any, Self
 
 import click
-from impact_rig_msgs.action import RunCampaign
 from rich.text import Text
 
 from impact_rig.cli import options
 from impact_rig.cli.output import make_progress, print_places, show_results
 from impact_rig.configuration.processes import RESULTS_NAME, choose_run_folder
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.nodes.campaign_client import CampaignClient, CampaignOutcome
+from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal, CampaignOutcome
 from impact_rig.nodes.campaign_plan import read_newest_campaign
 from impact_rig.present.console import ALARM
 from impact_rig.results.results_file import write_results
@@ -123,7 +122,7 @@ def advise_resuming(folder: Path) -> str:
 
 
 def run_campaign(
-    client: CampaignClient, goal: RunCampaign.Goal, view: CampaignView
+    client: CampaignClient, goal: CampaignGoal, view: CampaignView
 ) -> CampaignOutcome:
     """Run a campaign under a view.
 
@@ -169,7 +168,7 @@ def run(
         if notes:
             client.publish_note(notes, RIG_TIMEOUT)
         confirm = not client.is_hammerless if ask is None else ask
-        goal = RunCampaign.Goal(
+        goal = CampaignGoal(
             samples=samples, impacts=impacts, confirm_samples=confirm, release_angles=angles,
         )  # fmt: skip
         if resume and resumed is not None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from impact_rig_msgs.action import RunCampaign
 
 from impact_rig.cli import options
 from impact_rig.cli.campaign import CampaignView, report_outcome, run_campaign
@@ -26,7 +25,7 @@ from impact_rig.configuration.processes import (
 from impact_rig.configuration.rig_file import RigFile
 from impact_rig.core.errors import RigError
 from impact_rig.devices.drivers import VIRTUAL, read_driver_name
-from impact_rig.nodes.campaign_client import CampaignClient
+from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal
 
 SHOWN_LOG_LINES = 15  # the last ones, when the rig ends unexpectedly
 START_TIMEOUT = 90.0  # [s] in which the processes start: seconds, more on a busy computer
@@ -104,7 +103,7 @@ def run(
             client.wait_for_rig(START_TIMEOUT)
             # In a running stream the accelerometers wait until their hit is found.
             client.wait_for_listeners(SUBSCRIBERS + chosen["continuous"], VIEW_TIMEOUT)
-            goal = RunCampaign.Goal(
+            goal = CampaignGoal(
                 samples=samples, impacts=impacts, attempts_per_impact=ATTEMPTS,
                 release_angles=angles,
             )  # fmt: skip

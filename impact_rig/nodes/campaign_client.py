@@ -6,7 +6,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
@@ -29,6 +29,8 @@ from impact_rig.nodes.client import START_ONE, RigClient
 from impact_rig.nodes.result_messages import results_from_msg
 from impact_rig.results.campaign import Results
 
+CampaignGoal: TypeAlias = RunCampaign.Goal
+"""What a campaign is asked for."""
 CANCEL_TIMEOUT = 5.0
 """How long a cancelled campaign may take to end [s]."""
 RESEND_PERIOD = 3.0
@@ -158,7 +160,7 @@ class CampaignClient(RigClient):
         """Whether no hammer strikes anything: hits are computed."""
         return self._acquisition is not None and self._acquisition.hammerless
 
-    def run(self, goal: RunCampaign.Goal, operator: Operator) -> CampaignOutcome:
+    def run(self, goal: CampaignGoal, operator: Operator) -> CampaignOutcome:
         """Run a campaign to its end; the operator sees it, and does what is asked of a person.
 
         Raises
@@ -200,7 +202,7 @@ class CampaignClient(RigClient):
             recording=result.recording,
         )
 
-    def _send_goal(self, goal: RunCampaign.Goal) -> Any:
+    def _send_goal(self, goal: CampaignGoal) -> Any:
         """Send the goal until it is answered.
 
         A server that has not met this client's reader yet drops both answer and goal.
