@@ -104,7 +104,9 @@ def find_best_shift(measured: FloatArray, model: FloatArray, largest: int) -> fl
     count = measured.size
     largest = min(largest, count - 1)
     lags = np.arange(-largest, largest + 1)
-    correlation = scipy.signal.correlate(measured, model, method="fft")[lags + count - 1]
+    size = scipy.fft.next_fast_len(2 * count - 1, real=True)
+    spectra = scipy.fft.rfft(measured, size), scipy.fft.rfft(model, size)
+    correlation = scipy.fft.irfft(spectra[0] * spectra[1].conj(), size)[lags]
     energy = np.concatenate(([0.0], np.cumsum(model**2)))
     inside = energy[np.minimum(count, count - lags)] - energy[np.maximum(0, -lags)]
     error = inside - 2.0 * correlation
