@@ -66,10 +66,10 @@ def find_crossing(trace: FloatArray, peak_index: int, level: float, step: int) -
 
 
 def find_peaks(trace: FloatArray, least: float) -> list[int]:
-    """Return the tops that are `least` high, and as much above their surroundings on both sides.
+    """Return the tops that are at least `least` high and that prominent; of a flat top the first.
 
-    As far as the trace stays below the top, shape (n,); of a flat top its first point. This is
-    `scipy.signal.find_peaks`, whose package takes as long to load as all else together.
+    The same as `scipy.signal.find_peaks` with this height and prominence; loading that package
+    takes as long as all else together.
     """
     inner = trace[1:-1]
     tops = np.flatnonzero((inner >= least) & (inner > trace[:-2]) & (inner >= trace[2:])) + 1
