@@ -143,6 +143,7 @@ def fit_forms(
     noise : float
         Of the trace, over the peak [-].
     """
+    forms = np.array(list(LOSSES))
     bounds = np.empty((2, len(LOSSES), COUNT))
     bounds[0], bounds[1] = -np.inf, np.inf
     # T over w50: no pulse of the family is so wide.
@@ -153,7 +154,7 @@ def fit_forms(
     )
     each = fit_window(
         window,
-        lambda parameters: evaluate_laws(window, parameters, *LOSSES),
+        lambda parameters, which: evaluate_laws(window, parameters, *forms[which]),
         _list_starts(1.5 if exponent is None else exponent),
         bounds,
         most=2.0 * LIMITS.possible,

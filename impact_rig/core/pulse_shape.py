@@ -237,8 +237,12 @@ Evaluation = tuple[FloatArray, FloatArray]
 """Residuals of k models, shape (k, n), and their derivatives, shape (k, p, n)."""
 
 
+Evaluate = Callable[[FloatArray, NDArray[np.intp]], Evaluation]
+"""Takes parameters, shape (k, p), and the numbers of the models that they are of, shape (k,)."""
+
+
 def minimise(
-    evaluate: Callable[[FloatArray], Evaluation],
+    evaluate: Evaluate,
     start: FloatArray,
     bounds: FloatArray,
     most: float = np.inf,
@@ -247,8 +251,6 @@ def minimise(
 
     Parameters
     ----------
-    evaluate : callable
-        Takes parameters, shape (k, p).
     start : ndarray, shape (k, p)
         Where to begin.
     bounds : ndarray, shape (2, k, p), or one that is broadcast to it
@@ -263,15 +265,13 @@ def minimise(
         Parameters, the evaluation there, and which searches ended at a minimum.
     """
     found = np.clip(start, *bounds)
-    residual, jacobian = evaluate(found)
+    residual, jacobian = evaluate(found, np.arange(len(found)))
     squares = np.sum(residual**2, axis=-1)
-    damping, is_found = (
-        np.full(len(found), LIMITS.search_damping),
-        np.zeros(len(found), dtype=bool),
-    )
+    damping = np.full(len(found), LIMITS.search_damping)
+    is_found = np.zeros(len(found), dtype=bool)
     # A pulse needs four to seven, noise never ends.
     for _ in range(50):
-        gradient = np.sum(jacobian * residual[:, np.newaxis], axis=-1)
+        gradient = (jacobian @ residual[..., np.newaxis])[..., 0]
         # A parameter stays at its bound where less would be left beyond it.
         is_held = np.where(gradient > 0.0, found <= bounds[0], found >= bounds[1])
         free = np.where(is_held[..., np.newaxis], 0.0, jacobian)
@@ -283,32 +283,35 @@ def minimise(
         wanted = found - ahead / lengths
         moved = np.clip(wanted, *bounds)
         step = moved - found
-        change = np.sum(jacobian * step[..., np.newaxis], axis=1)
+        change = (step[:, np.newaxis] @ jacobian)[:, 0]
         gain = -2.0 * np.sum(gradient * step, axis=1) - np.sum(change**2, axis=1)
         # A bound in the way of a step says nothing: the next one is shorter, and then along it.
         is_whole = np.all(moved == wanted, axis=1)
         # A step that is small beside what noise makes of the parameters is the last.
         is_found |= is_whole & (gain <= 3e-3**2 * squares / residual.shape[1])
-        is_done = is_found | (is_whole & (squares - 2.0 * gain > most * squares.min()))
-        if is_done.all():
+        is_useless = is_whole & (squares - 2.0 * gain > most * squares.min())
+        which = np.flatnonzero(~is_found & ~is_useless)
+        if not which.size:
             break
-        moved[is_done] = found[is_done]
-        tried, derivatives = evaluate(moved)
+        tried, derivatives = evaluate(moved[which], which)
         left = np.sum(tried**2, axis=-1)
-        is_better = left < squares
-        # A pulse that jumps at touch has a rough minimum.
-        is_found |= is_better & (squares - left < 1e-6 * squares)
-        found[is_better], squares[is_better] = moved[is_better], left[is_better]
-        residual[is_better], jacobian[is_better] = tried[is_better], derivatives[is_better]
-        damping = np.where(
-            is_better, damping / 10.0, 10.0 * np.maximum(damping, LIMITS.search_damping)
+        is_better = left < squares[which]
+        damping[which] = np.where(
+            is_better,
+            damping[which] / 10.0,
+            10.0 * np.maximum(damping[which], LIMITS.search_damping),
         )
+        better, left = which[is_better], left[is_better]
+        # A pulse that jumps at touch has a rough minimum.
+        is_found[better] = squares[better] - left < 1e-6 * squares[better]
+        found[better], squares[better] = moved[better], left
+        residual[better], jacobian[better] = tried[is_better], derivatives[is_better]
     return found, (residual, jacobian), is_found
 
 
 def fit_window(
     window: PulseWindow,
-    evaluate: Callable[[FloatArray], Evaluation],
+    evaluate: Evaluate,
     start: FloatArray,
     bounds: FloatArray,
     most: float = math.inf,
@@ -347,15 +350,15 @@ LEAST, MOST = (-np.inf, 0.5, -0.9, -np.inf, -np.inf), (np.inf, np.inf, 0.9, np.i
 def fit_shapes(window: PulseWindow, shapes: Sequence[PulseShape]) -> list[WindowFit]:
     """Fit start and duration [w50], asymmetry [-], amplitude and offset over the peak [-]."""
 
-    def evaluate(parameters: FloatArray) -> Evaluation:
+    def evaluate(parameters: FloatArray, which: NDArray[np.intp]) -> Evaluation:
         starts, ends = parameters[:, START], parameters[:, START] + parameters[:, DURATION]
         part = window.find_part(starts.min(), ends.max())
-        rows = np.zeros((len(shapes), 5, window.model_time[part].size))
-        for row, shape, (start, duration, asymmetry, amplitude, _) in zip(
-            rows, shapes, parameters.tolist(), strict=True
+        rows = np.zeros((which.size, 5, window.model_time[part].size))
+        for row, number, (start, duration, asymmetry, amplitude, _) in zip(
+            rows, which.tolist(), parameters.tolist(), strict=True
         ):
             pulse, derivatives = differentiate_pulse(
-                window.model_time[part] - start, duration, shape, asymmetry
+                window.model_time[part] - start, duration, shapes[number], asymmetry
             )
             row[:AMPLITUDE], row[AMPLITUDE] = amplitude * derivatives, pulse
         shown = window.show(rows, part)
