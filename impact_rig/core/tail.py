@@ -1,6 +1,7 @@
 """The level after the impact: step, droop and drift of a sensor, by one least-squares model."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -112,13 +113,34 @@ the same, always the same is named. A step that goes is a step with a droop."""
 
 @dataclass(frozen=True)
 class _Fit:
-    """Some terms of the model, fitted; rest is the variance of what they leave."""
+    """The model with some of its terms, fitted."""
 
     terms: tuple[int, ...]
-    factors: FloatArray
-    covariance: FloatArray  # of the factors, for a variance of 1
+    factors: FloatArray  # (3,), 0 for other terms
+    covariance: FloatArray  # (3, 3), of the factors, for a variance of 1
     squares: float  # what is left
     freedom: int
+
+
+def _fit_models(
+    rows: FloatArray, measured: FloatArray, models: Sequence[tuple[int, ...]]
+) -> list[_Fit]:
+    """Fit models, each with some of the terms in `rows`, shape (3, n), by least squares."""
+    has = np.array([[term in terms for term in range(len(rows))] for terms in models])
+    products = np.where(has[:, :, np.newaxis] & has[:, np.newaxis], rows @ rows.T, 0.0)
+    covariances = np.linalg.pinv(products)
+    factors = covariances @ (rows @ measured)
+    squares = np.sum((measured - factors @ rows) ** 2, axis=1)
+    return [
+        _Fit(
+            terms,
+            factors[place],
+            covariances[place],
+            float(squares[place]),
+            measured.size - len(terms),
+        )
+        for place, terms in enumerate(models)
+    ]
 
 
 @dataclass(frozen=True)
@@ -145,7 +167,7 @@ class _Tail:
         """Return the simplest cause that leaves no more than all together; None: none is sure."""
         terms = self._make_terms()
         rows, measured = self._average(terms), self._average(self.trace[np.newaxis])[0]
-        fits = [self._fit(rows, measured, chosen) for chosen in models]
+        fits = _fit_models(rows, measured, models)
         full = fits[-1]
         # Hum and an integrated baseline leave a fiftieth of the level, our choice.
         floor = self.noise**2 / self.size + np.mean(np.square(0.02 * measured))
@@ -177,8 +199,7 @@ class _Tail:
 
     def _find_rate(self, fit: _Fit) -> float:
         """Return the rate of a droop [1/point]; 0: it has none."""
-        rate = dict(zip(fit.terms, fit.factors.tolist(), strict=True)).get(DROOP, 0.0)
-        return float(rate) / self.change
+        return float(fit.factors[DROOP]) / self.change
 
     def _average(self, rows: FloatArray) -> FloatArray:
         """Return means over the parts of baseline and tail, shape (k, parts)."""
@@ -195,29 +216,21 @@ class _Tail:
             axis=1,
         )
 
-    def _fit(self, rows: FloatArray, measured: FloatArray, terms: tuple[int, ...]) -> _Fit:
-        chosen = rows[list(terms)]
-        covariance = np.asarray(np.linalg.pinv(chosen @ chosen.T), dtype=np.float64)
-        factors = np.asarray(covariance @ (chosen @ measured), dtype=np.float64)
-        rest = measured - factors @ chosen
-        return _Fit(terms, factors, covariance, float(rest @ rest), measured.size - len(terms))
-
     def _is_alike(self, fit: _Fit, full: _Fit, variance: float) -> bool:
         """Tell by the F-test that a fit leaves no more than all terms do."""
         more = len(full.terms) - len(fit.terms)
         if not more:
             return True
-        if fit.terms[-1] == DROOP and fit.factors[-1] < 0.0:
+        if fit.terms[-1] == DROOP and fit.factors[DROOP] < 0.0:
             return False  # it would grow
         ratio = (fit.squares - full.squares) / more / variance
         return bool(ratio < scipy.special.fdtri(more, full.freedom, 1.0 - 1e-6))
 
     def _describe(self, fit: _Fit, variance: float, terms: FloatArray) -> ZeroShift:
-        rows = terms[list(fit.terms)]
-        correction = fit.factors @ rows
+        correction = fit.factors @ terms
         level, end = (float(correction[place]) for place in (self.begin, -1))
-        under = rows[:, round(self.pulse.middle)]
-        after = rows[:, math.ceil(self.pulse.fall + self.pulse.half_amplitude_width)]
+        under = terms[:, round(self.pulse.middle)]
+        after = terms[:, math.ceil(self.pulse.fall + self.pulse.half_amplitude_width)]
         standard, spread = (
             math.sqrt(variance * float(row @ fit.covariance @ row)) for row in (under, after)
         )
@@ -228,7 +241,7 @@ class _Tail:
             reason = Reason.DROOP
             text = f"it droops as by a lower corner of {corner:.3g} Hz (± {wide:.1g} Hz)"
         elif fit.terms == (DRIFT,):
-            wide = 2.0 * percent * math.sqrt(variance * float(fit.covariance[0, 0]))
+            wide = 2.0 * percent * math.sqrt(variance * float(fit.covariance[DRIFT, DRIFT]))
             reason = Reason.DRIFT
             text = f"it drifts by {percent * end:.2g} % of the peak to the record's end"
             text += f" (± {wide:.1g} %)"
