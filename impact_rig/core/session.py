@@ -62,6 +62,7 @@ class Session:
         self._overrules = overrules
         self._series: dict[str, HitSeries] = {}
         self._traces: dict[str, tuple[MeanHit, TraceEstimates]] = {}
+        self._hammers: dict[str, tuple[MeanHit, HammerPulse, HammerEstimate]] = {}
         self._modelled: tuple[SampleEstimate, ...] = ()
 
     def feed(self, block: Block) -> tuple[JudgedHit, ...]:
@@ -126,7 +127,12 @@ class Session:
             if mean is not None:
                 note = f"k1: the mass of {' and '.join(unknown)} is not known"
             return HammerEstimate(notes=(note,), control_sample=control)
-        return estimate_hammer(mean, setup, self._get_pulse(control))
+        pulse = self._get_pulse(control)
+        known = self._hammers.get(control)
+        # Every hit on every sample asks for it.
+        if known is None or known[0] is not mean or known[1] is not pulse:
+            known = self._hammers[control] = mean, pulse, estimate_hammer(mean, setup, pulse)
+        return known[2]
 
     def estimate_numbers(self, name: str) -> SampleEstimate:
         """Return tau_p, k and c of one sample so far: at once after a hit.
