@@ -42,13 +42,16 @@ def _run(name: str) -> int:
         print(HELP.format(name=name))
         return 0
     try:
+        process = import_module("impact_rig.nodes.process")
         module = import_module(f"impact_rig.nodes.{name}")
     except ModuleNotFoundError as error:
         if error.name not in NEEDED:
             raise
         print(f"error: {error.name} is missing: {NEEDED[error.name]}", file=sys.stderr)
         return 1
-    return int(module.main())
+    if name == "visualizer":
+        os.nice(10)  # it may be late, the rig may not
+    return int(process.run_node(getattr(module, f"{name.capitalize()}Node")))
 
 
 accelerometer = partial(run, "accelerometer")

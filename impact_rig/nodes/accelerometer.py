@@ -21,7 +21,6 @@ from impact_rig.nodes.accelerometer_source import (
 )
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
-from impact_rig.nodes.process import run_node
 from impact_rig.recordings.messages import NO_ID, setup_from_msg
 
 TRIGGERED = "triggered"
@@ -288,8 +287,3 @@ class AccelerometerNode(DeviceNode):
         self._publish_state(
             state=state, record=self._record, sample=sample, message=message + loss, **fields
         )
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(AccelerometerNode)

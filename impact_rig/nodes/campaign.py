@@ -25,7 +25,6 @@ from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.async_node import ANSWER_TIMEOUT
 from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg
-from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.messages import setup_from_msg
 
@@ -484,8 +483,3 @@ class CampaignNode(RigNode):
             return
         for name in ("hammer", "samples", "speed_exponents", "accepted", "rejected"):
             setattr(result, name, getattr(results, name))
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(CampaignNode)

@@ -19,7 +19,6 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, id_from_msg, identity_from_msg
 from impact_rig.nodes.ledger import Ledger
 from impact_rig.nodes.messages import block_to_msg
-from impact_rig.nodes.process import run_node
 from impact_rig.nodes.result_messages import (
     comparison_to_msg,
     estimate_to_msg,
@@ -301,8 +300,3 @@ class EstimatorNode(RigNode):
         response.accepted = [hit_to_msg(hit, identity) for hit in results.accepted]
         response.rejected = [hit_to_msg(hit, identity) for hit in results.rejected]
         return response
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(EstimatorNode)

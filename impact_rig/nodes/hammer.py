@@ -21,7 +21,6 @@ from impact_rig.nodes.guarded_hammer import (
     HammerPlace,
 )
 from impact_rig.nodes.identity import id_from_msg
-from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
 
 Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
@@ -410,8 +409,3 @@ def _answer(response: Answer, reason: str | None, done: str = "") -> Answer:
     """Fill in an answer: why not, or what was done."""
     response.success, response.message = not reason, reason or done
     return response
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(HammerNode)

@@ -17,7 +17,6 @@ from impact_rig.configuration.processes import (
 )
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.process import run_node
 from impact_rig.nodes.recorder_run import RecordingRun
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.new_file import DiskFullError, choose_free
@@ -179,8 +178,3 @@ class RecorderNode(RigNode):
 def _split_paths(text: str) -> list[str]:
     """Return the paths in a text that lists them by commas, or the one path that has a comma."""
     return [text] if Path(text).is_file() else split_names(text)
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(RecorderNode)

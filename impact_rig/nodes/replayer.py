@@ -305,8 +305,3 @@ def run_replayer(parameters: Mapping[str, Any], namespace: str) -> int:
     overrides = [Parameter(name, value=value) for name, value in parameters.items()]
     options = {"namespace": namespace or None, "parameter_overrides": overrides}
     return run_node(lambda: ReplayerNode(**options), argv=[])
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(ReplayerNode)

@@ -6,7 +6,6 @@ this host that come late.
 """
 
 import math
-import os
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Hashable, Sequence
@@ -37,7 +36,6 @@ from impact_rig.core.records import Block, HitLabel, Record
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import id_from_msg
-from impact_rig.nodes.process import run_node
 from impact_rig.nodes.result_messages import hit_results_from_msg
 from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RigNode
 from impact_rig.present.rerun.delivery import LiveView
@@ -422,9 +420,3 @@ class VisualizerNode(RigNode):
 
 def _log_sample(log: ViewLog, campaign: ShownCampaign, sample: str) -> None:
     log.log_sample(campaign.make_traces(sample), campaign.make_law(sample), campaign.setup)
-
-
-def main() -> int:
-    """Run the node, behind all others: it may be late, the rig may not."""
-    os.nice(10)
-    return run_node(VisualizerNode)
