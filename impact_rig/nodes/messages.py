@@ -6,7 +6,7 @@ most of a node's start.
 """
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from builtin_interfaces.msg import Time
 from impact_rig_msgs import msg
@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     # Who only passes on what others have measured needs no virtual rig.
     from impact_rig.devices.virtual.rig import VirtualHit
 
-MESSAGES: dict[type, type] = {kind: getattr(msg, kind.__name__) for kind in recorded.SETUP_PARTS}
-"""Parts of a set-up, and the messages that carry them."""
+
+def make_message(name: str) -> Any:
+    """Return a new message of the rig, by the name of its type."""
+    return getattr(msg, name)()
 
 
 def stamp_to_msg(nanoseconds: int) -> Time:
@@ -32,8 +34,7 @@ def stamp_to_msg(nanoseconds: int) -> Time:
 
 def setup_to_msg(setup: RigSetup, stamp: Time) -> msg.RigSetup:
     """Return a rig's set-up as a message."""
-    message = msg.RigSetup()
-    recorded.fill_setup(message, setup, MESSAGES)
+    message: msg.RigSetup = recorded.setup_to_msg(setup, make_message)
     message.header.stamp = stamp
     return message
 

@@ -12,16 +12,13 @@ from builtin_interfaces.msg import Time
 from impact_rig_msgs import msg
 
 from impact_rig.core.comparison import ModelComparison
-from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.hits import JudgedHit
 from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
-from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.records import FloatArray
-from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.speed_exponents import SpeedExponents
 from impact_rig.nodes.identity import Identity
-from impact_rig.nodes.messages import stamp_to_msg
+from impact_rig.nodes.messages import make_message, stamp_to_msg
 from impact_rig.recordings.messages import (
     fill_message,
     from_message,
@@ -30,26 +27,10 @@ from impact_rig.recordings.messages import (
 )
 from impact_rig.results.campaign import HitResults, Results
 
-MESSAGES: dict[type, type] = {
-    BudgetLine: msg.UncertaintyContribution,
-    ContactLaw: msg.ContactLaw,
-    FittedModel: msg.Identification,
-    FreeDecayEstimate: msg.FreeDecay,
-    HammerEstimate: msg.HammerEstimate,
-    PulseShapeEstimate: msg.PulseShape,
-    Quantity: msg.Quantity,
-    SampleEstimate: msg.SampleEstimate,
-    ShapeFit: msg.ShapeFit,
-    SpeedExponents: msg.SpeedExponents,
-}
-"""Results, and the messages that carry them."""
 
-
-def record_to_msg(record: Any) -> Any:
-    """Return a result as the message that carries it, by the rule of `wire`."""
-    message = MESSAGES[type(record)]()
-    fill_message(message, record, MESSAGES)
-    return message
+def record_to_msg(record: SampleEstimate | HammerEstimate | SpeedExponents) -> Any:
+    """Return a result as the message of the same name."""
+    return fill_message(make_message(type(record).__name__), record, make_message)
 
 
 def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
@@ -65,7 +46,7 @@ def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
     )
     identity.fill(message)
     message.header.stamp = stamp_to_msg(judged.stamp)
-    fill_message(message.origin, judged.origin, {})
+    fill_message(message.origin, judged.origin)
     return message
 
 
@@ -111,7 +92,7 @@ def results_from_msg(message: Any, faults: Mapping[int, Sequence[str]]) -> Resul
 def estimate_to_msg(
     estimate: SampleEstimate | HammerEstimate, stamp: Time, identity: Identity
 ) -> Any:
-    """Return a sample's or the hammer's estimate as the message of the same name."""
+    """Return a sample's or the hammer's estimate as a message."""
     message = record_to_msg(estimate)
     message.header.stamp = stamp
     identity.fill(message)

@@ -5,9 +5,9 @@ give bit-identical numbers.
 """
 
 from array import array
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import is_dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -25,8 +25,7 @@ from impact_rig.core.records import (
     Origin,
     RawArray,
 )
-from impact_rig.core.sensors import Sensor
-from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample
+from impact_rig.core.setup import RigSetup
 from impact_rig.recordings.schemas import (
     MessageDefinition,
     find_message_definition,
@@ -43,12 +42,14 @@ NANOSECONDS = 1_000_000_000
 NO_ID = bytes(16)
 """Of no campaign, and of what was recorded before there were ids: an id like another."""
 
-SETUP_PARTS = (RigSetup, AnalysisSettings, Sample, Sensor)
-"""A set-up and the records within it; their messages have the same names."""
-
+RENAMED = {"BudgetLine": "UncertaintyContribution", "FittedModel": "Identification"}
+"""Records in lists whose messages have other names."""
 PLAIN = (float, int, str, bool)
 """Kinds of values that messages have too."""
-Classes = Mapping[Any, Callable[[], Any]]
+MessageMaker = Callable[[str], Any]
+"""Returns a message of the rig, by the name of its type."""
+NO_LISTS: MessageMaker = dict[str, Any]().__getitem__
+"""Of records without lists of records."""
 _T = TypeVar("_T")
 
 
@@ -148,32 +149,34 @@ def count_points(message: Any) -> int:
     return max(len(message.hammer.counts), len(message.hammer.values))
 
 
-def fill_message(message: Any, record: Any, classes: Classes) -> None:
-    """Put a record into a message, which may have more fields.
+def fill_message(message: Any, record: Any, make: MessageMaker = NO_LISTS) -> Any:
+    """Put a record into a message, which may have more fields, and return the message.
 
     Parameters
     ----------
     message : object
         With the record's fields as attributes.
-    classes : mapping
-        What makes the messages of the records within the record, by class.
+    make : callable
+        Makes the messages of the records in its lists.
     """
     for field in list_fields(type(record)):
         value = getattr(record, field.name)
         if field.description.is_inline:
-            fill_message(message, value, classes)
+            fill_message(message, value, make)
+        elif is_dataclass(field.hint):
+            fill_message(getattr(message, field.name), value, make)
         else:
-            setattr(message, field.name, _value_to_message(field.hint, value, classes))
-
-
-def _value_to_message(hint: Any, value: Any, classes: Classes) -> Any:
-    if get_origin(hint) is tuple:
-        return [_value_to_message(get_args(hint)[0], item, classes) for item in value]
-    if not is_dataclass(hint):
-        return hint(value)
-    message = classes[type(value)]()
-    fill_message(message, value, classes)
+            setattr(message, field.name, _value_to_message(field.hint, value, make))
     return message
+
+
+def _value_to_message(hint: Any, value: Any, make: MessageMaker) -> Any:
+    if get_origin(hint) is tuple:
+        return [_value_to_message(get_args(hint)[0], item, make) for item in value]
+    if is_dataclass(hint):
+        name = type(value).__name__
+        return fill_message(make(RENAMED.get(name, name)), value, make)
+    return hint(value)
 
 
 def from_message(kind: type[_T], message: Any) -> _T:
@@ -205,10 +208,11 @@ def set_stamp(message: Any, nanoseconds: int) -> None:
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanoseconds, NANOSECONDS)
 
 
-def fill_setup(message: Any, setup: RigSetup, classes: Classes) -> None:
-    """Let a `RigSetup` message hold a set-up; `classes` are those of `SETUP_PARTS`."""
-    fill_message(message, setup, classes)
+def setup_to_msg(setup: RigSetup, make: MessageMaker) -> Any:
+    """Return a set-up as a message without a stamp."""
+    message = fill_message(make("RigSetup"), setup, make)
     message.software_version = __version__
+    return message
 
 
 def fill_block(message: Any, block: Block) -> None:
@@ -225,7 +229,7 @@ def fill_block(message: Any, block: Block) -> None:
     message.first_sample = block.first_sample
     message.sampling_rate = block.sampling_rate
     message.last = block.last
-    fill_message(message.origin, block.origin, {})
+    fill_message(message.origin, block.origin)
     _fill_channel(message.hammer, block.hammer)
     _fill_channel(message.specimen, block.specimen)
 
@@ -276,9 +280,7 @@ class MessageEncoder:
 
     def encode_setup(self, setup: RigSetup, stamp: int) -> bytes:
         """Return a set-up as a message with a stamp [ns since the epoch]."""
-        message = self._make(SETUP_TYPE)
-        parts = {kind: partial(self._make, PACKAGE + kind.__name__) for kind in SETUP_PARTS}
-        fill_setup(message, setup, parts)
+        message = setup_to_msg(setup, lambda name: self._make(PACKAGE + name))
         set_stamp(message, stamp)
         return bytes(self._store.serialize_cdr(message, SETUP_TYPE))
 

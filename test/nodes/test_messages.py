@@ -6,11 +6,17 @@ from typing import get_args, get_origin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from impact_rig_msgs import msg
 
-from impact_rig.core.quantity import Quantity, list_fields
+from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
+from impact_rig.core.quantity import BudgetLine, Quantity, list_fields
+from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample
-from impact_rig.nodes import messages, result_messages
+from impact_rig.core.speed_exponents import SpeedExponents
+from impact_rig.nodes.messages import make_message
 from impact_rig.recordings.messages import fill_message, from_message
 
 from ..results.test_wire import SETUP
@@ -45,7 +51,22 @@ def make_records(kind):
     return st.builds(kind, **{field.name: make_values(field.hint) for field in fields})
 
 
-MESSAGES = {**messages.MESSAGES, **result_messages.MESSAGES}
+MESSAGES = {
+    AnalysisSettings: msg.AnalysisSettings,
+    BudgetLine: msg.UncertaintyContribution,
+    ContactLaw: msg.ContactLaw,
+    FittedModel: msg.Identification,
+    FreeDecayEstimate: msg.FreeDecay,
+    HammerEstimate: msg.HammerEstimate,
+    PulseShapeEstimate: msg.PulseShape,
+    Quantity: msg.Quantity,
+    RigSetup: msg.RigSetup,
+    Sample: msg.Sample,
+    SampleEstimate: msg.SampleEstimate,
+    Sensor: msg.Sensor,
+    ShapeFit: msg.ShapeFit,
+    SpeedExponents: msg.SpeedExponents,
+}
 
 
 @pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)
@@ -54,7 +75,7 @@ def test_a_record_comes_back_as_it_was(kind):
     @settings(max_examples=10)
     def check(record):
         message = MESSAGES[kind]()
-        fill_message(message, record, MESSAGES)
+        fill_message(message, record, make_message)
         found = from_message(kind, message)
         # What is not determined is NaN, which equals nothing; a whole number equals a real one.
         assert found == record or repr(found) == repr(record)
