@@ -8,29 +8,27 @@ from dataclasses import asdict
 from typing import Any
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs.msg import AccelerationBlock, RecordStored, StreamBlock
-from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
-from impact_rig.core.errors import DeviceError, FileError, RigError
+from impact_rig.core.errors import FileError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.executor import accept_message_info
 from impact_rig.nodes.identity import Identity
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import stamp_to_msg
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.rig_node import PARAMETERS, RigNode
 from impact_rig.recordings.hits import BlockCount, RecordCount, RecordWatch
 from impact_rig.recordings.messages import STREAM_TYPE, count_points
 from impact_rig.recordings.provenance import (
     PARAMETERS_RECORD,
     PROVENANCE_RECORD,
     describe_provenance,
-    format_parameters,
 )
 from impact_rig.recordings.records import INFINITE, OfferedQos
 from impact_rig.recordings.schemas import find_message_definition
@@ -39,14 +37,6 @@ from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 QUEUE_DEPTH = 2000
 """Depth of the queue of a topic [messages]: almost a second of blocks of 1000 points
 at 2.5 MS/s, in which the disk may stand still. Only waiting messages take memory."""
-PARAMETER_EVENTS = "/parameter_events"
-
-
-NODES = (
-    "accelerometer", "campaign", "estimator", "hammer", "recorder", "replayer", "visualizer"
-)  # fmt: skip
-LISTER = "/list_parameters"
-"""Ends the name of the service by which a node lists its parameters."""
 
 
 def import_type(type_name: str) -> Any:
@@ -88,54 +78,6 @@ def adapt_qos(publishers: Iterable[TopicEndpointInfo], depth: int) -> QoSProfile
     )
 
 
-class NodeParameters:
-    """Asks the rig's nodes in a node's namespace for their parameters.
-
-    `on_change` is called with all texts, by full node name, when one of them has changed.
-    """
-
-    def __init__(self, node: RigNode, on_change: Callable[[dict[str, str]], None]) -> None:
-        self._node = node
-        self._on_change = on_change
-        self._texts: dict[str, str] = {}
-        self._asked: set[str] = set()
-
-    def ask_new_nodes(self) -> None:
-        """Ask nodes of the rig that have not been asked; others may never answer."""
-        prefix = self._node.get_namespace().rstrip("/") + "/"
-        services = {name for name, _ in self._node.get_service_names_and_types()}
-        for full_name in (prefix + name for name in NODES):
-            if full_name + LISTER in services and full_name not in self._asked:
-                self._asked.add(full_name)
-                self._node.executor.create_task(self._ask, full_name)
-
-    def ask_again(self, full_name: str) -> None:
-        """Ask a node again, since one of its parameters was set."""
-        self._asked.discard(full_name)
-
-    async def _ask(self, full_name: str) -> None:
-        node = self._node
-        lister = node.create_client(ListParameters, full_name + LISTER)
-        getter = node.create_client(GetParameters, f"{full_name}/get_parameters")
-        try:
-            listed = await node.call(lister, ListParameters.Request())
-            names = sorted(listed.result.names)
-            got = await node.call(getter, GetParameters.Request(names=names))
-        except DeviceError:
-            self._asked.discard(full_name)
-            return
-        finally:
-            # Idle clients would cost the executor time.
-            node.destroy_client(lister)
-            node.destroy_client(getter)
-        # One that was undeclared meanwhile has no value.
-        found = dict(zip(names, map(parameter_value_to_python, got.values), strict=False))
-        text = format_parameters(found)
-        if self._texts.get(full_name) != text:
-            self._texts[full_name] = text
-            self._on_change(dict(self._texts))
-
-
 class RecordingRun:
     """Subscribes to the topics of a rig, writes what comes as received, and counts it.
 
@@ -175,16 +117,17 @@ class RecordingRun:
         self.stream = BlockCount()
         self.messages_lost = 0  # dropped by the middleware, as far as it numbers them
         self._node = node
+        self._prefix = node.get_namespace().rstrip("/") + "/"
         self._publisher = publisher
         self._on_failed = on_failed
         self._subscriptions: dict[str, Any] = {}
         self._skipped: dict[str, str] = {}  # topics that are not recorded, and why
         self._record_stream = record_stream
-        self._parameters = NodeParameters(node, self._write_parameters)
+        self._parameters: dict[str, str] = {}  # in YAML, by full node name
         self._on_written: dict[str, Callable[[Any], None]] = {
             node.resolve_topic_name(interfaces.ACCELERATION.name): self._on_block,
             node.resolve_topic_name(interfaces.STREAM.name): self._on_stream_block,
-            PARAMETER_EVENTS: lambda message: self._parameters.ask_again(message.node),
+            interfaces.DIAGNOSTICS.name: self._on_diagnostics,
         }
         try:
             for topic in interfaces.RECORDED_TOPICS:
@@ -202,19 +145,17 @@ class RecordingRun:
         self.writer.add_metadata(PROVENANCE_RECORD, describe_provenance(middleware, notes))
 
     def discover(self) -> None:
-        """Record further topics below the namespace and global ones, and nodes' parameters."""
-        prefix = self._node.get_namespace().rstrip("/") + "/"
+        """Record further topics below the namespace, and global ones."""
         for topic, types in self._node.get_topic_names_and_types():
             if topic in self._subscriptions or topic in self._skipped:
                 continue
-            is_ours = topic.startswith(prefix) and not topic_or_service_is_hidden(topic)
-            is_global = topic in ("/diagnostics", "/rosout", PARAMETER_EVENTS)
+            is_ours = topic.startswith(self._prefix) and not topic_or_service_is_hidden(topic)
+            is_global = topic in (interfaces.DIAGNOSTICS.name, "/rosout", "/parameter_events")
             is_left_out = STREAM_TYPE in types and not self._record_stream
             if (is_ours or is_global) and not is_left_out:
                 publishers = self._node.get_publishers_info_by_topic(topic)
                 if publishers:
                     self._record_discovered(topic, types, publishers)
-        self._parameters.ask_new_nodes()
 
     def describe_losses(self) -> str | None:
         """Return what the recording lacks."""
@@ -360,10 +301,16 @@ class RecordingRun:
         message.header.stamp = stamp_to_msg(count.stamp)
         self._publisher.publish(message)
 
-    def _write_parameters(self, texts: dict[str, str]) -> None:
-        if self.writer.closed:
-            return
-        try:
-            self.writer.add_metadata(PARAMETERS_RECORD, texts)
-        except FileError as error:
-            self._on_failed(error)
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Write the parameters of a node of the rig that have not been written yet."""
+        membership = self._node.membership
+        for status in message.status:
+            node, _, what = status.name.rpartition("/")
+            campaign = membership.identity.campaign_id.hex()
+            is_foreign = membership.is_joined and status.message != campaign
+            if what != PARAMETERS or is_foreign or not node.startswith(self._prefix):
+                continue
+            text = "".join(f"{item.key}: {item.value}\n" for item in status.values)
+            if self._parameters.get(node) != text:
+                self._parameters[node] = text
+                self.writer.add_metadata(PARAMETERS_RECORD, self._parameters)

@@ -1,5 +1,6 @@
 """What all nodes of the rig share: parameters, topics, lifecycle and diagnostics."""
 
+import json
 import platform
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -29,6 +30,9 @@ from impact_rig.nodes.message_check import MessageCheck
 RCLError = rclpy_implementation.RCLError
 DIAGNOSTIC_PERIOD = 1.0
 """Time between two diagnostic messages of a node [s]."""
+PARAMETERS = "parameters"
+"""A node's diagnostics have a second status of this name: its parameters in JSON, and, as its
+message, the id of its campaign."""
 _NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 """rclpy's own callbacks warn of a QoS that does not fit, as the subscriber's do; each callback
 adds to the cost of every message."""
@@ -358,7 +362,16 @@ class RigNode(AsyncNode):
                 }.items()
             ],
         )
-        array = DiagnosticArray(status=[status])
+        parameters = DiagnosticStatus(
+            name=f"{status.name}/{PARAMETERS}",
+            hardware_id=status.hardware_id,
+            message=self.membership.identity.campaign_id.hex(),
+            values=[
+                KeyValue(key=name, value=json.dumps(parameter.value, ensure_ascii=False))
+                for name, parameter in self._parameters.items()
+            ],
+        )
+        array = DiagnosticArray(status=[status, parameters])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
 

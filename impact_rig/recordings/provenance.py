@@ -6,12 +6,8 @@ import mimetypes
 import os
 import platform
 import time
-from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import Any
-
-import yaml
 
 from impact_rig import __version__
 from impact_rig.core.errors import FileError
@@ -62,18 +58,6 @@ def describe_provenance(middleware: str, notes: str) -> dict[str, str]:
         "platform": platform.platform(),
         "notes": notes,
     }
-
-
-def format_parameters(parameters: Mapping[str, Any]) -> str:
-    """Return the parameters of one node, by name, as a text in `PARAMETERS_RECORD`."""
-    text: str = yaml.safe_dump(
-        {
-            name: value if isinstance(value, str | int | float | None) else list(value)
-            for name, value in parameters.items()
-        },
-        allow_unicode=True,
-    )
-    return text
 
 
 def read_attached_file(path: Path) -> Attachment:
