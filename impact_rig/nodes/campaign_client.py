@@ -107,8 +107,7 @@ class CampaignClient(RigClient):
         new_ones = copy(interfaces.RELEASE.qos)
         new_ones.durability = DurabilityPolicy.VOLATILE
         self.listen(interfaces.RELEASE, self._on_release, new_ones)
-        note = interfaces.NOTE
-        self._note = self._node.create_publisher(note.type, note.name, note.qos)
+        self._note = self.advertise(interfaces.NOTE)
         self._action = ActionClient(self._node, RunCampaign, interfaces.RUN_CAMPAIGN)
 
     def __exit__(self, *_: object) -> None:

@@ -65,6 +65,10 @@ class RigClient:
         self._node.destroy_node()
         self._context.try_shutdown()
 
+    def advertise(self, topic: interfaces.Topic) -> Any:
+        """Create a publisher of a topic, without a lease."""
+        return self._node.create_publisher(topic.type, topic.name, topic.qos)
+
     def listen(
         self,
         topic: interfaces.Topic,
@@ -72,7 +76,7 @@ class RigClient:
         qos: QoSProfile | None = None,
         on_liveliness: Callable[[Any], None] | None = None,
     ) -> None:
-        """Subscribe to one of the rig's topics."""
+        """Subscribe to a topic."""
         self._node.create_subscription(
             topic.type,
             topic.name,

@@ -47,7 +47,8 @@ pulls a plug wants to see the enable go. The middleware gives one every two thir
 separate thread, also while the node is busy."""
 
 
-def _make_qos(depth: int, *, latched: bool) -> QoSProfile:
+def make_qos(depth: int, *, latched: bool) -> QoSProfile:
+    """Return the QoS of a topic on which nothing may be lost."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,
@@ -87,30 +88,30 @@ class Topic:
         return replace(self, qos=qos)
 
 
-SETUP = Topic("setup", RigSetup, _make_qos(1, latched=True), LEASE)
-ACCELERATION = Topic("acceleration", AccelerationBlock, _make_qos(200, latched=False))
-STREAM = Topic("acceleration/stream", StreamBlock, _make_qos(STREAM_DEPTH, latched=False))
+SETUP = Topic("setup", RigSetup, make_qos(1, latched=True), LEASE)
+ACCELERATION = Topic("acceleration", AccelerationBlock, make_qos(200, latched=False))
+STREAM = Topic("acceleration/stream", StreamBlock, make_qos(STREAM_DEPTH, latched=False))
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
 
 
-RELEASE = Topic("release", HammerRelease, _make_qos(RESULT_DEPTH, latched=True))
-VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _make_qos(RESULT_DEPTH, latched=True))
-IMPACT = Topic("impact", Impact, _make_qos(RESULT_DEPTH, latched=True))
-ESTIMATE = Topic("estimate", SampleEstimate, _make_qos(RESULT_DEPTH, latched=True))
-HAMMER_ESTIMATE = Topic("hammer_estimate", HammerEstimate, _make_qos(1, latched=True))
-COMPARISON = Topic("comparison", ModelComparison, _make_qos(64, latched=True))  # 80 kB each
-HAMMER_STATE = Topic("hammer/state", HammerState, _make_qos(1, latched=True))
+RELEASE = Topic("release", HammerRelease, make_qos(RESULT_DEPTH, latched=True))
+VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, make_qos(RESULT_DEPTH, latched=True))
+IMPACT = Topic("impact", Impact, make_qos(RESULT_DEPTH, latched=True))
+ESTIMATE = Topic("estimate", SampleEstimate, make_qos(RESULT_DEPTH, latched=True))
+HAMMER_ESTIMATE = Topic("hammer_estimate", HammerEstimate, make_qos(1, latched=True))
+COMPARISON = Topic("comparison", ModelComparison, make_qos(64, latched=True))  # 80 kB each
+HAMMER_STATE = Topic("hammer/state", HammerState, make_qos(1, latched=True))
 ACQUISITION_STATE = Topic(
-    "accelerometer/state", AcquisitionState, _make_qos(1, latched=True), LEASE
+    "accelerometer/state", AcquisitionState, make_qos(1, latched=True), LEASE
 )
-RECORDER_STATE = Topic("recorder/state", RecorderState, _make_qos(1, latched=True), LEASE)
-RECORD_STORED = Topic("recorder/stored", RecordStored, _make_qos(RESULT_DEPTH, latched=True))
+RECORDER_STATE = Topic("recorder/state", RecorderState, make_qos(1, latched=True), LEASE)
+RECORD_STORED = Topic("recorder/stored", RecordStored, make_qos(RESULT_DEPTH, latched=True))
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
-NOTE = Topic("note", String, _make_qos(10, latched=False))
+NOTE = Topic("note", String, make_qos(10, latched=False))
 """What an operator has to say while the rig runs."""
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, QoSProfile(depth=64))
 """Of every node, once a second: one topic for all namespaces, as everywhere in ROS 2."""
-REPLAYER_STATE = Topic("replayer/state", ReplayerState, _make_qos(1, latched=True))
+REPLAYER_STATE = Topic("replayer/state", ReplayerState, make_qos(1, latched=True))
 
 RECORDED_TOPICS = (
     SETUP,

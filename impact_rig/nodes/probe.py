@@ -1,56 +1,28 @@
 """Two tiny programs that pass one message between two processes: `impact-rig doctor` runs them.
 
-``python -m impact_rig.nodes.probe talk TOKEN`` says TOKEN until it is stopped;
-``python -m impact_rig.nodes.probe listen TOKEN`` ends once it has heard it, and prints the name
+``python -m impact_rig.nodes.probe talk TOKEN`` publishes TOKEN until it is killed;
+``python -m impact_rig.nodes.probe listen TOKEN`` ends once it has received it, and prints the name
 of the middleware that brought it.
 """
 
+import math
 import sys
-from collections.abc import Sequence
 
-import rclpy
-from rclpy.executors import ExternalShutdownException
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.task import Future
 from rclpy.utilities import get_rmw_implementation_identifier
 from std_msgs.msg import String
 
-TOPIC = "impact_rig_probe"
-QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+from impact_rig.nodes.client import RigClient
+from impact_rig.nodes.interfaces import Topic, make_qos
 
-
-def talk(node: Node, token: str) -> None:
-    """Publish `token` until the process is asked to stop."""
-    node.create_publisher(String, TOPIC, QOS).publish(String(data=token))
-    rclpy.spin(node)
-
-
-def listen(node: Node, token: str) -> None:
-    """Wait until `token` is heard."""
-    heard = Future()
-
-    def take(message: String) -> None:
-        if message.data == token:
-            heard.set_result(token)
-
-    node.create_subscription(String, TOPIC, take, QOS)
-    rclpy.spin_until_future_complete(node, heard)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run one of the two programs; see the module's text."""
-    name, token = sys.argv[1:3] if argv is None else argv
-    rclpy.init(args=[])
-    try:
-        {"talk": talk, "listen": listen}[name](Node(f"impact_rig_probe_{name}"), token)
-        print(get_rmw_implementation_identifier())
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        rclpy.try_shutdown()
-    return 0
-
+TOPIC = Topic("impact_rig_probe", String, make_qos(1, latched=True))
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    program, token = sys.argv[1:]
+    received: list[str] = []
+    with RigClient(f"impact_rig_probe_{program}") as client:
+        if program == "talk":
+            client.advertise(TOPIC).publish(String(data=token))
+        else:
+            client.listen(TOPIC, lambda message: received.append(message.data))
+        client.spin_until(lambda: token in received, math.inf)
+    print(get_rmw_implementation_identifier())

@@ -38,7 +38,7 @@ class ReplayClient(RigClient):
         self._estimator.autostart()
         self._executor.add_node(self._estimator)
         self._outputs = {
-            topic.name: self._node.create_publisher(topic.type, topic.name, topic.qos)
+            topic.name: self.advertise(topic)
             for topic in (interfaces.SETUP, interfaces.ACCELERATION)
         }
         self._faults: dict[int, tuple[str, ...]] = {}
