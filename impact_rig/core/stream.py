@@ -107,7 +107,7 @@ class StreamCutter:
 
     def __init__(self, settings: AnalysisSettings) -> None:
         self.flow = StreamFlow()
-        self._settings = settings
+        self.settings = settings
         self._continuity = Continuity(expected=None)
         self._segment: Segment | None = None
         self._baseline: Baseline | None = None
@@ -148,7 +148,7 @@ class StreamCutter:
         cuts += self._search(segment, is_over=block.ends_stream)
         if block.ends_stream:
             cuts += self._cut_off(segment)
-        before, _ = count_window_points(self._settings, block.sampling_rate)
+        before, _ = count_window_points(self.settings, block.sampling_rate)
         needed = min(segment.searched, segment.stop) - QUIET_LEAD * before
         segment.forget(needed if self._window is None else self._window.first)
         return tuple(cuts)
@@ -205,7 +205,7 @@ class StreamCutter:
                 self.flow.other_impacts += 1
                 continue
             arming.has_hit, self._answered = True, arming.label
-            before, _ = count_window_points(self._settings, segment.first.sampling_rate)
+            before, _ = count_window_points(self.settings, segment.first.sampling_rate)
             first = pulse - QUIET_LEAD * before
             self._window = Window(arming.label, first, pulse, segment.searched)
         return self._window
@@ -215,7 +215,7 @@ class StreamCutter:
 
         The baseline is read at points that no block border moves.
         """
-        before, length = count_window_points(self._settings, segment.first.sampling_rate)
+        before, length = count_window_points(self.settings, segment.first.sampling_rate)
         if self._baseline is None:
             count = segment.stop - segment.start
             if count < length and not (is_over and count):
@@ -230,7 +230,7 @@ class StreamCutter:
                     self._baseline = compute_baseline(quiet.hammer.output)
                 self._next_baseline = segment.searched + BASELINE_RECORDS * length
             end = min(segment.stop, self._next_baseline)
-            pulse = segment.find_pulse(self._baseline, self._settings, end)
+            pulse = segment.find_pulse(self._baseline, self.settings, end)
             if pulse is not None:
                 segment.searched = self._next_baseline = pulse - before + length
                 return pulse

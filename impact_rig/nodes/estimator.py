@@ -13,8 +13,7 @@ from impact_rig.core.errors import RigError
 from impact_rig.core.hits import JudgedHit
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import Session
-from impact_rig.core.setup import AnalysisSettings
-from impact_rig.core.stream import StreamCutter, StreamFlow
+from impact_rig.core.stream import StreamCutter
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, id_from_msg, identity_from_msg
 from impact_rig.nodes.ledger import Ledger
@@ -43,70 +42,6 @@ LIBRARIES = (
 """What the core loads when it first needs it: no hit waits for that."""
 
 
-class StreamCutting:
-    """Cuts impacts out of `StreamBlock` messages, and publishes them as `AccelerationBlock`.
-
-    The publisher is made when the first block comes: where there is no stream, the accelerometers
-    publish the impacts.
-
-    Parameters
-    ----------
-    node : RigNode
-        The estimator.
-    """
-
-    def __init__(self, node: RigNode) -> None:
-        self._node = node
-        self._settings: AnalysisSettings | None = None
-        self._cutter: StreamCutter | None = None
-        self._publisher: Any = None
-        self._rate = RateMeter()
-
-    def use_settings(self, settings: AnalysisSettings) -> None:
-        """Cut by other settings from the next block on."""
-        if settings != self._settings:
-            self._settings, self._cutter = settings, StreamCutter(settings)
-
-    def feed(self, message: StreamBlock) -> None:
-        """Take the next block of the stream, and publish the impact that it completes.
-
-        Raises
-        ------
-        RigError
-            If the stream cannot be searched.
-        """
-        if self._publisher is None:
-            self._publisher = self._node.advertise(interfaces.ACCELERATION)
-        if self._cutter is None:
-            return
-        identity = identity_from_msg(message)
-        for cut in self._cutter.feed(block_from_msg(message)):
-            self._publisher.publish(block_to_msg(cut, identity))
-
-    def describe(self) -> dict[str, Any]:
-        """Return the flow, by names for the diagnostics, and the rate since the last call."""
-        if self._publisher is None:
-            return {}
-        flow = self._cutter.flow if self._cutter else StreamFlow()
-        return {
-            "stream blocks": flow.blocks,
-            "stream gaps": flow.gaps,
-            "stream points missing": flow.missing_points,
-            "stream points per second": round(self._rate.measure(flow.points)),
-            "impacts while not armed": flow.other_impacts,
-        }
-
-    def describe_warning(self) -> str | None:
-        """Return how much of the stream has been lost."""
-        lost = self._cutter.flow.missing_points if self._cutter else 0
-        if not lost:
-            return None
-        return (
-            f"{lost} points of the stream were lost: this computer does not hold its rate;"
-            " hits that lack points are rejected"
-        )
-
-
 class EstimatorNode(RigNode):
     """Feeds the core's session with what the accelerometers publish.
 
@@ -126,7 +61,10 @@ class EstimatorNode(RigNode):
         # Runs down when no hit comes: the next one would replace what it completes.
         self._quiet = self.create_timer(0.5, self._complete_next)
         self._quiet.cancel()
-        self._cutting = StreamCutting(self)
+        self._cutter: StreamCutter | None = None  # of impacts out of a running stream
+        # Made when the first block of a stream comes: else the accelerometers publish the impacts.
+        self._cuts: Any = None
+        self._rate = RateMeter()
         self._early: deque[AccelerationBlock] = deque(maxlen=1000)  # without a set-up yet
         self._impact = self.advertise(interfaces.IMPACT)
         self._estimate = self.advertise(interfaces.ESTIMATE)
@@ -152,11 +90,27 @@ class EstimatorNode(RigNode):
         """Return what a record waits for, and the flow of a running stream."""
         waiting = self._ledger.waiting_record if self._ledger else 0
         text = f"the recorder has not said that record {waiting} is stored" if waiting else ""
-        return {"waiting for": text, **self._cutting.describe()}
+        figures: dict[str, Any] = {"waiting for": text}
+        if self._cutter is not None and self._cuts is not None:
+            flow = self._cutter.flow
+            figures |= {
+                "stream blocks": flow.blocks,
+                "stream gaps": flow.gaps,
+                "stream points missing": flow.missing_points,
+                "stream points per second": round(self._rate.measure(flow.points)),
+                "impacts while not armed": flow.other_impacts,
+            }
+        return figures
 
     def describe_warning(self) -> str | None:
         """Return what has been lost of a running stream."""
-        return self._cutting.describe_warning()
+        lost = self._cutter.flow.missing_points if self._cutter else 0
+        if not lost:
+            return None
+        return (
+            f"{lost} points of the stream were lost: this computer does not hold its rate;"
+            " hits that lack points are rejected"
+        )
 
     def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> None:
         """Take part in a campaign, with what the run's recordings have of it."""
@@ -170,7 +124,8 @@ class EstimatorNode(RigNode):
         setup = setup_from_msg(message)
         self._setup, self._ledger = message, Ledger(Session(setup), recording)
         self._incomplete.clear()
-        self._cutting.use_settings(setup.analysis)
+        if self._cutter is None or setup.analysis != self._cutter.settings:
+            self._cutter = StreamCutter(setup.analysis)
         if recording:
             self._read_recordings(self._ledger)
 
@@ -216,8 +171,15 @@ class EstimatorNode(RigNode):
         self._publish_hits(self._ledger.session, self._ledger.add_block(message))
 
     def _on_stream_block(self, message: StreamBlock) -> None:
-        if self.is_active and not self.membership.is_foreign_stream(message):
-            self._cutting.feed(message)
+        """Publish the impact that a block completes as `AccelerationBlock`."""
+        if not self.is_active or self.membership.is_foreign_stream(message):
+            return
+        if self._cuts is None:
+            self._cuts = self.advertise(interfaces.ACCELERATION)
+        if self._cutter is not None:
+            identity = identity_from_msg(message)
+            for cut in self._cutter.feed(block_from_msg(message)):
+                self._cuts.publish(block_to_msg(cut, identity))
 
     def _on_stored(self, message: RecordStored) -> None:
         if self._ledger is not None and self._ledger.recording:

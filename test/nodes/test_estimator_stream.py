@@ -1,6 +1,7 @@
 """The estimator cuts records out of a running stream."""
 
-from types import SimpleNamespace
+import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from impact_rig_msgs.msg import StreamBlock
 from impact_rig.core.records import Block, ChannelBlock, HitLabel
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.estimator import EstimatorNode, StreamCutting
+from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.messages import fill_block, setup_to_msg, stamp_to_msg
 
@@ -27,19 +28,6 @@ def make_block(number, *, full_scale=2000.0, impact=False):
     block = Block(number * SIZE, RATE, channel, channel, ARMING, stamp=number * 1_000_000)
     fill_block(message, block, IDENTITY)
     return message
-
-
-def test_other_settings_go_on_with_the_stream_from_where_it_is():
-    published = []
-    publisher = SimpleNamespace(publish=published.append)
-    cutting = StreamCutting(SimpleNamespace(advertise=lambda topic: publisher))
-    cutting.use_settings(AnalysisSettings())
-    cutting.feed(make_block(0))
-    cutting.use_settings(AnalysisSettings(record_duration=1e-3))
-    for number in range(7, 12):
-        cutting.feed(make_block(number, impact=number == 8))
-    assert len(published[0].hammer.counts) == 1200
-    assert cutting.describe_warning() is None
 
 
 def count_blocks(node):
@@ -73,3 +61,20 @@ def test_a_stream_that_cannot_be_searched_is_a_fault_of_the_estimator(harness, s
     publisher.publish(make_block(last + 1, full_scale=0.0))
     harness.wait_until(lambda: "does not say the hammer's full scale" in node.fault)
     assert node.fault.startswith("acceleration/stream: ")
+
+
+def test_other_settings_go_on_with_the_stream_from_where_it_is(harness, stream):
+    publisher, node, last = stream
+    hits = harness.listen(interfaces.ACCELERATION)
+    settings = AnalysisSettings(record_duration=1e-3)
+    setup = setup_to_msg(replace(PAPER_SETUP, analysis=settings), stamp_to_msg(2))
+    harness.advertise(interfaces.SETUP).publish(setup)
+    numbers = itertools.count(last + 7)
+
+    def is_found():
+        number = next(numbers)
+        publisher.publish(make_block(number, impact=number % 5 == 0))
+        return any(len(hit.hammer.counts) == 1200 for hit in hits.messages)
+
+    harness.wait_until(is_found)
+    assert node.describe_warning() is None
