@@ -10,7 +10,7 @@ import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -240,6 +240,7 @@ def _assemble(package: str, name: str, seen: set[tuple[str, str]]) -> str:
     return "".join(parts)
 
 
+@cache  # types share most of what they depend on
 def _list_dependencies(text: str, type_name: str) -> list[tuple[str, str]]:
     types: Types = get_types_from_msg(text, type_name)
     _, fields = types[type_name]

@@ -15,7 +15,7 @@ def test_a_device_that_is_not_there_or_lost_is_named_and_comes_back_as_often_as_
     desk.unplug()
     node = rig()
     wait_for_state(states, AcquisitionState.FAULT, "the digitizer on the desk is gone")
-    (status,) = seen.wait_for_count(1)[0].status
+    status, _ = seen.wait_for_count(1)[0].status
     assert status.level == DiagnosticStatus.ERROR
     assert "the digitizer on the desk is gone" in status.message
     desk.plug()
