@@ -178,21 +178,15 @@ class ShownCampaign:
         self._estimates: dict[str, SampleEstimate] = {}
         self._comparisons: dict[str, dict[str, ModelComparison]] = {}
 
-    def align(self, block: Block) -> tuple[AlignedHit, ...]:
-        """Take a block; return the good hits that it completes, to be laid over the others."""
-        records = tuple(self._detector.feed(block))
-        self._records.extend(records)
-        return tuple(hit for it in records if (hit := self.align_judged(it.label)) is not None)
+    def add_block(self, block: Block) -> None:
+        """Keep the record that a block completes until its verdict comes."""
+        self._records.extend(self._detector.feed(block))
 
-    def align_judged(self, label: HitLabel) -> AlignedHit | None:
-        """Return a good hit once both its record and its verdict came, in either order.
-
-        Of a long series only some are shown, see `is_shown`.
-        """
-        verdict = self._hits.get(label)
+    def align(self, label: HitLabel) -> AlignedHit | None:
+        """Return a good hit, to be laid over the others; of a long series only some."""
         record = next((it for it in self._records if it.label == label), None)
         # A flaw is a block that was lost on the way to this node.
-        if verdict is None or record is None or not verdict.accepted or record.flaws:
+        if record is None or record.flaws:
             return None
         self._numbers[label.sample] += 1
         if not is_shown(self._numbers[label.sample]):
@@ -390,7 +384,7 @@ class VisualizerNode(RigNode):
         if isinstance(message, Impact):
             verdict, stamp = campaign.newest_hit, stamp_from_msg(message.header.stamp)
             self._log(lambda log: log.log_verdicts([verdict], [stamp]))
-            if hit := campaign.align_judged(label_from_msg(message)):
+            if verdict.accepted and (hit := campaign.align(label_from_msg(message))):
                 self._log(lambda log: log.log_aligned_hits([hit]))
         if isinstance(message, ModelComparison):
             self._counts["comparisons"] += 1
@@ -402,12 +396,12 @@ class VisualizerNode(RigNode):
     def _on_block(self, message: AccelerationBlock) -> None:
         self._counts["blocks"] += 1
         block = block_from_msg(message)
+        if self._campaign is not None:
+            self._campaign.add_block(block)
         traces = self._assembler.feed(block)
         if traces is not None:
             self._counts["hits"] += 1
             self._log(lambda log: log.log_hit(traces))
-        if self._campaign is not None and (hits := self._campaign.align(block)):
-            self._log(lambda log: log.log_aligned_hits(hits))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         if self._health.add(message):
