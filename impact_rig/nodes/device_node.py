@@ -49,6 +49,8 @@ class DeviceNode(RigNode):
     def lose_device(self, error: RigError) -> None:
         """Become unconfigured because the device does not do what it should."""
         self.get_logger().error(str(error))
+        # Before the transitions, which publish their own reasons.
+        self.publish_fault(str(error))
         if self.is_active:
             self.trigger_deactivate()
         self.trigger_cleanup()

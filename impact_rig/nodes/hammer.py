@@ -189,13 +189,8 @@ class HammerNode(DeviceNode):
         self._hammer.drop()
 
     def publish_fault(self, text: str) -> None:
-        """Publish that the holder is lost, and why."""
+        """Publish that the holder is lost, and why; take the enable back."""
         self._hammer.lose(text)
-
-    def lose_device(self, error: RigError) -> None:
-        """Take the enable back, close the holder, and look for it again."""
-        self._hammer.lose(str(error))
-        super().lose_device(error)
 
     def describe_warning(self) -> str | None:
         """Return that an emergency stop lasts."""

@@ -16,16 +16,16 @@ from impact_rig.nodes.messages import fill_block, setup_to_msg, stamp_to_msg
 
 RATE, SIZE = 1e6, 1000
 IDENTITY = Identity(make_id(), make_id())
-ARMING = HitLabel("steel small", record=4)
 
 
-def make_block(number, *, full_scale=2000.0, impact=False):
+def make_block(number, *, full_scale=2000.0, impact=False, record=4):
     counts = np.zeros(SIZE, np.int32)
     if impact:
         counts[300:500] = 900
     channel = ChannelBlock(counts, 1.0, 0.0, full_scale)
     message = StreamBlock()
-    block = Block(number * SIZE, RATE, channel, channel, ARMING, stamp=number * 1_000_000)
+    label = HitLabel("steel small", record=record)
+    block = Block(number * SIZE, RATE, channel, channel, label, stamp=number * 1_000_000)
     fill_block(message, block, IDENTITY)
     return message
 
@@ -72,8 +72,9 @@ def test_other_settings_go_on_with_the_stream_from_where_it_is(harness, stream):
     numbers = itertools.count(last + 7)
 
     def is_found():
+        # Each arming of five blocks has its hit: this listener may miss the first.
         number = next(numbers)
-        publisher.publish(make_block(number, impact=number % 5 == 0))
+        publisher.publish(make_block(number, impact=number % 5 == 2, record=5 + number // 5))
         return any(len(hit.hammer.counts) == 1200 for hit in hits.messages)
 
     harness.wait_until(is_found)
