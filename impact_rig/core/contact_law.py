@@ -66,31 +66,54 @@ class Limits:
     step: float = 1e-4  # [-] of n and B, relative of what else there is, for derivatives
     finest: float = 1.0 / 64.0  # [w50] over which the force is averaged
     margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
+    starting_exponents: tuple[float, ...] = (1.0, 1.5, 2.2, 2.8)  # n [-]
+    starting_losses: tuple[float, ...] = (0.05, 0.2, 0.4, 0.6, 0.8, 0.95)  # [-] of the largest B
     points: float = 6.0  # [-] in w50: a dozen in the contact for six parameters
 
 
 LIMITS = Limits()
 
 
+_SHAPE_TIMES = np.linspace(-1.2, 1.5, 55)
+"""Where starts are compared with a window [w50]."""
+
+
 @lru_cache(maxsize=4)
-def _list_starts(exponent: float) -> FloatArray:
-    """Return parameters of a pulse of each form, of the window's width, middle and peak."""
-    # A loss of e about 0.7: from one of less, some searches end where the pulse gains energy.
-    loss = np.array([0.3 * most for _, most in LOSSES.values()])
-    pulses = compute_pulses(np.full(loss.size, exponent), loss, *LOSSES)
+def _tabulate_starts(exponents: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    """Return parameters of pulses of all forms, and their shapes at `_SHAPE_TIMES`.
+
+    Each is of the window's width, middle and peak; shapes (forms, starts, ...).
+    """
+    pairs = [(n, part) for n in exponents for part in LIMITS.starting_losses]
+    exponent = np.array([[n for n, _ in pairs] for _ in LOSSES]).ravel()
+    loss = np.array([[part * most for _, part in pairs] for _, most in LOSSES.values()]).ravel()
+    pulses = compute_pulses(exponent, loss, *LOSSES)
     time = pulses.duration[:, np.newaxis] * np.linspace(0.0, 1.0, 257)
     force = pulses.compute_force(time)
     peak = force.max(axis=1)
     is_high = force > peak[:, np.newaxis] / 2.0
     first, last = (np.nanquantile(np.where(is_high, time, np.nan), end, axis=1) for end in (0, 1))
-    unit = 1.0 / (last - first)
-    middle = (first + last) / 2.0
-    return make_read_only(
-        np.stack(
-            (-middle * unit, unit, 1.0 / peak, 0.0 * loss, loss, np.full(loss.size, exponent)),
-            axis=1,
-        )
+    width, middle = last - first, (first + last) / 2.0
+    starts = np.stack(
+        (-middle / width, 1.0 / width, 1.0 / peak, 0.0 * loss, loss, exponent), axis=1
     )
+    shapes = pulses.compute_force(middle[:, np.newaxis] + width[:, np.newaxis] * _SHAPE_TIMES)
+    shapes /= peak[:, np.newaxis]
+    split = len(LOSSES), len(pairs), -1
+    return make_read_only(starts.reshape(split)), make_read_only(shapes.reshape(split))
+
+
+def _find_starts(window: PulseWindow, exponent: float | None) -> FloatArray:
+    """Return where to begin with each form: at the nearest of some pulses, shape (forms, 6).
+
+    From a loss that is far off, some searches end at a pulse without loss.
+    """
+    starts, shapes = _tabulate_starts(
+        LIMITS.starting_exponents if exponent is None else (exponent,)
+    )
+    measured = np.interp(_SHAPE_TIMES, window.time, window.measured)
+    nearest = np.argmin(np.sum((shapes - measured) ** 2, axis=-1), axis=1)
+    return np.asarray(starts[np.arange(len(starts)), nearest])
 
 
 def evaluate_laws(window: PulseWindow, parameters: FloatArray, *forms: LossForm) -> Evaluation:
@@ -155,7 +178,7 @@ def fit_forms(
     each = fit_window(
         window,
         lambda parameters, which: evaluate_laws(window, parameters, *forms[which]),
-        _list_starts(1.5 if exponent is None else exponent),
+        _find_starts(window, exponent),
         bounds,
         most=2.0 * LIMITS.possible,
     )
