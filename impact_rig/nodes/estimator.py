@@ -24,7 +24,7 @@ from impact_rig.nodes.result_messages import (
     hit_to_msg,
     record_to_msg,
 )
-from impact_rig.nodes.rig_node import RateMeter, RigNode
+from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.messages import (
     NO_ID,
     block_from_msg,
@@ -64,7 +64,6 @@ class EstimatorNode(RigNode):
         self._cutter: StreamCutter | None = None  # of impacts out of a running stream
         # Made when the first block of a stream comes: else the accelerometers publish the impacts.
         self._cuts: Any = None
-        self._rate = RateMeter()
         self._early: deque[AccelerationBlock] = deque(maxlen=1000)  # without a set-up yet
         self._impact = self.advertise(interfaces.IMPACT)
         self._estimate = self.advertise(interfaces.ESTIMATE)
@@ -97,7 +96,6 @@ class EstimatorNode(RigNode):
                 "stream blocks": flow.blocks,
                 "stream gaps": flow.gaps,
                 "stream points missing": flow.missing_points,
-                "stream points per second": round(self._rate.measure(flow.points)),
                 "impacts while not armed": flow.other_impacts,
             }
         return figures

@@ -2,7 +2,6 @@
 
 import json
 import platform
-import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -374,16 +373,3 @@ class RigNode(AsyncNode):
         array = DiagnosticArray(status=[status, parameters])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
-
-
-class RateMeter:
-    """Turns a count into a rate, from one call to the next."""
-
-    def __init__(self) -> None:
-        self._seen = (time.monotonic(), 0)
-
-    def measure(self, count: int) -> float:
-        """Return how much was counted per second since the last call, not below 0 [1/s]."""
-        (then, before), self._seen = self._seen, (time.monotonic(), count)
-        elapsed = self._seen[0] - then
-        return max(count - before, 0) / elapsed if elapsed > 0.0 else 0.0

@@ -10,7 +10,7 @@ from lifecycle_msgs.msg import State
 
 from impact_rig.core.records import HitLabel
 from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
-from impact_rig.nodes import interfaces, rig_node, visualizer
+from impact_rig.nodes import interfaces, visualizer
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
@@ -151,8 +151,7 @@ def test_a_view_that_goes_nowhere_fails_to_configure_and_says_what_to_set(harnes
 def clock(monkeypatch):
     """Return a clock that moves when its `now` is set."""
     clock = SimpleNamespace(now=100.0)
-    for module in (visualizer, rig_node):
-        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    monkeypatch.setattr(visualizer, "time", SimpleNamespace(monotonic=lambda: clock.now))
     return clock
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.entities import BODIES, Path, make_body_path
-from impact_rig.present.rerun.health import LEVELS, LOSSES, RATES
+from impact_rig.present.rerun.health import LEVELS, LOSSES
 from impact_rig.present.rerun.viewers import import_rerun
 from impact_rig.results.numbers import show_unit
 
@@ -176,20 +176,16 @@ def _lay_out_health() -> rrb.Container:
     sdk = import_rerun()
     layout = sdk.blueprint
     when = f"timeline {entities.WALL_CLOCK}"
-    plots = [
-        _make_time_view(f"{title} ({when})", [(*entities.HEALTH_HISTORY, kind)])
-        for title, kind in (
-            ("Rates [1/s]", RATES),
-            ("Gaps, missing points, dropped, rejected", LOSSES),
-        )
-    ]
+    losses = _make_time_view(
+        f"Gaps, missing points, dropped, rejected ({when})", [(*entities.HEALTH_HISTORY, LOSSES)]
+    )
     states = layout.StateTimelineView(
         origin=sdk.new_entity_path([*entities.HEALTH_HISTORY, LEVELS]),
         name=f"State of the nodes ({when})",
     )
     return layout.Horizontal(
         _make_text_view("Nodes", entities.HEALTH),
-        layout.Vertical(states, *plots),
+        layout.Vertical(states, losses),
         name=TAB_HEALTH,
     )
 

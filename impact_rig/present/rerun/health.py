@@ -43,12 +43,9 @@ class NodeHealth:
     values: tuple[tuple[str, str], ...] = ()  # names and texts of its figures
 
 
-RATES = "rates"
 LOSSES = "losses"
 LEVELS = "levels"
 """Plots of the history."""
-RATE_ENDINGS = (" per second", "/s")
-"""Endings of the names of rates."""
 LOSS_WORDS = ("gap", "missing", "dropped", "lost", "rejected")
 """Words in the names of losses."""
 COLOURS = {
@@ -67,8 +64,7 @@ NO_HEALTH = "No node has published its state. A view of a recording shows none."
 class HealthLog:
     """Logs the health of a rig.
 
-    The view keeps the history of rates ("points per second") and losses ("gaps", "missing
-    points"), by the name of the figure.
+    The view keeps the history of losses ("gaps", "missing points"), by the name of the figure.
     """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
@@ -81,9 +77,9 @@ class HealthLog:
         for node in nodes:
             self._log_level(node, stamp)
             for name, text in node.values:
-                kind, value = choose_kind(name), _read_figure(text)
-                if kind is not None and math.isfinite(value):
-                    path = (*entities.HEALTH_HISTORY, kind, node.name, name)
+                value = _read_figure(text)
+                if any(word in name for word in LOSS_WORDS) and math.isfinite(value):
+                    path = (*entities.HEALTH_HISTORY, LOSSES, node.name, name)
                     self._send(path, stamp, self._rr.Scalars.columns(scalars=[value]))
 
     def _log_level(self, node: NodeHealth, stamp: int) -> None:
@@ -106,15 +102,6 @@ class HealthLog:
             indexes=[self._rr.TimeColumn(entities.WALL_CLOCK, timestamp=moment)],
             columns=columns,
         )
-
-
-def choose_kind(name: str) -> str | None:
-    """Return the plot of a figure, by its name; None: it has none."""
-    if name.endswith(RATE_ENDINGS):
-        return RATES
-    if any(word in name for word in LOSS_WORDS):
-        return LOSSES
-    return None
 
 
 def _read_figure(text: str) -> float:

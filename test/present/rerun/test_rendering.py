@@ -131,7 +131,7 @@ def viewer(campaign, contacts, write_view, tmp_path_factory):
     """Return a viewer that shows a campaign and a rig's health."""
     nodes = (
         NodeHealth("hammer", Level.OK, "active", (("armed", "True"),)),
-        NodeHealth("estimator", Level.WARNING, "gaps", (("gaps", "3"), ("hits/s", "1.5"))),
+        NodeHealth("estimator", Level.WARNING, "gaps", (("gaps", "3"),)),
         NodeHealth("recorder", Level.ERROR, "disk full", (("size", "31000000000"),)),
     )
     start = campaign.hits[0].stamp
@@ -218,7 +218,7 @@ EACH_HIT = f"of each hit (timeline {HIT} or {WALL_CLOCK}, chosen below)"
             {
                 "Nodes": (None,),
                 f"State of the nodes {WALL}": (None,),
-                f"Rates [1/s] {WALL}": (None,),
+                f"Gaps, missing points, dropped, rejected {WALL}": (None,),
             },
         ),
     ],
