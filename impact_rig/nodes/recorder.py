@@ -1,13 +1,24 @@
 """The recorder: writes every topic of the rig to MCAP, as received."""
 
 import contextlib
-from collections.abc import Callable
+import importlib
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
 from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from impact_rig_msgs.msg import AccelerationBlock, RecordStored, StreamBlock
 from impact_rig_msgs.srv import JoinCampaign
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
 from impact_rig import __version__
 from impact_rig.configuration.processes import (
@@ -15,18 +26,77 @@ from impact_rig.configuration.processes import (
     choose_run_folder,
     split_names,
 )
-from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.recorder_run import RecordingRun
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.executor import accept_message_info
+from impact_rig.nodes.identity import Identity
+from impact_rig.nodes.interfaces import Topic
+from impact_rig.nodes.messages import stamp_to_msg
+from impact_rig.nodes.rig_node import PARAMETERS, RigNode
+from impact_rig.recordings.hits import BlockCount, RecordCount, RecordWatch
+from impact_rig.recordings.messages import STREAM_TYPE, count_points
 from impact_rig.recordings.new_file import DiskFullError, choose_free
-from impact_rig.recordings.provenance import read_attached_file
+from impact_rig.recordings.provenance import (
+    PARAMETERS_RECORD,
+    PROVENANCE_RECORD,
+    describe_provenance,
+    read_attached_file,
+)
+from impact_rig.recordings.records import INFINITE, Attachment, OfferedQos
+from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.source import SUFFIX
-from impact_rig.recordings.writer import COMPRESSIONS, RecordingWriter
+from impact_rig.recordings.writer import COMPRESSIONS, HEALTH_RECORD, RecordingWriter
+
+QUEUE_DEPTH = 2000
+"""Depth of the queue of a topic [messages]: almost a second of blocks of 1000 points
+at 2.5 MS/s, in which the disk may stand still. Only waiting messages take memory."""
+
+
+def import_type(type_name: str) -> Any:
+    """Return the class of a message type, for example `std_msgs/msg/Header`.
+
+    Raises
+    ------
+    FileError
+        If it is not installed.
+    """
+    package, _, name = type_name.partition("/msg/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError, ValueError):
+        raise FileError(f"message type {type_name} is not installed") from None
+
+
+def describe_qos(profile: QoSProfile) -> OfferedQos:
+    """Return a profile as it is kept in a recording."""
+    return OfferedQos(
+        reliability=profile.reliability.name.lower(),
+        durability=profile.durability.name.lower(),
+        history=profile.history.name.lower(),
+        depth=profile.depth,
+        lifespan=profile.lifespan.nanoseconds or INFINITE,
+    )
+
+
+def adapt_qos(publishers: Iterable[TopicEndpointInfo], depth: int) -> QoSProfile:
+    """Return the strictest profile that receives from all publishers, as rosbag2 does."""
+    offers = [item.qos_profile for item in publishers]
+    is_reliable = all(item.reliability == ReliabilityPolicy.RELIABLE for item in offers)
+    is_latched = all(item.durability == DurabilityPolicy.TRANSIENT_LOCAL for item in offers)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
+    )
 
 
 class RecorderNode(RigNode):
-    """Records while it is active: one activation, one recording."""
+    """Records while it is active: one activation, one recording.
+
+    The record of a hit is put on the disk when its last block is written; then `RecordStored` is
+    published.
+    """
 
     def __init__(self, **options: Any) -> None:
         super().__init__("recorder", **options)
@@ -44,12 +114,19 @@ class RecorderNode(RigNode):
         )  # fmt: skip
         self.declare("notes", "", "in the operator's words; they go into the recording")
         self.declare("attachments", "", "files, by commas, that go into the recording")
-        self._run: RecordingRun | None = None
+        self._writer: RecordingWriter | None = None  # of the newest recording
         self._message = ""
-        self._warning: str | None = None
+        self._prefix = self.get_namespace().rstrip("/") + "/"
+        self._recorded: dict[str, Any] = {}
+        self._forget()
         self._publish = self.advertise_state(interfaces.RECORDER_STATE)
         self._stored = self.advertise(interfaces.RECORD_STORED)
-        for period, work in ((0.2, RecordingRun.discover), (1.0, self._check_health)):
+        self._on_written: dict[str, Callable[[RecordingWriter, Any], None]] = {
+            self.resolve_topic_name(interfaces.ACCELERATION.name): self._on_block,
+            self.resolve_topic_name(interfaces.STREAM.name): self._on_stream_block,
+            interfaces.DIAGNOSTICS.name: self._on_diagnostics,
+        }
+        for period, work in ((0.2, self._discover), (1.0, self._check_health)):
             self.create_timer(period / self.pace, partial(self._run_guarded, work))
         self.offer_to_join()
 
@@ -65,32 +142,40 @@ class RecorderNode(RigNode):
             read_attached_file(Path(name).expanduser())
             for name in _split_paths(self.get_value("attachments"))
         ]
-        run = self._run = RecordingRun(
-            self,
-            self._open(),
-            self._stored,
-            self._on_failed,
-            record_stream=self.get_value("record_stream"),
-        )
-        self._warning = None
-        run.write_provenance(self.get_value("notes"))
-        for file in attachments:
-            run.writer.add_attachment(file.name, file.media_type, file.data)
-        self.get_logger().info(f"recording to {run.writer.path}")
-        run.discover()
+        self._forget()
+        writer = self._writer = self._open()
+        try:
+            self._begin(writer, attachments)
+        except FileError:
+            with contextlib.suppress(FileError):
+                self._close(writer, "error")
+            raise
+        self.get_logger().info(f"recording to {writer.path}")
+        self._discover(writer)
         self._publish_state(f"recording since {datetime.now().astimezone():%Y-%m-%d %H:%M:%S}")
+
+    def _begin(self, writer: RecordingWriter, attachments: Iterable[Attachment]) -> None:
+        """Subscribe to the rig's topics; write software, computer, notes and files."""
+        for topic in interfaces.RECORDED_TOPICS:
+            self._record_own(writer, topic)
+        if self.get_value("record_stream"):
+            self._record_own(writer, interfaces.STREAM)
+        middleware = rclpy.get_rmw_implementation_identifier()
+        provenance = describe_provenance(middleware, self.get_value("notes"))
+        writer.add_metadata(PROVENANCE_RECORD, provenance)
+        for file in attachments:
+            writer.add_attachment(file.name, file.media_type, file.data)
 
     def deactivate(self) -> None:
         """Finish the recording."""
-        run = self._run
-        if run is None or run.writer.closed:
+        writer = self._writer
+        if writer is None or writer.closed:
             return
         try:
-            run.close("closed")
+            self._close(writer, "closed")
         except FileError as error:
             self.report_fault(str(error))
             return
-        writer = run.writer
         self.get_logger().info(
             f"{writer.path} is closed: {writer.messages} messages, {writer.size / 1e6:.3g} MB"
         )
@@ -98,8 +183,8 @@ class RecorderNode(RigNode):
 
     def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> None:
         """Record what belongs to a campaign, and nothing of any other."""
-        if self._run is not None and self._is_recording:
-            response.recording = str(self._run.writer.path)
+        if self._writer is not None and not self._writer.closed:
+            response.recording = str(self._writer.path)
         else:
             response.message = f"nothing is being recorded ({self._message}): start the recorder"
 
@@ -116,18 +201,53 @@ class RecorderNode(RigNode):
 
     def describe_warning(self) -> str | None:
         """Return what the recording lacks."""
-        return self._run.describe_losses() if self._run else None
+        parts = [
+            f"the {name} {count.gaps} gap{'s' * (count.gaps > 1)}, {count.missing_points} points"
+            " are missing"
+            for name, count in (("blocks have", self._records.total), ("stream has", self._stream))
+            if count.gaps
+        ]
+        if lost := self._messages_lost:
+            parts.append(f"{lost} message{'s' * (lost > 1)} did not get through")
+        return "; ".join(parts) or None
 
     def diagnose(self) -> dict[str, Any]:
         """Return what was written so far, and what was not."""
+        writer = self._writer
+        if writer is None:
+            return {"recording": False}
         return {
-            "recording": self._is_recording,
-            **(self._run.diagnose() if self._run else {}),
+            "recording": not writer.closed,
+            "file": writer.path,
+            "messages": writer.messages,
+            "size": writer.size,
+            "topics": len(self._recorded),
+            **{name.replace("_", " "): value for name, value in self._describe_health().items()},
         }
 
-    @property
-    def _is_recording(self) -> bool:
-        return self._run is not None and not self._run.writer.closed
+    def _describe_health(self) -> dict[str, Any]:
+        """Return what was counted, by names for the recording and the diagnostics."""
+        total, stream = self._records.total, self._stream
+        return {
+            "blocks": total.blocks,
+            "gaps": total.gaps,
+            "missing_points": total.missing_points,
+            "stream_blocks": stream.blocks,
+            "stream_gaps": stream.gaps,
+            "stream_missing_points": stream.missing_points,
+            "messages_lost": self._messages_lost,
+            "topics_not_recorded": ", ".join(self._skipped),
+        }
+
+    # The file.
+
+    def _forget(self) -> None:
+        """Count anew, for a new recording."""
+        self._records, self._stream = RecordWatch(), BlockCount()
+        self._messages_lost = 0  # dropped by the middleware, as far as it numbers them
+        self._skipped: dict[str, str] = {}  # topics that are not recorded, and why
+        self._texts: dict[str, str] = {}  # nodes' parameters in YAML, by full node name
+        self._warning: str | None = None
 
     def _open(self) -> RecordingWriter:
         output = self.get_value("output")
@@ -139,19 +259,18 @@ class RecorderNode(RigNode):
             library=f"impact_rig {__version__}",
         )
 
-    def _run_guarded(self, work: Callable[[RecordingRun], None]) -> None:
+    def _run_guarded(self, work: Callable[[RecordingWriter], None]) -> None:
         """Do some of the work of an open recording; it ends with an error of the file."""
-        run = self._run
-        if run is not None and not run.writer.closed:
+        if self._writer is not None and not self._writer.closed:
             try:
-                work(run)
+                work(self._writer)
             except FileError as error:
                 self._on_failed(error)
 
-    def _check_health(self, run: RecordingRun) -> None:
+    def _check_health(self, writer: RecordingWriter) -> None:
         """Write what waits to the disk, and publish further losses."""
-        run.writer.flush()
-        warning = run.describe_losses()
+        writer.flush()
+        warning = self.describe_warning()
         if warning is not None and warning != self._warning:
             self._warning = warning
             self.get_logger().warning(warning)
@@ -160,19 +279,162 @@ class RecorderNode(RigNode):
     def _on_failed(self, error: FileError) -> None:
         """Keep what was written, and publish that nothing is recorded any more."""
         # The first error names the cause; the finished chunks are on disk.
-        if self._run is not None and self._is_recording:
+        if self._writer is not None and not self._writer.closed:
             with contextlib.suppress(FileError):
-                self._run.close("disk full" if isinstance(error, DiskFullError) else "error")
+                reason = "disk full" if isinstance(error, DiskFullError) else "error"
+                self._close(self._writer, reason)
         self.report_fault(str(error))
+
+    def _close(self, writer: RecordingWriter, reason: str) -> None:
+        """Withdraw the subscriptions, write how it ended, and finish the recording.
+
+        Raises
+        ------
+        FileError
+            If its end could not be written; what was written before stays.
+        """
+        health = {name: str(value) for name, value in self._describe_health().items()}
+        # An error here must not keep the file from being finished.
+        with contextlib.suppress(FileError):
+            writer.add_metadata(HEALTH_RECORD, {"reason": reason, **health})
+        for subscription in self._recorded.values():
+            self.destroy_subscription(subscription)
+        self._recorded.clear()
+        writer.close()
 
     def _publish_state(self, message: str) -> None:
         self._message = message
-        fields: dict[str, Any] = {}
-        if self._run is not None:
-            fields["uri"] = str(self._run.writer.path)
-            fields["messages_lost"] = self._run.messages_lost
+        writer, fields = self._writer, dict[str, Any]()
+        if writer is not None:
+            fields = {"uri": str(writer.path), "messages_lost": self._messages_lost}
         if self.context.ok():
-            self._publish(recording=self._is_recording, message=message, **fields)
+            is_recording = writer is not None and not writer.closed
+            self._publish(recording=is_recording, message=message, **fields)
+
+    # The topics.
+
+    def _discover(self, writer: RecordingWriter) -> None:
+        """Record further topics below the namespace, and global ones."""
+        for topic, types in self.get_topic_names_and_types():
+            if topic in self._recorded or topic in self._skipped:
+                continue
+            is_ours = topic.startswith(self._prefix) and not topic_or_service_is_hidden(topic)
+            is_global = topic in (interfaces.DIAGNOSTICS.name, "/rosout", "/parameter_events")
+            is_left_out = STREAM_TYPE in types and not self.get_value("record_stream")
+            if (is_ours or is_global) and not is_left_out:
+                publishers = self.get_publishers_info_by_topic(topic)
+                if publishers:
+                    self._record_discovered(writer, topic, types, publishers)
+
+    def _record_own(self, writer: RecordingWriter, topic: Topic) -> None:
+        # All of several states in quick succession are wanted, not only the last.
+        qos = topic.deepen(QUEUE_DEPTH).qos
+        self._record(writer, topic, qos, (describe_qos(topic.qos),), is_own=True)
+
+    def _record_discovered(
+        self,
+        writer: RecordingWriter,
+        topic: str,
+        types: list[str],
+        publishers: list[TopicEndpointInfo],
+    ) -> None:
+        try:
+            if len(types) > 1:
+                raise FileError(f"it has several types: {', '.join(types)}")
+            offers = tuple(describe_qos(item.qos_profile) for item in publishers)
+            qos = adapt_qos(publishers, QUEUE_DEPTH)
+            self._record(writer, Topic(topic, import_type(types[0]), qos), qos, offers)
+        except RigError as error:
+            self._skipped[topic] = str(error)
+            self.get_logger().warning(f"{topic} is not recorded: {error}")
+
+    def _record(
+        self,
+        writer: RecordingWriter,
+        topic: Topic,
+        qos: QoSProfile,
+        offers: tuple[OfferedQos, ...],
+        *,
+        is_own: bool = False,
+    ) -> None:
+        full_name = self.resolve_topic_name(topic.name)
+        on_written = self._on_written.get(full_name)
+        definition = find_message_definition(topic.type_name)
+        channel = writer.add_channel(full_name, definition, offers)
+        previous: int | None = None
+
+        def on_message(data: bytes, info: Mapping[str, Any]) -> None:
+            nonlocal previous
+            self.messages_handled += 1
+            if writer.closed:
+                return
+            message = None
+            if is_own:
+                message = deserialize_message(data, topic.type)
+                if not self.takes(topic, message):
+                    return
+            received = info["received_timestamp"] or time.time_ns()
+            sent = info["source_timestamp"] or received
+            number = info.get("publication_sequence_number")
+            if number and previous and number > previous + 1:
+                self._count_lost(full_name, number - previous - 1)
+            previous = number
+            try:
+                writer.add_message(channel, data, received, sent)
+                if on_written is not None:
+                    on_written(writer, message or deserialize_message(data, topic.type))
+            except FileError as error:
+                self._on_failed(error)
+
+        self._recorded[full_name] = self.create_subscription(
+            topic.type,
+            topic.name,
+            accept_message_info(on_message),
+            qos,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            raw=True,
+        )
+
+    def _count_lost(self, topic: str, count: int) -> None:
+        # The middleware reports no loss where a queue overflows, but it numbers the messages of
+        # each publisher.
+        if self._recorded[topic].get_publisher_count() == 1:
+            self._messages_lost += count
+
+    def _on_block(self, writer: RecordingWriter, message: AccelerationBlock) -> None:
+        """Count a block that was written; the end of its record puts that on the disk."""
+        if ended := self._records.add(message):
+            writer.sync()
+            for count in ended:
+                self._publish_stored(count)
+
+    def _on_stream_block(self, _: RecordingWriter, message: StreamBlock) -> None:
+        self._stream.add(message.first_sample, count_points(message))
+
+    def _publish_stored(self, count: RecordCount) -> None:
+        message = RecordStored(
+            **asdict(count.label),
+            blocks=count.blocks,
+            gaps=count.gaps,
+            missing_points=count.missing_points,
+        )
+        Identity(self.membership.identity.campaign_id, count.stream_id).fill(message)
+        message.header.stamp = stamp_to_msg(count.stamp)
+        self._stored.publish(message)
+
+    def _on_diagnostics(self, writer: RecordingWriter, message: DiagnosticArray) -> None:
+        """Write the parameters of a node of the rig that have not been written yet."""
+        membership = self.membership
+        for status in message.status:
+            node, _, what = status.name.rpartition("/")
+            campaign = membership.identity.campaign_id.hex()
+            is_foreign = membership.is_joined and status.message != campaign
+            if what != PARAMETERS or is_foreign or not node.startswith(self._prefix):
+                continue
+            text = "".join(f"{item.key}: {item.value}\n" for item in status.values)
+            if self._texts.get(node) != text:
+                self._texts[node] = text
+                writer.add_metadata(PARAMETERS_RECORD, self._texts)
 
 
 def _split_paths(text: str) -> list[str]:

@@ -11,7 +11,7 @@ from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg, virtual_hit_to_msg
-from impact_rig.nodes.recorder_run import describe_qos
+from impact_rig.nodes.recorder import describe_qos
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import RecordingWriter
 

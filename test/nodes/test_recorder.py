@@ -134,8 +134,8 @@ def test_other_libraries_read_all_messages_of_all_topics(harness, recorder, tmp_
             publisher.publish(topic.type(**sound))
             assert publisher.wait_for_all_acked()
     stored.wait_for_count(COUNT)
-    harness.wait_until(lambda: node._run.writer.count_messages("/recorder/stored") == COUNT)
-    harness.wait_until(lambda: node._run.writer.count_messages("/setup") == 1)
+    harness.wait_until(lambda: node._writer.count_messages("/recorder/stored") == COUNT)
+    harness.wait_until(lambda: node._writer.count_messages("/setup") == 1)
     after = harness.peer.get_clock().now().nanoseconds
     harness.change_state("recorder", "deactivate")
 
@@ -179,7 +179,7 @@ def test_further_topics_below_the_namespace_are_discovered(harness, recorder, tm
     for publisher in (outside, hidden, stream):
         assert not publisher.get_subscription_count()
     for topic in ("/hall/notes", "/hall/name"):
-        harness.wait_until(lambda topic=topic: node._run.writer.count_messages(topic) > 0)
+        harness.wait_until(lambda topic=topic: node._writer.count_messages(topic) > 0)
     harness.change_state("/hall/recorder", "deactivate")
 
     path = tmp_path / "session.mcap"
@@ -304,7 +304,7 @@ def test_every_record_is_on_the_disk_when_the_recorder_says_so_and_what_it_lacks
 
 def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder, monkeypatch):
     depth = interfaces.ACCELERATION.qos.depth
-    monkeypatch.setattr("impact_rig.nodes.recorder_run.QUEUE_DEPTH", depth)
+    monkeypatch.setattr("impact_rig.nodes.recorder.QUEUE_DEPTH", depth)
     states, stored, _ = recorder()
     publisher = connect(harness)
     publish(publisher, make_blocks(1))
