@@ -35,8 +35,8 @@ from impact_rig.recordings.messages import (
 LIBRARIES = (
     "GTC",
     "scipy.fft",
-    "scipy.integrate",
     "scipy.interpolate",
+    "scipy.ndimage",
     "scipy.optimize",
 )
 """What the core loads when it first needs it: no hit waits for that."""

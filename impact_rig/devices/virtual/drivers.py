@@ -117,7 +117,8 @@ class VirtualSource:
             if plan.continuous
             else TriggeredDigitizer(plan.block_size)
         )
-        import_module("scipy.signal")  # which the first hit needs, and waits for no more
+        if self._settings.plant is Plant.CONTACT:
+            import_module("scipy.integrate")  # which the first hit needs, and waits for no more
         return Acquisition(IDENTITY, plan.sampling_rate, is_simulated=True)
 
     def arm(self) -> None:

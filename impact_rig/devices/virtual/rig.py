@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from zlib import crc32
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from impact_rig.core.errors import (
@@ -176,7 +175,9 @@ def couple(signal: FloatArray, coupling_frequency: float, sampling_rate: float) 
         return signal
     pole = math.exp(-2.0 * math.pi * coupling_frequency / sampling_rate)
     gain = (1.0 + pole) / 2.0
-    coupled: FloatArray = scipy.signal.lfilter([gain, -gain], [1.0, -pole], signal)
+    # As `scipy.signal.lfilter`, whose package takes longer to load than a campaign to strike.
+    decay = pole ** np.arange(signal.size)
+    coupled: FloatArray = gain * decay * np.cumsum(np.diff(signal, prepend=0.0) / decay)
     return coupled
 
 
