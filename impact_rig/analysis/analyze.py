@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits import (
     NO_OVERRULES,
@@ -21,7 +20,7 @@ from impact_rig.core.hits import (
     find_label,
 )
 from impact_rig.core.paper_method import estimate_hit
-from impact_rig.core.pulse_shape import NO_SHAPE
+from impact_rig.core.pulse_shape import NO_SHAPE, PulseShapeEstimate
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import Block, HitLabel, Record
 from impact_rig.core.session import Session
@@ -55,22 +54,10 @@ class HitSource(Protocol):
 
     path: Path  # what a person named
     warnings: tuple[str, ...]  # what the user should know of it
-
-    @property
-    def size(self) -> int:
-        """Of all that is read [byte]."""
-
-    @property
-    def has_scale(self) -> bool:
-        """Whether the hammer's numbers make accelerations."""
-
-    @property
-    def hammer_unit(self) -> str | None:
-        """Unit of the hammer in plain files; None: of a recording, whose set-up has it."""
-
-    @property
-    def faults(self) -> Mapping[HitLabel, tuple[str, ...]]:
-        """Injected faults by hit, as far as `events` was read."""
+    size: int  # of all that is read [byte]
+    has_scale: bool  # the hammer's numbers make accelerations
+    hammer_unit: str | None  # in plain files; None: of a recording, whose set-up has it
+    faults: dict[HitLabel, tuple[str, ...]]  # injected, by hit, as far as `events` was read
 
     def events(self, report: Callable[[int], None]) -> Iterator[RigSetup | Block]:
         """Yield set-ups, each of which begins a campaign, and its blocks."""
@@ -91,7 +78,8 @@ class _JudgedCampaign:
     session: Session
     traces: list[HitTraces] = field(default_factory=list)
     aligned: dict[HitLabel, AlignedHit] = field(default_factory=dict)
-    files: dict[HitLabel, FileResults] = field(default_factory=dict)
+    # What the hit of a file says by itself.
+    alone: dict[HitLabel, tuple[Quantity, PulseShapeEstimate]] = field(default_factory=dict)
 
 
 def judge(
@@ -155,8 +143,11 @@ def analyze(
         campaign = judged[-1]
         for _, hit in found:
             if source.hammer_unit is not None:
-                file = _describe_file(hit, source.hammer_unit, session.setup)
-                campaign.files[hit.label] = file
+                campaign.alone[hit.label] = (
+                    (Quantity(hit.contact_time), NO_SHAPE)
+                    if hit.filtered is None
+                    else estimate_hit(hit.filtered, session.setup, hit.label.sample)
+                )
             if keep_traces and hit.filtered is not None:
                 campaign.aligned[hit.label] = align_hit(hit.label, hit.filtered)
         if keep_traces and (joined := assembler.feed(block)) is not None:
@@ -172,11 +163,14 @@ def analyze(
     return Analysis(campaigns, source.warnings)
 
 
-def _describe_file(hit: JudgedHit, hammer_unit: str, setup: RigSetup) -> FileResults:
-    """Return what the hit of a file says by itself: contact time, shape, verdict."""
-    contact_time, shape = Quantity(hit.contact_time), NO_SHAPE
-    if hit.filtered is not None:
-        contact_time, shape = estimate_hit(hit.filtered, setup, hit.label.sample)
+def _describe_file(
+    hit: JudgedHit,
+    contact_time: Quantity,
+    shape: PulseShapeEstimate,
+    source: HitSource,
+    setup: RigSetup,
+) -> FileResults:
+    """Return the hit of a file by itself, with its final verdict."""
     best = shape.best_fit
     return FileResults(
         origin=hit.origin,
@@ -190,7 +184,7 @@ def _describe_file(hit: JudgedHit, hammer_unit: str, setup: RigSetup) -> FileRes
         best_shape=shape.best_shape,
         shape_residual_percent=best.residual_percent if best else math.nan,
         measured_peak=setup.hammer_reading[0] * hit.hammer_peak,
-        measured_unit=hammer_unit,
+        measured_unit=source.hammer_unit or "",
     )
 
 
@@ -201,19 +195,12 @@ def _bind(report: Report, what: str, total: int) -> Callable[[int], None]:
 def _find_overrules(
     source: HitSource, settings: Settings, accept: Sequence[str], reject: Sequence[str]
 ) -> Overrules:
-    """Return what a person overrules; the source is read for the names of its hits."""
+    """Return what a person overrules; the source is judged once before, for the names."""
     if not (accept or reject):
         return NO_OVERRULES
-    files: dict[HitLabel, str] = {}
-    counts: Counter[HitLabel] = Counter()
-    detector: ImpactDetector | None = None
-    for event in source.events(lambda _: None):
-        if not isinstance(event, Block):
-            detector = ImpactDetector(replace(event.analysis, **settings))
-        elif detector is not None:
-            for record in detector.feed(event):
-                files[record.label] = record.origin.file
-                counts[record.label] += 1
+    hits = [hit for _, _, found in judge(source, settings) for _, hit in found]
+    files = {hit.label: hit.origin.file for hit in hits}
+    counts = Counter(hit.label for hit in hits)
     overrules = Overrules(
         frozenset(label for name in accept for label in _find_labels(name, files)),
         frozenset(label for name in reject for label in _find_labels(name, files)),
@@ -254,14 +241,9 @@ def _finish(
         for estimate, mean in means
         if campaign.traces and mean is not None
     ]
-    # A later hit may have made one an outlier.
     files = tuple(
-        replace(
-            file,
-            accepted=judged[label].accepted,
-            reasons=tuple(map(str, judged[label].rejections)),
-        )
-        for label, file in campaign.files.items()
+        _describe_file(judged[label], *alone, source, session.setup)
+        for label, alone in campaign.alone.items()
     )
     results = replace(results_from_session(found, faults), files=files)
     return TracedCampaign(

@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from impact_rig.configuration.import_file import (
@@ -170,12 +169,12 @@ class MeasuredFiles:
     """
 
     size = 0
-    faults: Mapping[HitLabel, tuple[str, ...]] = MappingProxyType({})
 
     def __init__(
         self, paths: Sequence[Path], series: TraceSeries, *, needs_scale: bool = False
     ) -> None:
         self.path = paths[0]
+        self.faults: dict[HitLabel, tuple[str, ...]] = {}
         self.hits: list[MeasuredHit] = []  # of all files that could be used
         errors: dict[Path, str] = {}
         wanted = series.setup.analysis.cutoff_frequency
@@ -209,7 +208,7 @@ class MeasuredFiles:
                 )
         self.warnings = tuple(dict.fromkeys(remarks))
         self.has_scale = all(hit.has_scale for hit in self.hits)
-        self.hammer_unit = self.hits[0].unit if self.hits else ""
+        self.hammer_unit: str | None = self.hits[0].unit if self.hits else ""
         self._has_window = series.has_window
 
     def advise(self, reasons: Iterable[str]) -> tuple[str, ...]:

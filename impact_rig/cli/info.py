@@ -177,7 +177,10 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
         "versions": read_versions(contents),
         "metadata": {record.name: record.fields for record in contents.metadata},
         "notes": [vars(note) for note in contents.notes],
-        "attachments": [vars(item) for item in contents.attachments],
+        "attachments": [
+            {"name": item.name, "media_type": item.media_type, "size": len(item.data)}
+            for item in contents.attachments
+        ],
     }
 
 
@@ -198,8 +201,8 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
         ("ended", read_fields(contents, HEALTH_RECORD).get("reason", "")),
         ("versions", ", ".join(map(" ".join, read_versions(contents).items()))),
         *(
-            ("attachment", f"{item.name}, {item.media_type}, {item.size} byte (--extract FOLDER)")
-            for item in contents.attachments
+            ("attachment", f"{name}, {kind}, {len(data)} byte (--extract FOLDER)")
+            for name, kind, _, data in contents.attachments
         ),
         ("notes", notes),
         *(("note", f"{format_time(note.time)}: {note.text}") for note in contents.notes),
@@ -260,7 +263,7 @@ def run(files: tuple[Path, ...], extract: Path | None, as_json: bool) -> None:
         if not as_json:
             _print(contents)
         if extract is not None:
-            for path in extract_attachments(contents.scan.path, extract):
+            for path in extract_attachments(contents, extract):
                 click.echo(f"extracted: {path}", err=True)
         return contents
 

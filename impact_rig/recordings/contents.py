@@ -18,7 +18,7 @@ from impact_rig.recordings.hits import (
     RecordedHit,
 )
 from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, count_points
-from impact_rig.recordings.new_file import write_new_file
+from impact_rig.recordings.new_file import list_successors, write_new_file
 from impact_rig.recordings.records import Attachment, Channel, MetadataRecord, RawMessage
 from impact_rig.recordings.scan import PROFILE, Report, Scan
 from impact_rig.recordings.schemas import SchemaDecoder
@@ -58,15 +58,6 @@ class TopicContents:
 
 
 @dataclass(frozen=True)
-class AttachmentEntry:
-    """A file kept inside the recording: its name, its kind and its size [byte]."""
-
-    name: str
-    media_type: str
-    size: int
-
-
-@dataclass(frozen=True)
 class Note:
     """What an operator said, and when [ns since the epoch]."""
 
@@ -83,7 +74,7 @@ class Contents:
     hits: tuple[RecordedHit, ...] = ()  # in the order in which they happened
     streams: dict[str, BlockCount] = field(default_factory=dict)  # running streams, by topic
     metadata: list[MetadataRecord] = field(default_factory=list)
-    attachments: list[AttachmentEntry] = field(default_factory=list)
+    attachments: list[Attachment] = field(default_factory=list)  # each content once
     notes: list[Note] = field(default_factory=list)
     setups: dict[bytes, Any] = field(default_factory=dict)  # decoded, by their bytes in the file
     messages_lost: int = 0  # that the middleware dropped on the way to the recorder
@@ -168,9 +159,9 @@ def inspect_recording(path: Path, *, report: Report = lambda _: None) -> Content
             if item.channel.type_name in _DECODED:
                 _add_message(contents, watch, decoder, item)
         elif isinstance(item, Attachment):
-            entry = AttachmentEntry(item.name, item.media_type, len(item.data))
-            if entry not in contents.attachments:
-                contents.attachments.append(entry)
+            known = [(other.name, other.data) for other in contents.attachments]
+            if (item.name, item.data) not in known:
+                contents.attachments.append(item)
         elif item not in contents.metadata:
             contents.metadata.append(item)
             lost = item.fields.get("messages_lost", "") if item.name == HEALTH_RECORD else ""
@@ -315,52 +306,23 @@ def _copy(scan: Scan, writer: RecordingWriter, report: Report) -> None:
         announce(channel)
 
 
-def extract_attachments(path: Path, folder: Path) -> tuple[Path, ...]:
-    """Write every attachment of a recording to a folder, under the last part of its name.
+def extract_attachments(contents: Contents, folder: Path) -> list[Path]:
+    """Write the attachments of a recording to a folder, which is made.
 
-    Folders in a name are left out. The same file is written once; others of the same name are
-    numbered.
-
-    Parameters
-    ----------
-    path : Path
-        Of the recording.
-    folder : Path
-        Where to; it is made.
-
-    Returns
-    -------
-    tuple of Path
-        What was written.
+    Folders in a name are left out. Others of the same name are numbered.
 
     Raises
     ------
     FileError
-        If a file of that name exists already or cannot be written, or the recording not be read.
+        If a file of that name exists already or cannot be written.
     """
-    contents: dict[tuple[str, bytes], Path] = {}
-    for found in Scan(path, is_strict=False).read(kinds=frozenset({Attachment})):
-        if not isinstance(found, Attachment):
-            continue
-        name = _make_safe(found.name)
-        if (name, found.data) not in contents:
-            taken = {item.name for item in contents.values()}
-            target = folder / _number(name, taken)
-            with write_new_file(target) as part:
-                part.write_bytes(found.data)
-            contents[name, found.data] = target
-    return tuple(contents.values())
-
-
-def _make_safe(name: str) -> str:
-    last = name.replace("\\", "/").rpartition("/")[2]
-    safe = "".join(letter if letter.isprintable() else "_" for letter in last).strip()
-    return safe.lstrip(".") or "attachment"
-
-
-def _number(name: str, taken: set[str]) -> str:
-    stem, suffix, number = Path(name).stem, Path(name).suffix, 1
-    while name in taken:
-        number += 1
-        name = f"{stem}.{number}{suffix}"
-    return name
+    written: list[Path] = []
+    for attachment in contents.attachments:
+        name = attachment.name.replace("\\", "/").rpartition("/")[2]
+        safe = "".join(letter if letter.isprintable() else "_" for letter in name).strip()
+        names = list_successors(folder / (safe.lstrip(".") or "attachment"))
+        target = next(path for path in names if path not in written)
+        with write_new_file(target) as part:
+            part.write_bytes(attachment.data)
+        written.append(target)
+    return written

@@ -114,26 +114,16 @@ def _cut_hits(
 
 
 def check_series(hits: Sequence[MeasuredHit], hit: MeasuredHit) -> None:
-    """Require a hit that can be averaged with the first of its series.
-
-    Raises
-    ------
-    SignalError
-        If its sampling rate is another, or the sample was measured in one of them only.
-    """
-    if not hits:
-        return
-    first, block = hits[0], hit.block
-    if block.sampling_rate != first.block.sampling_rate:
-        raise SignalError(
-            f"{hit.path} is sampled at {block.sampling_rate:g} Hz and {first.path} at"
-            f" {first.block.sampling_rate:g} Hz: all hits of a sample need the same rate"
+    """Raise `SignalError` if a hit cannot be averaged with the first of its series."""
+    pair = (*hits[:1], hit)
+    kinds = [(len(item.block.channels), item.block.sampling_rate) for item in pair]
+    if len(set(kinds)) > 1:
+        told = (
+            f"{item.path} has {count} of two channels, at {rate:g} Hz"
+            for item, (count, rate) in zip(pair, kinds, strict=True)
         )
-    if block.has_specimen is not first.block.has_specimen:
-        with_it, without = (hit, first) if block.has_specimen else (first, hit)
         raise SignalError(
-            f"{with_it.path} has a channel of the sample, {without.path} has none: all hits of a"
-            " sample need the same channels"
+            f"{'; '.join(told)}: all hits of a sample need the same channels and rate"
         )
 
 

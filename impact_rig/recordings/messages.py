@@ -66,12 +66,7 @@ def campaign_id_from_msg(message: Any) -> bytes:
 
 def label_from_msg(message: Any) -> HitLabel:
     """Return the hit that a message with record, sample, impact and attempt belongs to."""
-    return HitLabel(
-        sample=str(message.sample),
-        record=int(message.record),
-        impact=int(message.impact),
-        attempt=int(message.attempt),
-    )
+    return from_message(HitLabel, message)
 
 
 def origin_from_msg(message: Any) -> Origin:
@@ -222,10 +217,7 @@ def fill_block(message: Any, block: Block) -> None:
     into it.
     """
     set_stamp(message, block.stamp)
-    message.record = block.label.record
-    message.sample = block.label.sample
-    message.impact = block.label.impact
-    message.attempt = block.label.attempt
+    fill_message(message, block.label, {})
     message.first_sample = block.first_sample
     message.sampling_rate = block.sampling_rate
     message.last = block.last

@@ -1,9 +1,8 @@
 """Reads the rig's recordings back, without ROS: decoded by the schemas in the file itself."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 from impact_rig.core.errors import FileError, RigError
@@ -44,24 +43,13 @@ class Recording:
     def __init__(self, path: Path, files: Sequence[Scan], namespace: str) -> None:
         self._files = files
         self._decoder = SchemaDecoder()
-        self._faults: dict[HitLabel, tuple[str, ...]] = {}
+        # Injected by the virtual rig, as far as `events` was read; empty: a good hit.
+        self.faults: dict[HitLabel, tuple[str, ...]] = {}
         self.path = path  # as a person named it
         self.namespace = namespace  # of the rig, "/" for none
+        self.size = sum(file.size for file in files)  # [byte]
         self.warnings = tuple(warning for file in files for warning in file.warnings)
         self._campaign, self.setup = self._read_setup()  # the first set-up
-
-    @property
-    def faults(self) -> Mapping[HitLabel, tuple[str, ...]]:
-        """Faults injected by the virtual rig, by hit, as far as `events` has been read.
-
-        Without an entry: nothing is known of the hit; empty: a good hit.
-        """
-        return MappingProxyType(self._faults)
-
-    @property
-    def size(self) -> int:
-        """Of all its files together [byte]."""
-        return sum(file.size for file in self._files)
 
     def events(self, report: Report = lambda _: None) -> Iterator[RigSetup | Block]:
         """Yield set-ups and blocks in file order, the first set-up before everything else.
@@ -92,7 +80,7 @@ class Recording:
             for raw in file.read_messages(wanted, partial(_report_from, report, before)):
                 if raw.channel.type_name == VIRTUAL_IMPACT_TYPE:
                     label, faults = self.convert(raw, _faults_from_msg)
-                    self._faults[label] = faults
+                    self.faults[label] = faults
                 elif raw.channel.type_name == BLOCK_TYPE:
                     yield self.convert(raw, block_from_msg)
                 elif cutter is not None and is_stream(raw.channel):

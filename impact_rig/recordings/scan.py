@@ -45,11 +45,8 @@ PROFILE = "ros2"
 """Of recordings of ROS 2."""
 MAX_NAME = 512
 """Longest name of a topic or a type [characters], our choice: DDS takes 255."""
-MAX_DAMAGES = 1000
-"""How many damaged places are listed, our choice: further ones are added to the last."""
 MAX_SEARCH = 4
 """How often the bytes of a file may be looked at in search of the next chunk [-], our choice."""
-ALL_KINDS: frozenset[type] = frozenset({RawMessage, MetadataRecord, Attachment})
 
 _FOOTER_SIZE = FRAME.size + 20
 _CHUNK_START = re.compile(rb"(?s)\x06(?=.{5}\x00{3})")
@@ -100,7 +97,7 @@ class Scan:
         self._schemas: dict[int, records.Schema] = {}
         with self._open() as file:
             self.size: int = os.fstat(file.fileno()).st_size  # as it was opened [byte]
-            self._begin_pass(lambda _: True, ALL_KINDS)
+            self._begin_pass(lambda _: True, with_rest=False)
             tail = self._read(file, max(self.size - len(MAGIC), 0), self.size)
             self.is_closed = self.size > len(MAGIC) and tail == MAGIC
             self._end = self.size - len(MAGIC) if self.is_closed else self.size
@@ -111,12 +108,11 @@ class Scan:
                 for channel in self.summary.channels.values():
                     self._add_channel(channel)
 
-    def _begin_pass(self, wanted: Wanted, kinds: frozenset[type]) -> None:
-        self._wanted, self._kinds = wanted, kinds
+    def _begin_pass(self, wanted: Wanted, *, with_rest: bool) -> None:
+        self._wanted, self._with_rest = wanted, with_rest
         self._chosen: dict[int, Channel | None] = {}  # channels that were met; None: not wanted
         self.damages: list[Damage] = []  # of the last pass, as far as it came
         self.unknown = 0  # messages of channels that are not described
-        self.compressions: dict[str, None] = {}  # names, in the order in which they came
         self.chunks = 0
         self._unpacker = Unpacker(self.size)
         self._search_room = MAX_SEARCH * self.size
@@ -131,9 +127,9 @@ class Scan:
     def read(
         self,
         wanted: Wanted = lambda _: True,
-        *,
-        kinds: frozenset[type] = ALL_KINDS,
         report: Report = lambda _: None,
+        *,
+        with_rest: bool = True,
     ) -> Iterator[Item]:
         """Yield what is whole, in file order, one chunk in memory at a time.
 
@@ -141,10 +137,10 @@ class Scan:
         ----------
         wanted : callable
             Asked once for each channel.
-        kinds : set of type
-            Of what is yielded.
+        with_rest : bool
+            Read metadata and attachments as well.
         """
-        self._begin_pass(wanted, kinds)
+        self._begin_pass(wanted, with_rest=with_rest)
         with self._open() as file:
             place = self._first
             if self.header is None:
@@ -167,7 +163,7 @@ class Scan:
         self, wanted: Wanted = lambda _: True, report: Report = lambda _: None
     ) -> Iterator[RawMessage]:
         """Yield the messages alone, as `read`."""
-        for item in self.read(wanted, kinds=frozenset({RawMessage}), report=report):
+        for item in self.read(wanted, report, with_rest=False):
             if isinstance(item, RawMessage):
                 yield item
 
@@ -258,20 +254,19 @@ class Scan:
         start = place + FRAME.size
         if kind == Opcode.CHUNK:
             self.chunks += 1
-            if RawMessage in self._kinds:
-                chunk = parse_chunk(self._read(file, start, after))
-                self.compressions[chunk.compression or "none"] = None
-                yield from self._read_messages(self._unpacker.unpack(chunk))
+            chunk = parse_chunk(self._read(file, start, after))
+            yield from self._read_messages(self._unpacker.unpack(chunk))
         elif kind == Opcode.MESSAGE:
             yield from self._read_messages(self._read(file, place, after))
         elif kind in (Opcode.SCHEMA, Opcode.CHANNEL):
             self._describe(parse_small(kind, self._read(file, start, after), place))
-        elif kind == Opcode.METADATA and MetadataRecord in self._kinds:
+        elif kind in (Opcode.METADATA, Opcode.ATTACHMENT) and self._with_rest:
             record = parse_small(kind, self._read(file, start, after), place)
-            yield MetadataRecord(record.name, dict(record.metadata))
-        elif kind == Opcode.ATTACHMENT and Attachment in self._kinds:
-            record = parse_small(kind, self._read(file, start, after), place)
-            yield Attachment(record.name, record.media_type, record.log_time, record.data)
+            yield (
+                MetadataRecord(record.name, dict(record.metadata))
+                if kind == Opcode.METADATA
+                else Attachment(record.name, record.media_type, record.log_time, record.data)
+            )
 
     def _read_messages(self, content: bytes) -> Iterator[RawMessage]:
         """Yield the wanted messages among records that follow each other.
@@ -393,11 +388,7 @@ class Scan:
             return False
 
     def _note(self, start: int, end: int, reason: str) -> None:
-        damage = Damage(start, max(end - start, 0), reason)
-        if len(self.damages) < MAX_DAMAGES:
-            self.damages.append(damage)
-        else:
-            self.damages[-1] = self.damages[-1]._replace(size=self.damages[-1].size + damage.size)
+        self.damages.append(Damage(start, max(end - start, 0), reason))
 
     def _read(self, file: BinaryIO, start: int, end: int) -> bytes:
         """Return the bytes of the file from one place to before another."""

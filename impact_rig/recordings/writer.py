@@ -53,10 +53,9 @@ class RecordingWriter:
         library: str = "impact_rig",
     ) -> None:
         self.path = path
-        self.messages = 0  # added so far
         self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[str, int] = {}
-        self._counts: Counter[int] = Counter()
+        self._counts: Counter[int] = Counter()  # of the messages added, by channel
         make_folders(path.parent)
         self._file = DiskFile(path)
         self._writer = Writer(
@@ -76,6 +75,11 @@ class RecordingWriter:
         """Whether the file is finished."""
         return self._file.closed
 
+    @property
+    def messages(self) -> int:
+        """How many messages were added."""
+        return self._counts.total()
+
     def count_messages(self, topic: str) -> int:
         """Return how many messages of a topic were added."""
         return self._counts[self._channels.get(topic, 0)]
@@ -83,16 +87,15 @@ class RecordingWriter:
     def add_channel(
         self, topic: str, definition: MessageDefinition, qos: tuple[OfferedQos, ...]
     ) -> int:
-        """Announce a topic.
+        """Announce a topic with what its publishers offer; otherwise as `announce`."""
+        metadata = {
+            "offered_qos_profiles": format_offered_qos(qos),
+            "topic_type_hash": definition.type_hash,
+        }
+        return self.announce(Channel(0, topic, definition.type_name, definition.text, metadata))
 
-        Parameters
-        ----------
-        topic : str
-            Full name.
-        definition : MessageDefinition
-            Of its type.
-        qos : tuple of OfferedQos
-            What its publishers offer.
+    def announce(self, channel: Channel) -> int:
+        """Announce a topic; its own number does not count.
 
         Returns
         -------
@@ -104,25 +107,16 @@ class RecordingWriter:
         FileError
             If a chunk could not be written, now or before.
         """
-        metadata = {
-            "offered_qos_profiles": format_offered_qos(qos),
-            "topic_type_hash": definition.type_hash,
-        }
-        return self.announce(Channel(0, topic, definition.type_name, definition.text, metadata))
-
-    def announce(self, channel: Channel) -> int:
-        """Announce a topic as another file has it; otherwise as `add_channel`."""
         self._file.plan(len(channel.schema))
         key, encoding = (channel.type_name, channel.schema), channel.encoding
         if key not in self._schemas:
             self._schemas[key] = (
                 self._writer.register_schema(key[0], encoding[1], key[1].encode()) if key[0] else 0
             )
-        number = self._writer.register_channel(
+        self._channels[channel.topic] = self._writer.register_channel(
             channel.topic, encoding[0], self._schemas[key], dict(channel.metadata)
         )
-        self._channels[channel.topic] = number
-        return number
+        return self._channels[channel.topic]
 
     def add_message(
         self,
@@ -161,7 +155,6 @@ class RecordingWriter:
         if file.size != before:
             file.flush()
         self._counts[channel] += 1
-        self.messages += 1
 
     def add_metadata(self, name: str, fields: dict[str, str]) -> None:
         """Add a record of names and texts; it may take of the room that is left for the ending.

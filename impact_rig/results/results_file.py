@@ -8,7 +8,6 @@ import contextlib
 import csv
 import io
 import json
-import math
 import os
 import re
 from collections.abc import Sequence
@@ -27,8 +26,6 @@ FORMAT_NAME = "impact-rig results"
 FORMAT_VERSION = 8
 UNSAFE = re.compile("[\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """What JSON may hold as it is, and terminals take for a command or an end of the line."""
-LARGEST_WHOLE = 2**63
-"""Whole numbers are below this [-]: those of messages are, and double precision reaches it."""
 
 
 def results_to_json(results: Results) -> Json:
@@ -94,13 +91,7 @@ def read_results(path: Path) -> Results:
         If the file cannot be read, is no results file, or is of another version.
     """
     try:
-        content = json.loads(
-            path.read_text(encoding="utf-8"),
-            parse_int=_parse_whole,
-            parse_float=_parse_float,
-            parse_constant=_refuse_constant,
-            object_pairs_hook=_make_object,
-        )
+        content = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_make_object)
     except OSError as error:
         raise FileError(f"results {path}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:
@@ -122,24 +113,6 @@ def read_results(path: Path) -> Results:
         return from_json(Results, content)
     except WireError as error:
         raise FileError(f"results {path}: {error}") from None
-
-
-def _parse_whole(digits: str) -> int:
-    number = int(digits)
-    if abs(number) >= LARGEST_WHOLE:
-        raise ValueError(f"a whole number of {len(digits)} digits: it must be below 2^63")
-    return number
-
-
-def _parse_float(digits: str) -> float:
-    number = float(digits)
-    if math.isinf(number):
-        raise ValueError(f"{digits[:32]} is beyond double precision")
-    return number
-
-
-def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} is no number: what is not determined is null")
 
 
 def _make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

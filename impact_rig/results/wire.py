@@ -10,6 +10,7 @@ A record is a frozen dataclass; its fields say what they are (`core.quantity.des
 
 import math
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import is_dataclass
 from typing import Any, TypeVar, get_args, get_origin
@@ -22,8 +23,10 @@ Record = TypeVar("Record")
 NUMBERS = {"": "value", "u": "standard", "expanded": "expanded"}
 """Fields of a quantity, by the suffix of the name in JSON."""
 BUDGET = "budget"
-WANTED = {int: "a whole number, 0 or more", str: "text", bool: "true or false"}
+WANTED = {int: "a whole number from 0 to below 2^63", str: "text", bool: "true or false"}
 """Kinds of values that are taken as they are, with their names for messages."""
+LARGEST_WHOLE = 2**63
+"""Whole numbers are below this [-]: those of messages are."""
 JOINED = ("warnings", "notes")
 JOINT = "; "
 """Texts that share a cell of a row, and what stands between them."""
@@ -145,13 +148,14 @@ def _value_from_json(hint: Any, value: Any, place: str) -> Any:
     if hint is float:
         if value is None:
             return math.nan
-        if isinstance(value, bool) or not isinstance(value, float | int):
-            raise WireError(f"{place} is {value!r}: it must be a number or null")
+        is_number = isinstance(value, float | int) and not isinstance(value, bool)
+        if not is_number or not abs(value) <= sys.float_info.max:
+            raise WireError(f"{place} is {value!r:.32}: it must be a finite number or null")
         return float(value)
     if hint in WANTED:
         is_kind = isinstance(value, hint) and isinstance(value, bool) is (hint is bool)
-        if not is_kind or (hint is int and value < 0):
-            raise WireError(f"{place} is {value!r}: it must be {WANTED[hint]}")
+        if not is_kind or (hint is int and not 0 <= value < LARGEST_WHOLE):
+            raise WireError(f"{place} is {value!r:.32}: it must be {WANTED[hint]}")
         if hint is str and SURROGATE.search(value):
             raise WireError(f"{place} is {value!r}: it holds half a letter")
         return value

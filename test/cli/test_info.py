@@ -82,7 +82,7 @@ def test_attachments_are_extracted_and_lead_nowhere_else(run, tmp_path):
     files = {item.name: item.read_text() for item in folder.iterdir()}
     assert files == {
         "rig.toml": "[rig.toml]",
-        "rig.2.toml": "another",
+        "rig-2.toml": "another",
         "escaped.toml": "[../../escaped.toml]",
         "passwd": "[/etc/passwd]",
         "attachment": "[]",

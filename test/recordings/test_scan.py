@@ -15,7 +15,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.writer import CompressionType, IndexType, Writer
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.records import Attachment, MetadataRecord
+from impact_rig.recordings.records import RawMessage
 from impact_rig.recordings.scan import MAGIC, Scan
 
 SCHEMA = b"uint8[] data\n"
@@ -97,7 +97,7 @@ def path(request, tmp_path) -> Path:
 
 def read_beside(path):
     """Return what stands between the chunks."""
-    return list(Scan(path).read(kinds=frozenset({MetadataRecord, Attachment})))
+    return [item for item in Scan(path).read() if not isinstance(item, RawMessage)]
 
 
 def damage_chunk(path: Path, number: int) -> None:

@@ -1,16 +1,12 @@
 """What a file may take of memory and time: by its heading, or in a second process."""
 
-import contextlib
-import os
 import resource
 import signal
 from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from importlib import import_module
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
-from threading import Thread
+from typing import cast
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.formats.measurement import Measurement
@@ -23,30 +19,10 @@ TIME, TIME_PER_BYTE = 5.0, 2e-7
 tenth of the speed at which packed numbers are read."""
 
 
-class SizeLimit:
-    """Adds up what a file claims to hold, and refuses what no file of its size may."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._left = MEMORY + MEMORY_PER_BYTE * path.stat().st_size
-
-    def claim(self, size: int) -> None:
-        """Count an array of some bytes in.
-
-        Raises
-        ------
-        FileError
-            If all arrays together are too large.
-        """
-        self._left -= size
-        if self._left < 0:
-            raise FileError(
-                f"{self._path} cannot be read: it asks for more memory than a file of its size may"
-            )
-
-
-_POOL: list[ProcessPoolExecutor] = []
-"""The second process; empty: it was not needed yet."""
+def check_size(path: Path, size: int) -> None:
+    """Raise `MemoryError` if a file claims to hold more bytes than one of its size may."""
+    if size > MEMORY + MEMORY_PER_BYTE * path.stat().st_size:
+        raise MemoryError
 
 
 def read_apart(parse: Callable[[Path], Measurement], path: Path) -> Measurement:
@@ -57,40 +33,30 @@ def read_apart(parse: Callable[[Path], Measurement], path: Path) -> Measurement:
     FileError
         As `parse`, or if that process crashes or takes too long.
     """
+    context = get_context("forkserver")
+    # Libraries are loaded once, and do not count.
+    context.set_forkserver_preload(["scipy.io", "h5py", parse.__module__])
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_parse_within_limits, args=(parse, path, sender))
+    process.start()
+    sender.close()
     try:
-        return _submit(parse, path).result()
-    except BrokenProcessPool:
-        _POOL.clear()
+        outcome = receiver.recv()
+    except EOFError:
         raise FileError(
             f"{path} is no sound {path.suffix.lower()} file: it crashes the library that reads it,"
             " or keeps it busy"
         ) from None
+    finally:
+        process.join()
+    if isinstance(outcome, Exception):
+        raise outcome
+    return cast(Measurement, outcome)
 
 
-def _submit(parse: Callable[[Path], Measurement], path: Path) -> "Future[Measurement]":
-    try:
-        return _POOL[0].submit(_parse_within_limits, parse, path)
-    except (IndexError, BrokenProcessPool):  # there is none yet, or it was killed since
-        context = get_context("spawn")
-        _POOL[:] = [ProcessPoolExecutor(1, context, initializer=_end_with_parent)]
-        return _POOL[0].submit(_parse_within_limits, parse, path)
-
-
-def _end_with_parent() -> None:
-    """End this process when the one that it reads for is gone, even if that was killed."""
-
-    def wait() -> None:
-        if parent := parent_process():
-            parent.join()
-        os._exit(1)
-
-    Thread(target=wait, daemon=True).start()
-
-
-def _parse_within_limits(parse: Callable[[Path], Measurement], path: Path) -> Measurement:
-    for library in ("scipy.io", "h5py"):  # they do not count
-        with contextlib.suppress(ImportError):
-            import_module(library)
+def _parse_within_limits(
+    parse: Callable[[Path], Measurement], path: Path, sender: Connection
+) -> None:
     size = path.stat().st_size
     pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
     limit = pages * resource.getpagesize() + MEMORY + MEMORY_PER_BYTE * size
@@ -99,4 +65,8 @@ def _parse_within_limits(parse: Callable[[Path], Measurement], path: Path) -> Me
         limit = min(limit, most)
     resource.setrlimit(resource.RLIMIT_AS, (limit, most))
     signal.setitimer(signal.ITIMER_PROF, TIME + TIME_PER_BYTE * size)  # its signal ends a process
-    return parse(path)
+    try:
+        outcome: Measurement | Exception = parse(path)
+    except Exception as error:  # noqa: BLE001 - raised where the file is read
+        outcome = error
+    sender.send(outcome)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.formats.bounds import SizeLimit
+from impact_rig.recordings.formats.bounds import check_size
 from impact_rig.recordings.formats.measurement import (
     Measurement,
     NamedArray,
@@ -39,11 +39,9 @@ def read_npz(path: Path) -> Measurement:
         If the file is no sound archive, holds objects, or no vector of real numbers.
     """
     arrays = []
-    limit = SizeLimit(path)
     with zipfile.ZipFile(path) as archive:
         members = [item for item in archive.infolist() if item.filename.endswith(".npy")]
-        for member in members:
-            limit.claim(member.file_size)
+        check_size(path, sum(member.file_size for member in members))
         for member in members:
             name = member.filename.removesuffix(".npy")
             with archive.open(member) as file:

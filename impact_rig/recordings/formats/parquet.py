@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from impact_rig.recordings.formats.bounds import SizeLimit
+from impact_rig.recordings.formats.bounds import check_size
 from impact_rig.recordings.formats.measurement import (
     Measurement,
     NamedArray,
@@ -32,10 +32,9 @@ def read_parquet(path: Path) -> Measurement:
     # pyarrow's own pool asks for far more memory than it needs.
     pa.set_memory_pool(pa.system_memory_pool())
     heading = parquet.read_metadata(path)
-    limit = SizeLimit(path)
-    limit.claim(8 * heading.num_rows * heading.num_columns)  # bytes of a number, at most
-    for number in range(heading.num_row_groups):
-        limit.claim(heading.row_group(number).total_byte_size)
+    groups = map(heading.row_group, range(heading.num_row_groups))
+    size = 8 * heading.num_rows * heading.num_columns  # bytes of a number, at most
+    check_size(path, size + sum(group.total_byte_size for group in groups))
     table = parquet.read_table(
         path, use_threads=False, pre_buffer=False, page_checksum_verification=True
     )

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from impact_rig.recordings.formats.bounds import SizeLimit
+from impact_rig.recordings.formats.bounds import check_size
 from impact_rig.recordings.formats.measurement import (
     NANOSECONDS,
     ORIGIN,
@@ -54,9 +54,8 @@ def read_tdms(path: Path) -> Measurement:
         TdmsFile.open(file, raw_timestamps=True) as tdms,
     ):
         groups = tdms.groups()
-        limit = SizeLimit(path)
-        for channel in (channel for group in groups for channel in group.channels()):
-            limit.claim(8 * len(channel))  # bytes of a number, at most
+        # 8 bytes of a number, at most.
+        check_size(path, sum(8 * len(item) for group in groups for item in group.channels()))
         arrays = [
             _read_channel(
                 channel,
