@@ -22,6 +22,7 @@ from impact_rig.results.numbers import (
 from impact_rig.results.tables import (
     Column,
     Table,
+    list_table,
     make_optional,
     make_table,
     make_text_column,
@@ -162,8 +163,6 @@ def _tabulate_spread(samples: Sequence[SampleEstimate]) -> list[Table]:
     for sample in samples:
         by_name.setdefault(sample.name, []).append(sample)
     enough = {name: found for name, found in by_name.items() if len(found) >= ENOUGH_RECORDINGS}
-    if not enough:
-        return []
     columns = [
         make_text_column("Sample", list(enough)),
         Column("n", [str(len(found)) for found in enough.values()]),
@@ -174,7 +173,7 @@ def _tabulate_spread(samples: Sequence[SampleEstimate]) -> list[Table]:
             Column(_make_header(measurand), [mean for mean, _ in cells]),
             Column("s [%]", [spread for _, spread in cells]),
         ]
-    return [make_table("Between the recordings", columns, [SPREAD_NOTE])]
+    return list_table("Between the recordings", columns, [SPREAD_NOTE])
 
 
 def _describe_spread(measurand: Measurand, samples: Sequence[SampleEstimate]) -> tuple[str, str]:

@@ -18,6 +18,7 @@ from impact_rig.results.references import Plant, find_plant
 from impact_rig.results.tables import (
     Column,
     Table,
+    list_table,
     make_optional,
     make_table,
     make_text_column,
@@ -261,8 +262,6 @@ def tabulate_rejections(results: Results) -> list[Table]:
     Marked are those with which something is wrong, not those that others were preferred to.
     """
     hits = sorted(results.rejections, key=lambda hit: hit.record)
-    if not hits:
-        return []
     columns = [
         *_make_label_columns(hits),
         _make_hammer_column(hits, results.setup),
@@ -274,14 +273,12 @@ def tabulate_rejections(results: Results) -> list[Table]:
     if any(hit.injected_faults for hit in hits):
         notes.append("Injected: what the virtual rig did wrong on purpose.")
     wrong = [place for place, hit in enumerate(hits) if _is_wrong(hit)]
-    return [make_table(f"Rejected hits: {len(hits)}", columns, notes, wrong)]
+    return list_table(f"Rejected hits: {len(hits)}", columns, notes, wrong)
 
 
 def tabulate_accepted(results: Results) -> list[Table]:
     """Return the hits in the means, each as it was by itself."""
     hits = [hit for hit in results.hits if hit.accepted]
-    if not hits:
-        return []
     columns = [
         *_make_label_columns(hits),
         read_column("τp [µs]", hits, "contact_time", 2, is_optional=True),
@@ -291,7 +288,7 @@ def tabulate_accepted(results: Results) -> list[Table]:
         *_make_origin_columns(hits),
     ]
     note = "τp: of this hit alone. Peaks: largest value after the low-pass, either sign."
-    return [make_table(f"Hits in the means: {len(hits)}", columns, [note])]
+    return list_table(f"Hits in the means: {len(hits)}", columns, [note])
 
 
 def _make_label_columns(hits: Sequence[HitResults]) -> list[Column]:

@@ -112,6 +112,17 @@ def make_table(
     return Table(caption, kept, tuple(notes), frozenset(marked))
 
 
+def list_table(
+    caption: str,
+    columns: Sequence[Column | None],
+    notes: Sequence[str] = (),
+    marked: Sequence[int] = (),
+) -> list[Table]:
+    """Return a table as `make_table`; none if nothing stands beside the names of its rows."""
+    table = make_table(caption, columns, notes, marked)
+    return [table] if table.rows and len(table.columns) > 1 else []
+
+
 def make_optional(header: str, cells: Sequence[str]) -> Column:
     """Return a column of numbers that is left out where there is no room."""
     return Column(header, tuple(cells), is_optional=True)
@@ -204,27 +215,19 @@ def _mark(rows: Sequence[_Row], quantity: Measurand) -> list[int]:
 def tabulate_contact_times(results: Results) -> Table:
     """Return Table 2, with the pulse's width ratio, hits and spread."""
     samples = results.samples
-    more = (
-        ("Fmax [N]", "peak_force", 1, "largest force on the hammer, its mass times its peak"),
-        ("Peaks [%]", "hammer_peak_spread_percent", 2, "scatter of the hammer's peaks"),
-        ("Rise [µs]", "rise_time", 1, "of the hammer's pulse, from a tenth to nine tenths"),
-    )
+    force = "Fmax: largest force on the hammer, its mass times its peak."
+    peaks = "Peaks: scatter of the hammer's peaks."
+    rise = "Rise: of the hammer's pulse, from a tenth to nine tenths."
     columns = [
         read_column("w10/w50", samples, "width_ratio", 3, is_optional=True),
         read_column("Spread [µs]", samples, "contact_time_spread", 2, is_optional=True),
         make_optional("Hits", [str(item.impacts_accepted) for item in samples]),
         make_optional("Rejected", [str(item.impacts_rejected) for item in samples]),
-        *(
-            read_column(
-                header,
-                samples,
-                name,
-                digits,
-                is_optional=True,
-                note=f"{header.split()[0]}: {note}.",
-            )
-            for header, name, digits, note in more
+        read_column("Fmax [N]", samples, "peak_force", 1, is_optional=True, note=force),
+        read_column(
+            "Peaks [%]", samples, "hammer_peak_spread_percent", 2, is_optional=True, note=peaks
         ),
+        read_column("Rise [µs]", samples, "rise_time", 1, is_optional=True, note=rise),
     ]
     note = (
         "w10/w50: width at a tenth of the peak over that at half of it, which differs between"
@@ -365,9 +368,6 @@ def tabulate_checks(samples: Sequence[SampleEstimate]) -> list[Table]:
 
 def tabulate_errors(samples: Sequence[SampleEstimate]) -> list[Table]:
     """Return how far model and measurement lie apart; nothing if no sample was compared."""
-    if all(math.isnan(sample.mse_hammer_percent) for sample in samples):
-        return []
-
     errors = {
         "MSE hammer [%]": "mse_hammer_percent",
         "MSE sample [%]": "mse_sample_percent",
@@ -391,14 +391,12 @@ def tabulate_errors(samples: Sequence[SampleEstimate]) -> list[Table]:
         " over the contact alone, which the MSE is too long to show. Printed: MSE of equations (1)"
         " and (2) as printed. Shift: applied to the model of MSE, later is positive."
     )
-    return [make_table("Model against measurement", columns, [note])]
+    return list_table("Model against measurement", columns, [note])
 
 
 def tabulate_pulse_shapes(samples: Sequence[SampleEstimate]) -> list[Table]:
     """Return what the pulses look like, and tau_p and k2 under the best shape."""
     known = [sample for sample in samples if sample.pulse_shape.best_fit is not None]
-    if not known:
-        return []
     shapes = [sample.pulse_shape for sample in known]
     versed = [shape.find_fit(PULSE_NAME) or ShapeFit("") for shape in shapes]
     columns = [
@@ -420,14 +418,12 @@ def tabulate_pulse_shapes(samples: Sequence[SampleEstimate]) -> list[Table]:
         " by τp = 2 w50, right for a versed-sine; shape: with the factor of the best shape."
         " ?: the next best fits as well."
     )
-    return [make_table("Pulse shape of the hammer", columns, [note])]
+    return list_table("Pulse shape of the hammer", columns, [note])
 
 
 def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
     """Return the contact laws with what is to be said of them."""
     known = [sample for sample in samples if sample.contact_law.is_known]
-    if not known:
-        return []
     owners: dict[str, list[str]] = {}
     for sample in known:
         for note in sample.contact_law.notes:
@@ -467,16 +463,13 @@ def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
         " gain of the hammer's channel, exact where the rig file states no uncertainty of it. It"
         " leaves: RMS of the rest, over the peak."
     )
-    return [make_table("Contact law", columns, [note, *remarks])]
+    return list_table("Contact law", columns, [note, *remarks])
 
 
 def tabulate_speed_exponents(
     found: Sequence[SpeedExponents], caption: str = "Contact over impact speed"
 ) -> list[Table]:
     """Return how the contact goes with the impact speed; nothing without release angles."""
-    if not found:
-        return []
-
     columns = [
         make_text_column("Sample", [item.sample for item in found]),
         Column("Series", [str(item.series) for item in found]),
@@ -493,14 +486,12 @@ def tabulate_speed_exponents(
         " that grows with the speed draws the contact out. ±: by the hits, or by what v^p leaves"
         f" if that is more. {ALL_SAMPLES}: with a constant for each sample."
     )
-    return [make_table(caption, columns, [note])]
+    return list_table(caption, columns, [note])
 
 
 def tabulate_free_decays(samples: Sequence[SampleEstimate]) -> list[Table]:
     """Return damping by the free decay after the contact, beside the log decrement's."""
     known = [sample for sample in samples if math.isfinite(sample.free_decay.damping_ratio.value)]
-    if not known:
-        return []
     decays = [sample.free_decay for sample in known]
     columns = [
         make_text_column("Sample", [sample.name for sample in known]),
@@ -517,15 +508,13 @@ def tabulate_free_decays(samples: Sequence[SampleEstimate]) -> list[Table]:
         " sample's trace after the contact; f: its frequency. Periods: what of it stands out of"
         " the noise. R²: part of the tail that the fit explains."
     )
-    return [make_table("Damping by free decay", columns, [note])]
+    return list_table("Damping by free decay", columns, [note])
 
 
 def tabulate_identifications(samples: Sequence[SampleEstimate]) -> list[Table]:
     """Return the parameters of the preferred model fitted to both traces, beside the paper's."""
-    rows = [(s, fit) for s in samples if (fit := s.identification) is not None]
-    if not rows:
-        return []
-    fitted, fits = [sample for sample, _ in rows], [fit for _, fit in rows]
+    fitted = [sample for sample in samples if sample.identification is not None]
+    fits = [fit for sample in fitted if (fit := sample.identification) is not None]
     columns = [make_text_column("Sample", [sample.name for sample in fitted])]
     for measurand, fit_column in zip(SAMPLE_MEASURANDS, _make_fit_columns(fits), strict=True):
         header = f"{measurand.sample_symbol}, paper [{measurand.unit}]"
@@ -541,7 +530,7 @@ def tabulate_identifications(samples: Sequence[SampleEstimate]) -> list[Table]:
         " sample together. Residual/noise: 1 where the model leaves nothing but noise. Force"
         " balance: force on the sample over that on the hammer, 1 by Newton's third law."
     )
-    return [make_table("Identification of the two-body model", columns, [note])]
+    return list_table("Identification of the two-body model", columns, [note])
 
 
 def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
@@ -573,8 +562,6 @@ def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
 def tabulate_variants(sample: SampleEstimate) -> list[Table]:
     """Return every variant of the model that was fitted to one sample, and what it leaves."""
     fits = sample.identifications
-    if not fits:
-        return []
     columns = [
         make_text_column(
             "Model", [f"{fit.model}, preferred" if fit.is_preferred else fit.model for fit in fits]
@@ -585,7 +572,7 @@ def tabulate_variants(sample: SampleEstimate) -> list[Table]:
         read_column("Residual/noise", fits, "residual_over_noise", 1, is_optional=True),
     ]
     notes = [f"{fit.model}: {text}." for fit in fits for text in (*fit.undetermined, *fit.notes)]
-    return [make_table("Fitted models", columns, notes)]
+    return list_table("Fitted models", columns, notes)
 
 
 def _make_fit_columns(fits: Sequence[FittedModel]) -> list[Column]:
