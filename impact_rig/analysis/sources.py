@@ -24,7 +24,11 @@ class RunSource:
 
     named: Path  # as a person named it
     path: Path  # the recording, or the results file
-    is_recording: bool  # traces are in it
+
+    @property
+    def is_recording(self) -> bool:
+        """Whether there are traces in it."""
+        return self.path.suffix != RESULTS_SUFFIX
 
     @property
     def folder(self) -> Path:
@@ -58,14 +62,14 @@ def find_run(named: Path) -> RunSource:
         If there is nothing of that name, or nothing of a run in the folder.
     """
     if named.suffix == RESULTS_SUFFIX and not named.is_dir():
-        return RunSource(named, named, is_recording=False)
+        return RunSource(named, named)
     try:
-        return RunSource(named, find_recording(named), is_recording=True)
+        return RunSource(named, find_recording(named))
     except FileError:
         results = named / RESULTS_NAME
         if not results.is_file():
             raise
-        return RunSource(named, results, is_recording=False)
+        return RunSource(named, results)
 
 
 def read_runs(source: RunSource) -> tuple[Run, ...]:
@@ -92,9 +96,8 @@ def read_runs(source: RunSource) -> tuple[Run, ...]:
         beside = source.folder / RESULTS_NAME
         if source.path.stem != RUN_NAME or not beside.is_file():
             raise
-        found = RunSource(source.named, beside, is_recording=False)
         warning = f"{error}: this is the {RESULTS_NAME} beside it"
-        return (_read_results_alone(found, (warning,)),)
+        return (_read_results_alone(RunSource(source.named, beside), (warning,)),)
 
 
 def _read_results_alone(source: RunSource, warnings: tuple[str, ...] = ()) -> Run:

@@ -1,8 +1,10 @@
 """What a file may take of memory and time: by its heading, or in a second process."""
 
+import contextlib
 import resource
 import signal
 from collections.abc import Callable
+from importlib import import_module
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -33,9 +35,10 @@ def read_apart(parse: Callable[[Path], Measurement], path: Path) -> Measurement:
     FileError
         As `parse`, or if that process crashes or takes too long.
     """
-    context = get_context("forkserver")
-    # Libraries are loaded once, and do not count.
-    context.set_forkserver_preload(["scipy.io", "h5py", parse.__module__])
+    for library in ("scipy.io", "h5py"):  # loaded once, and not counted
+        with contextlib.suppress(ImportError):
+            import_module(library)
+    context = get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_parse_within_limits, args=(parse, path, sender))
     process.start()

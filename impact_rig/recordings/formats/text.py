@@ -8,13 +8,13 @@ there are numbers in its columns; what stands above are names, units and stateme
 import codecs
 import contextlib
 import csv
+import itertools
 import math
 import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from io import BytesIO
-from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,9 +42,9 @@ from impact_rig.recordings.formats.measurement import (
 
 WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
 """Beginnings of text in two bytes for each letter, as LabVIEW and spreadsheets write it, too."""
-HEAD, PIECE, LONGEST_LINE = 1 << 16, 1 << 20, 1 << 22
+PIECE, LONGEST_LINE = 1 << 20, 1 << 22
 """Letters that are read at once, and in a line, our choice: the table must begin in the first
-piece with numbers. Pieces and lines take the memory, beside the numbers of a small file."""
+piece. Pieces and lines take the memory, beside the numbers of a small file."""
 MUCH = 1 << 24
 """Numbers that go to a temporary file [byte], our choice."""
 ENOUGH_LINES = 100
@@ -139,11 +139,9 @@ def read_pieces(path: Path) -> Iterator[str]:
     with path.open("rb") as file:
         is_wide = file.read(2) in WIDE_MARKS
     encoding, errors = ("utf-16", "strict") if is_wide else ("utf-8-sig", "take_latin_1")
-    size = HEAD
     with path.open(encoding=encoding, errors=errors) as text:
         try:
-            while piece := text.read(size):
-                size = PIECE
+            while piece := text.read(PIECE):
                 rest = text.readline(LONGEST_LINE)
                 if len(rest) == LONGEST_LINE:
                     raise FileError(
@@ -191,15 +189,7 @@ def read_text(path: Path) -> Measurement:
     """
     pieces = read_pieces(path)
     head = next(pieces, "")
-    while True:
-        try:
-            table, headings, statements = _find_table(path, split_lines(head))
-            break
-        except FileError:
-            piece = next(pieces, "")
-            if not piece or len(head) > LONGEST_LINE:
-                raise
-            head += piece
+    table, headings, statements = _find_table(path, split_lines(head))
     columns = _read_columns(path, table, head, pieces)
     units = [unit.rpartition(":")[2] for unit in statements.get(VERTICAL, [])]
     units = [*statements.get(HORIZONTAL, [""])[:1], *units] if units else []
@@ -363,24 +353,17 @@ def _read_columns(
     rows = RowReader(path, table)
     # The table begins behind its heading.
     body = head.split("\n", table.first - 1)[-1]
-    blocks = [rows.read(body, table.first - 1)]
-    before = table.first - 1 + body.count("\n")
-    with contextlib.ExitStack() as files:
-        file = None
-        for piece in pieces:
-            blocks.append(rows.read(piece, before))
+    before = table.first - 1
+    with tempfile.SpooledTemporaryFile(MUCH) as file:
+        for piece in itertools.chain([body], pieces):
+            file.write(rows.read(piece, before).tobytes())
             before += piece.count("\n")
-            if file is None and sum(block.nbytes for block in blocks) > MUCH:
-                file = files.enter_context(tempfile.TemporaryFile())
-            if file is not None:
-                file.writelines(block.tobytes() for block in blocks)
-                blocks.clear()
-        if file is None:
-            numbers = np.concatenate(blocks)
-        else:
-            file.flush()
-            # The file has no name: it is deleted with the last array of its numbers.
-            numbers = np.memmap(file, np.float64, "r").reshape(-1, len(table.columns))
+        size = file.tell()
+        file.seek(0)
+        # The file has no name: it is deleted with the last array of its numbers.
+        is_large = size > MUCH
+        numbers = np.memmap(file, np.float64, "r") if is_large else np.frombuffer(file.read())
+    numbers = numbers.reshape(-1, len(table.columns))
     return [
         (numbers[: rows.ends.get(column, len(numbers)), place], rows.flaws.get(column, ""))
         for place, column in enumerate(table.columns)
@@ -479,7 +462,7 @@ class RowReader:
 def _parse_numbers(text: str, table: Table) -> FloatArray:
     """Return the columns of lines of numbers alone; raises `ValueError` if there is more."""
     delimiter, data = table.style.delimiter, BytesIO(text.encode())
-    if delimiter and len(text) > HEAD:
+    if delimiter and len(text) > PIECE // 16:  # worth its time
         with contextlib.suppress(ModuleNotFoundError):  # five times as fast, where it is there
             import pyarrow as pa
             from pyarrow import csv as pa_csv
@@ -663,7 +646,9 @@ def write_text(path: Path, measurement: Measurement) -> None:
             headings.insert(0, f"{TIME} [s]")
         headings = [f"'{name}" if name.startswith(FORMULA_MARKS) else name for name in headings]
         csv.writer(file, lineterminator="\n", quoting=csv.QUOTE_ALL).writerow(headings)
-        csv.writer(file, lineterminator="\n").writerows(zip_longest(*columns, fillvalue=""))
+        csv.writer(file, lineterminator="\n").writerows(
+            itertools.zip_longest(*columns, fillvalue="")
+        )
 
 
 def _make_heading(name: str, unit: str) -> str:

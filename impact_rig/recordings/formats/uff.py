@@ -169,21 +169,18 @@ def write_uff(path: Path, measurement: Measurement) -> None:
 
 def _make_set(path: Path, channel: MeasuredChannel) -> dict[str, Any]:
     what = f"{path}: channel {channel.name!r}"
+    name, unit = channel.name, channel.unit
     if math.isnan(channel.sampling_rate):
         raise FileError(f"{what} has no sampling rate: a universal file needs one")
     if not np.isfinite(channel.values).all():
         raise FileError(
             f"{what} has points that are no finite numbers: a universal file needs such"
         )
-    for kind, text, letters in (
-        ("name", channel.name, NAME_LETTERS),
-        ("unit", channel.unit, UNIT_LETTERS),
-    ):
-        if len(text) > letters or not text.isprintable():
-            raise FileError(
-                f"{what} has the {kind} {text!r}: a universal file has one line of {letters}"
-                " letters for it"
-            )
+    if len(name) > NAME_LETTERS or len(unit) > UNIT_LETTERS or not (name + unit).isprintable():
+        raise FileError(
+            f"{what} in {unit!r}: a universal file has {NAME_LETTERS} letters for the name and"
+            f" {UNIT_LETTERS} for the unit, on a line each"
+        )
     return {
         "type": 58,
         "binary": 1,
@@ -192,7 +189,7 @@ def _make_set(path: Path, channel: MeasuredChannel) -> dict[str, Any]:
         "rsp_dir": 0,
         "ref_node": 0,
         "ref_dir": 0,
-        "id1": channel.name or NONE,
+        "id1": name or NONE,
         "id2": f"{ORIGIN}: {channel.origin}"[:NAME_LETTERS] if channel.origin else NONE,
         "id5": f"sampling rate [Hz]: {channel.sampling_rate!r}, start [s]: {channel.start!r}",
         "data": channel.values.astype(np.float64),
@@ -203,5 +200,5 @@ def _make_set(path: Path, channel: MeasuredChannel) -> dict[str, Any]:
         "abscissa_axis_lab": "Time",
         "abscissa_axis_units_lab": "s",
         "orddenom_spec_data_type": 0,
-        "ordinate_axis_units_lab": channel.unit or NONE,
+        "ordinate_axis_units_lab": unit or NONE,
     }

@@ -120,8 +120,8 @@ def test_a_rate_that_is_not_known_stays_unknown(tmp_path, suffix):
     [
         (MeasuredChannel("a", np.ones(3)), "'a' has no sampling rate"),
         (MeasuredChannel("a", np.array([1.0, np.nan]), 1.0), "'a' has points that are no finite"),
-        (MeasuredChannel("a" * 81, np.ones(3), 1.0), "has one line of 80 letters"),
-        (MeasuredChannel("a", np.ones(3), 1.0, "m" * 21), "has one line of 20 letters"),
+        (MeasuredChannel("a" * 81, np.ones(3), 1.0), "has 80 letters for the name"),
+        (MeasuredChannel("a", np.ones(3), 1.0, "m" * 21), "and 20 for the unit"),
     ],
 )
 def test_what_a_universal_file_cannot_hold_is_refused_and_leaves_no_file(tmp_path, channel, told):

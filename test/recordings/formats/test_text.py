@@ -95,7 +95,6 @@ def test_what_cannot_be_read_is_named(tmp_path, name, content, told):
 
 @pytest.mark.parametrize("much", [1000, 1 << 20], ids=["in a file", "in memory"])
 def test_a_file_of_many_pieces_is_the_same_as_its_parts(tmp_path, monkeypatch, much):
-    monkeypatch.setattr(text, "HEAD", 100)
     monkeypatch.setattr(text, "PIECE", 1000)
     monkeypatch.setattr(text, "MUCH", much)
     rows = np.random.default_rng(1).normal(size=(500, 3))
