@@ -217,7 +217,7 @@ def fill_block(message: Any, block: Block) -> None:
     into it.
     """
     set_stamp(message, block.stamp)
-    fill_message(message, block.label, {})
+    fill_message(message, block.label)
     message.first_sample = block.first_sample
     message.sampling_rate = block.sampling_rate
     message.last = block.last
