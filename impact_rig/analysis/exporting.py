@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from impact_rig.analysis.analyze import judge
 from impact_rig.core.hits import JudgedHit, MeanHit
@@ -21,12 +21,8 @@ class ExportedHit:
 
     name: str  # ``SAMPLE/IMPACT.ATTEMPT``, behind its campaign where there are several
     record: Record
-    judged: JudgedHit  # among all hits of its sample, with the filtered traces
-
-    @property
-    def label(self) -> HitLabel:
-        """Which hit it is."""
-        return self.record.label
+    judged: JudgedHit  # as it came, with the filtered traces
+    accepted: bool  # it is in the mean of its sample
 
     def make_channels(self, *, is_filtered: bool) -> tuple[MeasuredChannel, ...]:
         """Return its channels; none where there are no such traces.
@@ -42,8 +38,9 @@ class ExportedHit:
             traces = tuple(filtered.traces) if filtered is not None else ()
         if not traces or not traces[0].size:
             return ()
-        rate, origin, stamp = record.sampling_rate, record.origin, record.stamp
-        return _make_channels(self.name, traces, rate, origin, recorded_at=stamp)
+        return _make_channels(
+            self.name, traces, record.sampling_rate, record.origin, recorded_at=record.stamp
+        )
 
 
 @dataclass
@@ -56,11 +53,10 @@ class ExportedCampaign:
 
     def list_hits(self) -> tuple[ExportedHit, ...]:
         """Return all hits in the order of their arrival."""
-        final = {
-            _identify(hit): hit
+        kept = {
+            (hit.label, hit.stamp)
             for name in self.session.names
-            for selection in [self.session.get_selection(name)]
-            for hit in (*selection.kept, *selection.left_out)
+            for hit in self.session.get_selection(name).kept
         }
         seen: Counter[HitLabel] = Counter()
         hits = []
@@ -70,9 +66,8 @@ class ExportedCampaign:
             name = f"{self.prefix}{label.sample}/{label.impact}.{label.attempt}"
             if seen[label] > 1:
                 name += f" ({seen[label]})"
-            # The final verdict comes without traces.
-            last = replace(final[_identify(judged)], filtered=judged.filtered)
-            hits.append(ExportedHit(name, record, last))
+            accepted = (label, judged.stamp) in kept
+            hits.append(ExportedHit(name, record, judged, accepted))
         return tuple(hits)
 
     def make_mean_channels(self, name: str) -> tuple[MeasuredChannel, ...]:
@@ -114,10 +109,6 @@ def read_campaigns(recording: Recording) -> tuple[ExportedCampaign, ...]:
         for number, campaign in enumerate(found, start=1):
             campaign.prefix = f"campaign {number}/"
     return tuple(found)
-
-
-def _identify(hit: JudgedHit) -> tuple[HitLabel, int]:
-    return hit.label, hit.stamp
 
 
 def _make_channels(

@@ -183,7 +183,7 @@ def _write_results(output: Path, results: Sequence[Results]) -> str:
 def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> list[Group]:
     """Return what is exported, hit by hit, then mean by mean."""
     hits = [(campaign, hit) for campaign in campaigns for hit in campaign.list_hits()]
-    wanted = {find_label(name, [hit.label for _, hit in hits]) for name in task.hits}
+    wanted = {find_label(name, [hit.record.label for _, hit in hits]) for name in task.hits}
     known = {name for campaign in campaigns for name in campaign.session.names}
     for name in task.samples:
         if name not in known:
@@ -193,7 +193,7 @@ def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> lis
             )
     groups: list[Group] = []
     if "hits" in task.parts:
-        chosen = [hit for _, hit in hits if not wanted or hit.label in wanted]
+        chosen = [hit for _, hit in hits if not wanted or hit.record.label in wanted]
         groups += [
             (hit.name, hit.make_channels(is_filtered=task.filtered))
             for hit in chosen
@@ -210,9 +210,9 @@ def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> lis
 
 
 def _is_wanted(hit: ExportedHit, task: ExportTask) -> bool:
-    if task.accepted_only and not hit.judged.accepted:
+    if task.accepted_only and not hit.accepted:
         return False
-    return not task.samples or hit.label.sample in task.samples
+    return not task.samples or hit.record.label.sample in task.samples
 
 
 def save_sound_copy(path: Path, output: Path) -> None:

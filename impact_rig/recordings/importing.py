@@ -43,10 +43,6 @@ people and recorders mark it that well."""
 BLOCK_POINTS = 10_000
 """Points per block, our choice: 160 kB, small enough for any subscriber."""
 
-SETUP_QOS = OfferedQos(durability="transient_local", depth=1)
-BLOCK_QOS = OfferedQos(depth=200)
-"""What the rig's nodes offer on these topics."""
-
 
 def read_hits(
     path: Path,
@@ -183,8 +179,12 @@ def write_imported(output: Path, setup: RigSetup, hits: Sequence[MeasuredHit]) -
         writer.add_metadata(
             "impact_rig/import", {str(hit.block.label.record): _describe(hit) for hit in hits}
         )
-        setups = writer.add_channel("/setup", encoder.setup_definition, (SETUP_QOS,))
-        blocks = writer.add_channel("/acceleration", encoder.block_definition, (BLOCK_QOS,))
+        # As the rig's nodes offer these topics.
+        state = OfferedQos(durability="transient_local", depth=1)
+        setups = writer.add_channel("/setup", encoder.setup_definition, (state,))
+        blocks = writer.add_channel(
+            "/acceleration", encoder.block_definition, (OfferedQos(depth=200),)
+        )
         stamps = _assign_stamps(hits)
         writer.add_message(setups, encoder.encode_setup(setup, stamps[0]), stamps[0], stamps[0])
         for hit, stamp in zip(hits, stamps, strict=True):

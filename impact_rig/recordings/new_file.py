@@ -220,10 +220,6 @@ def sync_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
-PART_SUFFIX = ".part"
-"""What a file's name ends with while it is being written."""
-
-
 @contextlib.contextmanager
 def write_new_file(path: Path) -> Iterator[Path]:
     """Lend a path to write to; its file gets its name at the end of the block.
@@ -248,7 +244,7 @@ def write_new_file(path: Path) -> Iterator[Path]:
         If there is a file of that name already, before or after, or it cannot be written.
     """
     _refuse_existing(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}{PART_SUFFIX}")
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     make_folders(path.parent)
     try:
         part.unlink(missing_ok=True)

@@ -141,13 +141,7 @@ class Recording:
                 f" {error.name!r}: it was recorded with another version of the interfaces"
             ) from None
         except (RigError, TypeError, ValueError, OverflowError) as error:
-            if isinstance(error, RigError):
-                place = "" if isinstance(error, FileError) else f"{raw.channel.topic}: "
-                raise FileError(f"{self.path}: {place}{error}") from None
-            raise FileError(
-                f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has a field of"
-                f" another kind than in this version: {error}"
-            ) from None
+            raise FileError(f"{self.path}: {raw.channel.topic}: {error}") from None
 
 
 def read_recording(path: Path) -> Recording:

@@ -64,17 +64,13 @@ def tabulate_batch(campaigns: Sequence[BatchCampaign]) -> list[Table]:
     """
     names = shorten_paths([campaign.recording for campaign in campaigns])
     several = any(campaign.number > 1 for campaign in campaigns)
-    kinds = [
-        campaign.results.find_origin(sample.name).kind
-        for campaign in campaigns
-        for sample in campaign.results.samples
-    ]
     rows = [
-        (name, campaign.number, sample)
+        (f"{name}, {campaign.number}" if several else name, campaign.results, sample)
         for name, campaign in zip(names, campaigns, strict=True)
         for sample in campaign.results.samples
     ]
-    places = [f"{name}, {number}" if several else name for name, number, _ in rows]
+    places = [place for place, _, _ in rows]
+    kinds = [results.find_origin(sample.name).kind for _, results, sample in rows]
     columns = [
         make_text_column(
             "Recording, campaign" if several else "Recording",

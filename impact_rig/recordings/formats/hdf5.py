@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.formats.bounds import read_apart
 from impact_rig.recordings.formats.measurement import (
     DIMENSIONS,
     ORIGIN,
@@ -39,13 +38,6 @@ MATLAB_NUMBERS = {
 
 
 def read_hdf5(path: Path) -> Measurement:
-    """Read a file in a second process; see `parse_hdf5`."""
-    import h5py  # noqa: F401 - named here where it is not installed
-
-    return read_apart(parse_hdf5, path)
-
-
-def parse_hdf5(path: Path) -> Measurement:
     """Read all data sets of up to three axes, of which the longest is time.
 
     Rate, unit and start are attributes of the data set or of a group around it, or arrays by

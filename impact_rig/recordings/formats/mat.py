@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from impact_rig.recordings.formats.bounds import read_apart
-from impact_rig.recordings.formats.hdf5 import parse_hdf5
+from impact_rig.recordings.formats.hdf5 import read_hdf5
 from impact_rig.recordings.formats.measurement import (
     Measurement,
     NamedArray,
@@ -26,11 +25,6 @@ NAME_LETTERS = 27
 
 
 def read_mat(path: Path) -> Measurement:
-    """Read a file in a second process; see `parse_mat`."""
-    return read_apart(parse_mat, path)
-
-
-def parse_mat(path: Path) -> Measurement:
     """Read all arrays of real numbers, those in structs and cells too.
 
     They are named as MATLAB does: `run.hits(2).front`, `tests{3}`. Time and rate are variables by
@@ -44,7 +38,7 @@ def parse_mat(path: Path) -> Measurement:
     with path.open("rb") as file:
         # 512 bytes with words for people stand before the mark.
         if HDF5_MARK in file.read(512 + len(HDF5_MARK)):
-            return parse_hdf5(path)
+            return read_hdf5(path)
 
     from scipy.io import loadmat
     from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque

@@ -2,9 +2,11 @@
 
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.recordings.formats.bounds import read_apart
 from impact_rig.recordings.formats.hdf5 import read_hdf5, write_hdf5
 from impact_rig.recordings.formats.lvm import read_lvm
 from impact_rig.recordings.formats.mat import read_mat, write_mat
@@ -26,9 +28,9 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
     ".uff": (read_uff, write_uff),
     ".unv": (read_uff, None),
     ".58": (read_uff, None),
-    ".mat": (read_mat, write_mat),
-    ".h5": (read_hdf5, write_hdf5),
-    ".hdf5": (read_hdf5, None),
+    ".mat": (partial(read_apart, read_mat), write_mat),
+    ".h5": (partial(read_apart, read_hdf5), write_hdf5),
+    ".hdf5": (partial(read_apart, read_hdf5), None),
     ".parquet": (read_parquet, write_parquet),
     ".wav": (read_wav, None),
     ".csv": (read_text, write_text),
@@ -39,9 +41,8 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
     ".npz": (read_npz, None),
 }
 """Who reads and writes a format, by suffix; None: it is not written."""
-READABLE = tuple(FORMATS)
 WRITABLE = tuple(suffix for suffix, (_, write) in FORMATS.items() if write)
-"""Suffixes of what can be read, and written."""
+"""Suffixes of what can be written."""
 SHOWN_LETTERS = 200
 """Of a library's complaint, our choice."""
 
@@ -67,7 +68,7 @@ def read_measurement(path: Path) -> Measurement:
     _check_readable(path)
     read, _ = FORMATS.get(path.suffix.lower(), (None, None))
     if read is None:
-        raise _make_suffix_error(path, READABLE)
+        raise _make_suffix_error(path, tuple(FORMATS))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
