@@ -14,7 +14,7 @@ from impact_rig.nodes.identity import id_from_msg
 from impact_rig.recordings.messages import BLOCK_TYPE, block_from_msg
 from impact_rig.recordings.new_file import list_parts
 from impact_rig.recordings.scan import Scan
-from impact_rig.recordings.schemas import SchemaDecoder
+from impact_rig.recordings.schemas import decode_message
 
 Key = tuple[bytes, int]
 """The stream and the number of a record: no other record of a campaign has both."""
@@ -167,10 +167,10 @@ class Ledger:
 
 def _read_blocks(path: Path, campaign_id: bytes, namespace: str) -> Iterator[tuple[Key, Block]]:
     """Yield the blocks of a campaign in a recording; of a damaged one those before that."""
-    decoder, prefix = SchemaDecoder(), namespace.rstrip("/") + "/"
+    prefix = namespace.rstrip("/") + "/"
     for raw in Scan(path).read_messages(
         lambda channel: channel.type_name == BLOCK_TYPE and channel.topic.startswith(prefix)
     ):
-        message = decoder.decode(raw.channel, raw.data)
+        message = decode_message(raw)
         if id_from_msg(message.campaign_id) == campaign_id:
             yield find_key(message), block_from_msg(message)

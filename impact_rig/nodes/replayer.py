@@ -27,7 +27,7 @@ from impact_rig.recordings.messages import (
 from impact_rig.recordings.reader import list_namespaces
 from impact_rig.recordings.records import Channel
 from impact_rig.recordings.scan import Scan
-from impact_rig.recordings.schemas import SchemaDecoder, check_interfaces, find_message_definition
+from impact_rig.recordings.schemas import check_interfaces, decode_message, find_message_definition
 from impact_rig.recordings.source import find_recordings
 
 INPUTS = (
@@ -85,7 +85,6 @@ class RecordingToReplay:
 
     def read_messages(self) -> Iterator[RecordedMessage]:
         """Yield the messages in file order."""
-        decoder = SchemaDecoder()
         campaign = NO_ID
         elapsed = 0
         for file, topics in self._files:
@@ -93,7 +92,7 @@ class RecordingToReplay:
             for message in file.read_messages(partial(_is_replayed, topics)):
                 channel, time = message.channel, elapsed + message.log_time - first
                 if channel.type_name == SETUP_TYPE:
-                    setup = decoder.decode(channel, message.data)
+                    setup = decode_message(message)
                     before, campaign = campaign, campaign_id_from_msg(setup)
                     # A run that was resumed has the set-up of its campaign in each file.
                     if campaign == before != NO_ID:

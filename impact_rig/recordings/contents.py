@@ -21,7 +21,7 @@ from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, count_points
 from impact_rig.recordings.new_file import list_successors, write_new_file
 from impact_rig.recordings.records import Attachment, Channel, MetadataRecord, RawMessage
 from impact_rig.recordings.scan import PROFILE, Report, Scan
-from impact_rig.recordings.schemas import SchemaDecoder
+from impact_rig.recordings.schemas import decode_message
 from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 
 RECOVERY_RECORD = "impact_rig/recovery"
@@ -145,7 +145,7 @@ def inspect_recording(path: Path, *, report: Report = lambda _: None) -> Content
         If there is no such file, or nothing in it is of MCAP and ROS 2.
     """
     contents = Contents(scan := Scan(path, is_strict=False))
-    decoder, watch = SchemaDecoder(), HitWatch()
+    watch = HitWatch()
     topics: dict[int, TopicContents] = {}
 
     def find_topic(channel: Channel) -> TopicContents:
@@ -157,7 +157,7 @@ def inspect_recording(path: Path, *, report: Report = lambda _: None) -> Content
         if isinstance(item, RawMessage):
             find_topic(item.channel).take(item)
             if item.channel.type_name in _DECODED:
-                _add_message(contents, watch, decoder, item)
+                _add_message(contents, watch, item)
         elif isinstance(item, Attachment):
             known = [(other.name, other.data) for other in contents.attachments]
             if (item.name, item.data) not in known:
@@ -175,12 +175,10 @@ def inspect_recording(path: Path, *, report: Report = lambda _: None) -> Content
     return contents
 
 
-def _add_message(
-    contents: Contents, watch: HitWatch, decoder: SchemaDecoder, message: RawMessage
-) -> None:
+def _add_message(contents: Contents, watch: HitWatch, message: RawMessage) -> None:
     topic, type_name = message.channel.topic, message.channel.type_name
     try:
-        content = decoder.decode(message.channel, message.data)
+        content = decode_message(message)
         if type_name in HIT_TYPES:
             watch.add(topic, type_name, content, message.data)
         if type_name == SETUP_TYPE:

@@ -23,7 +23,7 @@ from impact_rig.recordings.messages import (
 )
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.scan import Report, Scan
-from impact_rig.recordings.schemas import SchemaDecoder
+from impact_rig.recordings.schemas import decode_message
 from impact_rig.recordings.source import find_recordings
 
 _EVENT_TYPES = (SETUP_TYPE, BLOCK_TYPE, STREAM_TYPE, VIRTUAL_IMPACT_TYPE)
@@ -42,7 +42,6 @@ class Recording:
 
     def __init__(self, path: Path, files: Sequence[Scan], namespace: str) -> None:
         self._files = files
-        self._decoder = SchemaDecoder()
         # Injected by the virtual rig, as far as `events` was read; empty: a good hit.
         self.faults: dict[HitLabel, tuple[str, ...]] = {}
         self.path = path  # as a person named it
@@ -134,7 +133,7 @@ class Recording:
             If the message does not have the fields of this version, or they cannot be meant.
         """
         try:
-            return convert(self._decoder.decode(raw.channel, raw.data))
+            return convert(decode_message(raw))
         except AttributeError as error:
             raise FileError(
                 f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has no field"

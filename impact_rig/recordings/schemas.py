@@ -21,7 +21,7 @@ from rosbags.typesys import TypesysError, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.records import Channel
+from impact_rig.recordings.records import Channel, RawMessage
 
 MAX_SCHEMA = 1 << 16
 """Longest schema [characters], our choice: seven times our longest one, and read within seconds
@@ -44,51 +44,28 @@ DECODING_ERRORS = (
 """What it raises on messages that do not fit."""
 
 
-class SchemaDecoder:
-    """Keeps one decoder for each channel it has met.
+def decode_message(message: RawMessage) -> Any:
+    """Return a message, decoded by the schema of its channel, with its fields as attributes.
 
     Every schema has its own store of types: a file may hold several versions of a type.
+
+    Raises
+    ------
+    FileError
+        If the schema cannot be understood or the message does not fit it.
     """
-
-    def __init__(self) -> None:
-        self._decoders: dict[tuple[str, str], _Decode] = {}
-
-    def prepare(self, channel: Channel) -> _Decode:
-        """Make what decodes a channel's messages; raises as `decode`."""
-        key = (channel.type_name, channel.schema)
-        decode = self._decoders.get(key)
-        if decode is None:
-            made = _make_decoder(*key)
-            if isinstance(made, str):
-                raise FileError(
-                    f"the schema of {channel.type_name} on {channel.topic} cannot be understood:"
-                    f" {made}"
-                )
-            decode = self._decoders[key] = made
-        return decode
-
-    def decode(self, channel: Channel, data: bytes) -> Any:
-        """Return a message as an object with its fields as attributes.
-
-        Parameters
-        ----------
-        channel : Channel
-            Whose schema describes the message.
-        data : bytes
-            The serialised message.
-
-        Raises
-        ------
-        FileError
-            If the schema cannot be understood or the message does not fit it.
-        """
-        decode = self.prepare(channel)
-        try:
-            return decode(data)
-        except DECODING_ERRORS as error:
-            raise FileError(
-                f"a message on {channel.topic} does not fit its schema: {_describe_error(error)}"
-            ) from None
+    channel = message.channel
+    decode = _make_decoder(channel.type_name, channel.schema)
+    if isinstance(decode, str):
+        raise FileError(
+            f"the schema of {channel.type_name} on {channel.topic} cannot be understood: {decode}"
+        )
+    try:
+        return decode(message.data)
+    except DECODING_ERRORS as error:
+        raise FileError(
+            f"a message on {channel.topic} does not fit its schema: {_describe_error(error)}"
+        ) from None
 
 
 def parse_schema(type_name: str, schema: str) -> Types:

@@ -10,7 +10,7 @@ from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses, run_campaign, use_own_domain
 from impact_rig.core.errors import RigError
 from impact_rig.recordings.scan import Scan
-from impact_rig.recordings.schemas import SchemaDecoder
+from impact_rig.recordings.schemas import decode_message
 
 LONGEST_CAMPAIGN = 20.0  # [s], as asked for
 
@@ -43,14 +43,13 @@ def measure_latency(bench: Bench) -> Iterator[Figure]:
 
 def read_delays(path: Path) -> list[int]:
     """Return the time from each contact to the sample's first estimate after its verdict [ns]."""
-    decoder = SchemaDecoder()
     contacts: dict[int, int] = {}  # by record; the release command and the time of the swing
     verdicts: dict[str, list[tuple[int, int]]] = {}  # times and records of a sample's
     estimates: dict[str, list[int]] = {}  # times of a sample's
     for raw in Scan(path).read_messages(
         lambda channel: channel.topic in (RELEASE, VERDICT, ESTIMATE)
     ):
-        message, moment = decoder.decode(raw.channel, raw.data), raw.publish_time
+        message, moment = decode_message(raw), raw.publish_time
         if raw.channel.topic == RELEASE:
             contacts[message.record] = moment + round(1e9 * message.swing_time)
         elif raw.channel.topic == VERDICT:

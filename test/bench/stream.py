@@ -12,7 +12,7 @@ from bench.rig_processes import RigProcesses, use_own_domain
 from impact_rig.core.errors import RigError
 from impact_rig.recordings.messages import count_points
 from impact_rig.recordings.scan import Scan
-from impact_rig.recordings.schemas import SchemaDecoder
+from impact_rig.recordings.schemas import decode_message
 
 STREAM = "/acceleration/stream"
 DIAGNOSTICS = "/diagnostics"
@@ -130,7 +130,6 @@ def read_flow(recording: Path, begin: int, end: int) -> tuple[set[int], int, int
     RigError
         If the estimator had not seen the stream by then.
     """
-    decoder = SchemaDecoder()
     starts: set[int] = set()
     size = 0
     before, after = (0, 0), (0, 0)  # blocks seen, points missed
@@ -138,7 +137,7 @@ def read_flow(recording: Path, begin: int, end: int) -> tuple[set[int], int, int
         lambda channel: channel.topic in (STREAM, DIAGNOSTICS)
     )
     for raw in messages:
-        message = decoder.decode(raw.channel, raw.data)
+        message = decode_message(raw)
         if raw.channel.topic == DIAGNOSTICS:
             for status in message.status:
                 if status.name == ESTIMATOR:

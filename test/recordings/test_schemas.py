@@ -9,12 +9,12 @@ import pytest
 from mcap_ros2._dynamic import serialize_dynamic
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.records import Channel
+from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.schemas import (
     MAX_SCHEMA,
     MessageDefinition,
-    SchemaDecoder,
     check_interfaces,
+    decode_message,
     find_message_definition,
 )
 
@@ -24,7 +24,8 @@ EMPTY = b"\0\1\0\0"
 
 
 def decode(schema: str, data: bytes = EMPTY + bytes(64), name: str = NAME):
-    return SchemaDecoder().decode(Channel(1, "/test", name, schema, {}), data)
+    channel = Channel(1, "/test", name, schema, {})
+    return decode_message(RawMessage(channel, 0, 0, 0, data))
 
 
 def length(size: int) -> bytes:
@@ -42,11 +43,9 @@ def test_a_message_is_decoded_as_another_library_wrote_it():
 
 
 def test_two_versions_of_a_type_are_decoded_each_by_its_own():
-    decoder = SchemaDecoder()
-    old, new = (Channel(1, "/test", NAME, text, {}) for text in ("uint8 a\n", "uint8 b\n"))
-    assert decoder.decode(old, EMPTY + b"\1").a == 1
-    assert decoder.decode(new, EMPTY + b"\2").b == 2
-    assert decoder.decode(old, EMPTY + b"\3").a == 3
+    assert decode("uint8 a\n", EMPTY + b"\1").a == 1
+    assert decode("uint8 b\n", EMPTY + b"\2").b == 2
+    assert decode("uint8 a\n", EMPTY + b"\3").a == 3
 
 
 @pytest.mark.parametrize(
