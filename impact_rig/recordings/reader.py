@@ -139,6 +139,8 @@ class Recording:
                 f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has no field"
                 f" {error.name!r}: it was recorded with another version of the interfaces"
             ) from None
+        except FileError as error:  # it names the topic
+            raise FileError(f"{self.path}: {error}") from None
         except (RigError, TypeError, ValueError, OverflowError) as error:
             raise FileError(f"{self.path}: {raw.channel.topic}: {error}") from None
 
