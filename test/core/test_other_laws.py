@@ -59,6 +59,7 @@ def estimate(struck: Impact, speed: float = SPEED, seed: int = 5) -> SampleEstim
         # Forms that gain energy come nearer to these than those that lose little.
         (Law("dashpot, 1.2", 0.9, make_viscous(1.2, 0.0)), LossForm.DASHPOT),
         (Law("dashpot, 1.5", 0.7, make_viscous(1.5, 0.0)), LossForm.DASHPOT),
+        (Law("dashpot, 1.8", 0.55, make_viscous(1.8, 0.0)), LossForm.DASHPOT),
         (Law("fourth root, 1.8", 0.65, make_viscous(1.8, 0.25)), LossForm.FOURTH_ROOT),
     ],
     ids=lambda item: f"{item.name} {item.restitution}" if isinstance(item, Law) else "",
