@@ -1,7 +1,7 @@
 """The two-body model, identified from both traces."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import product
 
@@ -116,11 +116,7 @@ def identify_model(mean: MeanHit, setup: RigSetup, sample: str) -> Identificatio
         cutoff_frequency=setup.analysis.cutoff_frequency,
         responses=setup.responses,
     )
-    coarse = problem.thin()
-    found = coarse.solve(coarse.find_start(), 1e-4)
-    if coarse is not problem:
-        # Gauss-Newton's next step is the square of that.
-        found = problem.solve(found, 1e-5)
+    found = problem.solve(problem.find_start())
     return _report(problem, found, mean)
 
 
@@ -151,26 +147,7 @@ class FitProblem:
         step = max(int(rate / (2.0 * cutoff * 3.0)), 1)
         # The low-pass is not right at the record's ends; e^-8 of that is left so far inside.
         edge = min(math.ceil(1.5 * rate / cutoff), int(0.1 * count))
-        # Points that the thinned problem has as well: both then end at the same values.
-        edge = math.ceil(edge / step) * step
         return slice(edge, count - edge, step)
-
-    def thin(self) -> "FitProblem":
-        """Return the same problem on every few points: quick to solve, and nearly as good."""
-        width = measure_pulse(self.traces[0]).half_amplitude_width
-        # The search begins on 40 points of a contact.
-        step = int(VERSED_SINE.pulse_factor * width / 40)
-        if self.cutoff_frequency > 0.0:
-            step = min(step, self.points.step)
-        if step <= 1:
-            return self
-        return replace(
-            self,
-            traces=self.traces[:, ::step],
-            # As much noise below the cutoff, at fewer points.
-            noise=self.noise / math.sqrt(step),
-            sampling_rate=self.sampling_rate / step,
-        )
 
     def simulate(self, rows: FloatArray) -> FloatArray:
         """Return the accelerations of both bodies for rows of parameters, shape (rows, 2, n).
@@ -231,7 +208,7 @@ class FitProblem:
         """Return rows of both traces over the noise and joined: (..., 2, m) to (..., 2 m)."""
         return (rows / self.noise[:, np.newaxis]).reshape(*rows.shape[:-2], -1)
 
-    def solve(self, start: FloatArray, tolerance: float) -> FloatArray:
+    def solve(self, start: FloatArray) -> FloatArray:
         """Return the parameters with the least sum of squares next to `start`.
 
         Raises
@@ -254,8 +231,8 @@ class FitProblem:
             jac=lambda scaled: evaluate(*scaled)[1],
             bounds=(low / scales, high / scales),
             x_scale="jac",
-            ftol=tolerance,
-            xtol=tolerance,
+            ftol=1e-5,
+            xtol=1e-5,
             gtol=1e-12,
             max_nfev=60,
         )
