@@ -263,7 +263,7 @@ def _check_cutoff(hit: MeasuredHit, series: TraceSeries) -> TraceSeries:
 def _check_pulse(hit: MeasuredHit, setup: RigSetup) -> None:
     """Require more than a bad hit: a pulse, or a dead channel beside a live one."""
     for record in ImpactDetector(setup.analysis).feed(hit.block):
-        for rejection in check_stream(record) + check_channels(record, setup.analysis):
+        for rejection in check_stream(record) + check_channels(record):
             if rejection.reason in USELESS:
                 raise SignalError(
                     f"{hit.path} has no pulse that could be measured: {rejection.explanation}; it"

@@ -33,11 +33,8 @@ ANALYSIS_QUANTITIES = {
     "cutoff_frequency": ("Hz", "50 kHz"),
     "pre_trigger": ("s", "200 us"),
     "record_duration": ("s", "2 ms"),
-    "double_hit_window": ("s", "1 ms"),
 }
 """Settings that have a unit; the others are plain numbers."""
-WHOLE_SETTINGS = ("overload_run", "keep_hits")
-LARGEST_WHOLE = 1_000_000  # more hits or points than a campaign has
 
 
 def parse_settings(document: TomlTable) -> dict[str, Any]:
@@ -59,8 +56,6 @@ def parse_settings(document: TomlTable) -> dict[str, Any]:
     for key in table:
         if key in ANALYSIS_QUANTITIES:
             values[key] = table.take_quantity(key, *ANALYSIS_QUANTITIES[key])
-        elif key in WHOLE_SETTINGS:
-            values[key] = table.take_whole(key, 0, LARGEST_WHOLE)
         else:
             values[key] = table.take_number(key)
     return values

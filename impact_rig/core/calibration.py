@@ -25,9 +25,7 @@ from impact_rig.core.verdict import Reason
 LARGEST_MISFIT = 0.05
 """Misfit above which a hit is not used [-], our choice: what leaves as much, a delay between the
 channels or noise, changes the ratio by the square of it at most, a quarter of a per cent."""
-HARMLESS = frozenset(
-    {Reason.WEAK, Reason.DOUBLE_HIT, Reason.INCONSISTENT, Reason.POLARITY, Reason.SURPLUS}
-)
+HARMLESS = frozenset({Reason.WEAK, Reason.DOUBLE_HIT, Reason.INCONSISTENT, Reason.POLARITY})
 """Reasons against a hit that do not count here: a ratio needs neither strength, nor one pulse, nor
 hits that are alike."""
 SHORTEST_CONTACT = 5

@@ -407,8 +407,8 @@ def _check_rest(residual: float, noise: float) -> tuple[str, ...]:
         return ()
     warning = (
         f"the contact law leaves {100.0 * residual:.2g} % of the peak, where noise is"
-        f" {100.0 * noise:.2g} %: the contact loses energy in another way, so that e, impact speed"
-        " and energy may be farther off than their ±"
+        f" {100.0 * noise:.2g} %: the contact is not quite of this law, and duration, e, impact"
+        " speed and energy may be farther off than their ±"
     )
     return (warning,)
 

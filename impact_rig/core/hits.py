@@ -104,7 +104,7 @@ def judge_hit(
     found = check_stream(record)
     if any(item.reason is not Reason.GAP for item in found):
         return JudgedHit(record.label, tuple(found), record.stamp)
-    found += check_channels(record, settings)
+    found += check_channels(record)
     overloaded = any(item.reason is Reason.OVERLOAD for item in found)
     if record.pulse_index is None:
         return JudgedHit(record.label, tuple(found), record.stamp)

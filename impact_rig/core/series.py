@@ -100,26 +100,12 @@ def compute_criteria(figures: FloatArray) -> Criteria:
     counts = np.count_nonzero(np.isfinite(figures), axis=0)
     thresholds = compute_thresholds(np.maximum(counts, 1))
     floors = np.array([measure.floor for measure in MEASURES])
-    medians, spreads = _compute_spreads(figures, floors * ENDLESS_THRESHOLD / thresholds)
+    medians = _compute_medians(figures)
+    deviations = SPREAD_OF_MEDIAN * _compute_medians(np.abs(figures - medians))
+    spreads = np.maximum(deviations, floors * ENDLESS_THRESHOLD / thresholds * np.abs(medians))
     return Criteria(
         counts, medians, spreads, np.where(counts >= FEWEST_HITS, thresholds, math.inf)
     )
-
-
-def compute_distances(figures: FloatArray) -> FloatArray:
-    """Return hits' sums of squared deviations from the medians, in standard deviations.
-
-    For the shapes see `compute_criteria`; what is not known counts nothing.
-    """
-    medians, spreads = _compute_spreads(figures, np.array([item.floor for item in MEASURES]))
-    return np.asarray(np.square(np.nan_to_num((figures - medians) / spreads)).sum(axis=1))
-
-
-def _compute_spreads(figures: FloatArray, floors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return medians and robust standard deviations, not below `floors` of the medians."""
-    medians = _compute_medians(figures)
-    deviations = SPREAD_OF_MEDIAN * _compute_medians(np.abs(figures - medians))
-    return medians, np.maximum(deviations, floors * np.abs(medians))
 
 
 def _compute_medians(figures: FloatArray) -> FloatArray:
@@ -148,17 +134,9 @@ class Selection:
 
 
 class HitSeries:
-    """Hits of one sample in the order of arrival.
+    """Hits of one sample in the order of arrival."""
 
-    Parameters
-    ----------
-    keep : int
-        How many hits are averaged at most: those with the least sum of squared deviations from
-        the medians, each in standard deviations, after those accepted by hand; 0: all.
-    """
-
-    def __init__(self, keep: int = 0) -> None:
-        self._keep = keep
+    def __init__(self) -> None:
         self._hits: list[JudgedHit] = []
         # Of accepted hits, by their places in the list of all hits.
         self._figures: dict[int, FloatArray] = {}
@@ -270,7 +248,7 @@ class HitSeries:
         return [place for place in self._figures if not self._hits[place].overruled]
 
     def _choose(self) -> None:
-        """Leave out the outliers, then all but the most consistent."""
+        """Leave out the outliers."""
         compared = np.array(self._list_compared(), dtype=np.int64)
         figures = np.reshape([self._figures[place] for place in compared], (-1, len(MEASURES)))
         criteria = compute_criteria(figures)
@@ -279,14 +257,6 @@ class HitSeries:
         self._left_out = {
             place: criteria.explain(self._figures[place]) for place in compared[outlying].tolist()
         }
-        if self._keep:
-            count = len(self._traces) - len(self._left_out)
-            why = f"not among the {self._keep} most consistent of {count}"
-            wanted = max(self._keep - len(self._traces) + compared.size, 0)
-            # Of equal ones the earlier stay.
-            order = np.argsort(compute_distances(figures[~outlying]), kind="stable")
-            surplus = compared[~outlying][order[wanted:]].tolist()
-            self._left_out |= dict.fromkeys(surplus, (Finding(Reason.SURPLUS, why),))
 
 
 def _find_turned(hit: FilteredHit, before: TraceSum) -> list[int]:

@@ -85,13 +85,12 @@ class Session:
     def _judge(self, record: Record) -> JudgedHit:
         """Judge one record, compare it with the hits so far, and count it in.
 
-        What is accepted here may still turn out an outlier, or surplus, once more hits have come.
+        What is accepted here may still turn out an outlier once more hits have come.
         """
         self._modelled = ()
         corners = [response.low_corner for response in self.setup.responses]
         hit = replace(judge_hit(record, self.setup.analysis, corners), origin=record.origin)
-        keep = self.setup.analysis.keep_hits
-        series = self._series.setdefault(hit.label.sample, HitSeries(keep))
+        series = self._series.setdefault(hit.label.sample, HitSeries())
         if hit.accepted:
             hit = replace(hit, rejections=series.check(hit))
         hit = overrule_hit(hit, self._overrules)

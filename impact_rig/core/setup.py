@@ -40,17 +40,9 @@ class AnalysisSettings:
     maximum_peak : float
         Strongest acceptable peak of either channel, part of full scale [-]. Our choice: room for
         offset and noise below the rail.
-    overload_run : int
-        Points in a row at the rail that make an overload [-]. Our choice: one point may be
-        chance, two are not.
     double_hit_level : float
         Second pulse that makes a double hit, part of the first [-]. Our choice: noise and what
         sensors leave behind are less.
-    keep_hits : int
-        How many accepted hits of a sample are averaged at most, the most consistent ones [-]; 0:
-        all.
-    double_hit_window : float
-        Distance of two pulses up to which the second counts [s]; 0: any.
     contact_exponent : float
         n of the contact law where it is known [-]; 0: it is fitted.
     """
@@ -62,10 +54,7 @@ class AnalysisSettings:
     detection_level: float = 0.03
     minimum_peak: float = 0.15
     maximum_peak: float = 0.95
-    overload_run: int = 2
     double_hit_level: float = 0.02
-    keep_hits: int = 0
-    double_hit_window: float = field(default=0.0, metadata=describe("s"))
     contact_exponent: float = 0.0
 
     def __post_init__(self) -> None:
@@ -83,10 +72,7 @@ class AnalysisSettings:
             ("detection_level", 1e-6, 1.0),
             ("minimum_peak", 0.0, 1.0),
             ("maximum_peak", 0.0, 1.0),
-            ("overload_run", 1, 1000),
             ("double_hit_level", 1e-3, 1.0),
-            # More than any campaign strikes.
-            ("keep_hits", 0, 1_000_000),
         ):
             check_between(name, getattr(self, name), low, high)
         if self.maximum_peak <= self.minimum_peak:
@@ -94,12 +80,9 @@ class AnalysisSettings:
                 f"maximum_peak is {self.maximum_peak!r}: it must lie above the minimum_peak of"
                 f" {self.minimum_peak!r}"
             )
-        check_not_negative("double_hit_window", self.double_hit_window, "s")
         if self.contact_exponent:
             # 1 is a linear spring, 3/2 Hertz; the family of laws ends a little beyond.
             check_between("contact_exponent", self.contact_exponent, 0.6, 3.9)
-        if self.keep_hits != int(self.keep_hits):
-            raise ParameterError(f"keep_hits is {self.keep_hits!r}: it must be whole")
 
 
 DEFAULT_CLOCK_UNCERTAINTY = 5.8e-5

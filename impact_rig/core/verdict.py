@@ -39,7 +39,6 @@ class Reason(Enum):
     UNSTEADY_ZERO = "unsteady_zero"
     POLARITY = "polarity"
     INCONSISTENT = "inconsistent"
-    SURPLUS = "surplus"
     OPERATOR = "operator"
 
 
@@ -286,7 +285,6 @@ def find_second_pulse(
     pulse: PulseWidth,
     level: float,
     noise: float = 0.0,
-    window: float = math.inf,
 ) -> SecondPulse | None:
     """Find the largest bump beside the largest of all: a contact first, then what may be one.
 
@@ -301,8 +299,6 @@ def find_second_pulse(
         Least height that counts, part of the largest pulse [-].
     noise : float
         Standard deviation of the trace's noise [unit of the trace].
-    window : float
-        Largest distance of two contacts that counts, middle to middle [points].
     """
     upright = trace if pulse.peak > 0 else -trace
     # A pulse of just that level is seen; noise of 6 standard deviations is, once in 10^4 records.
@@ -322,11 +318,10 @@ def find_second_pulse(
         delay = (index if is_cut else (rise + fall) / 2.0) - pulse.middle
         # Sooner it is the same contact; of less than 5 % it may be how the hammer answers to it.
         apart = 1.3 * width if height > 0.05 * abs(pulse.peak) else 1.36 * foot
-        is_apart = apart <= abs(delay) <= window
+        if abs(delay) < apart:
+            continue
         # A softer hit lasts longer (Hertz).
         shortest = 0.0 if is_cut else 0.5 * width
-        if not is_apart:
-            continue
         found = SecondPulse(height / abs(pulse.peak), delay)
         # A wave swings by 1 to the other side, a contact by 0.
         if _find_swing(upright, pulse, index) >= 0.5 * height:
@@ -378,7 +373,7 @@ def check_stream(record: Record) -> list[Finding]:
     return found
 
 
-def check_channels(record: Record, settings: AnalysisSettings) -> list[Finding]:
+def check_channels(record: Record) -> list[Finding]:
     """Find dead and overloaded channels of a finite record, and points that cannot be."""
     channels = list(zip(CHANNELS, record.channels, strict=False))
     # Half the default pre-trigger: a weak pulse begins early.
@@ -394,7 +389,8 @@ def check_channels(record: Record, settings: AnalysisSettings) -> list[Finding]:
         found.append(Finding(Reason.NO_PULSE, "the hammer trace never leaves its baseline"))
     for name, trace in channels:
         run = find_longest_rail_run(trace, quiet)
-        if run >= settings.overload_run:
+        # One point may be chance.
+        if run > 1:
             rail = float(np.max(np.abs(trace.acceleration)))
             text = (
                 f"{run} points in a row of the {name} at the rail of {rail:.4g} m/s^2"
@@ -464,7 +460,7 @@ def check_pulse(
     sampling_rate : float
         [Hz]
     settings : AnalysisSettings
-        `double_hit_level` and `double_hit_window` are used.
+        `double_hit_level` is used.
     """
     found = []
     if pulse.half_amplitude_width < LIMITS.fewest_points:
@@ -481,18 +477,17 @@ def check_pulse(
         found.append(Finding(Reason.NO_PULSE, text))
     if pulse.fall + pulse.half_amplitude_width > hammer.size - 1:
         found.append(Finding(Reason.TRUNCATED, "the record ends too soon after the pulse"))
-    level, window = settings.double_hit_level, settings.double_hit_window
-    second = find_second_pulse(hammer, pulse, level, noise, window * sampling_rate or math.inf)
+    level = settings.double_hit_level
+    second = find_second_pulse(hammer, pulse, level, noise)
     if second is not None:
         place = (
             f"of {float(f'{second.height * 100:.2g}'):g} % of the largest"
             f" {'follows after' if second.delay > 0 else 'precedes it by'}"
             f" {abs(second.delay) / sampling_rate * 1e6:.0f} µs"
         )
-        within = f" within {window * 1e6:g} µs" if window else ""
         is_harmless = second.reason is Reason.RINGING
         if second.reason is Reason.DOUBLE_HIT:
-            text = f"a second pulse {place}; from {level * 100:g} % on{within} one counts"
+            text = f"a second pulse {place}; from {level * 100:g} % on one counts"
         elif is_harmless:
             text = f"a bump {place}: ringing, or a second contact in it"
         else:

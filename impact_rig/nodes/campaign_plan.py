@@ -1,7 +1,6 @@
 """What a campaign has to do: as a goal asks for it, or as the recordings of a run have it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from builtin_interfaces.msg import Time
@@ -45,11 +44,6 @@ def plan_campaign(
         return goal.resumed
     if goal.impacts < 1:
         raise ParameterError("impacts is 0: a campaign needs at least 1 per sample")
-    if goal.keep_hits > goal.impacts:
-        raise ParameterError(
-            f"keep_hits is {goal.keep_hits} of {goal.impacts} impacts: no more hits can be"
-            " kept than are struck"
-        )
     samples = list(goal.samples) or list(setup.samples.names)
     for name in samples:
         setup.samples.find(name)
@@ -57,8 +51,6 @@ def plan_campaign(
             raise ParameterError(f"sample {name!r} is asked for twice: once is enough")
     if angles := list(goal.release_angles) or angles:
         setup = setup.at_angles(angles)
-    if goal.keep_hits:
-        setup = replace(setup, analysis=replace(setup.analysis, keep_hits=goal.keep_hits))
     message = setup_to_msg(setup, stamp)
     message.campaign_id = id_to_msg(make_id())
     message.plan = msg.CampaignPlan(

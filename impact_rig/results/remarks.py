@@ -241,7 +241,7 @@ def _list_samples_without_hits(results: Results) -> list[Remark]:
 
 def _list_rejections(results: Results) -> list[Remark]:
     """Return how many hits were left out, and why."""
-    rejected = [hit for hit in results.rejections if _is_wrong(hit)]
+    rejected = results.rejections
     if not rejected:
         return []
     part = len(rejected) / len(results.hits)
@@ -257,10 +257,7 @@ def count_reasons(hits: Sequence[HitResults]) -> str:
 
 
 def tabulate_rejections(results: Results) -> list[Table]:
-    """Return the rejected hits with their reasons, and what the virtual rig did on purpose.
-
-    Marked are those with which something is wrong, not those that others were preferred to.
-    """
+    """Return the rejected hits with their reasons, and what the virtual rig did on purpose."""
     hits = sorted(results.rejections, key=lambda hit: hit.record)
     columns = [
         *_make_label_columns(hits),
@@ -272,8 +269,7 @@ def tabulate_rejections(results: Results) -> list[Table]:
     notes = [f"Hit 3.2: impact 3, attempt 2. Reasons: {count_reasons(hits)}."]
     if any(hit.injected_faults for hit in hits):
         notes.append("Injected: what the virtual rig did wrong on purpose.")
-    wrong = [place for place, hit in enumerate(hits) if _is_wrong(hit)]
-    return list_table(f"Rejected hits: {len(hits)}", columns, notes, wrong)
+    return list_table(f"Rejected hits: {len(hits)}", columns, notes)
 
 
 def tabulate_accepted(results: Results) -> list[Table]:
@@ -315,11 +311,6 @@ def _make_hammer_column(hits: Sequence[HitResults], setup: RigSetup) -> Column:
     peaks = [factor * hit.hammer_peak for hit in hits]
     cells = [format_number(peak, 1) for peak in peaks]
     return make_optional(f"Hammer peak [{show_unit(unit)}]", cells)
-
-
-def _is_wrong(hit: HitResults) -> bool:
-    """Whether something is wrong with a rejected hit; else others were preferred to it."""
-    return any(_read_code(reason) != Reason.SURPLUS.value for reason in hit.reasons)
 
 
 def _read_code(reason: str) -> str:

@@ -53,8 +53,8 @@ def make_hit(number: int, factor: float = 1.0, noise: float = 1.0) -> JudgedHit:
     )
 
 
-def make_series(hits: list[JudgedHit], keep: int = 0) -> HitSeries:
-    series = HitSeries(keep)
+def make_series(hits: list[JudgedHit]) -> HitSeries:
+    series = HitSeries()
     for hit in hits:
         series.add(hit)
     return series
@@ -147,8 +147,8 @@ def make_hits(count: int, scatter: float = 0.003, seed: int = 1) -> list[JudgedH
     ]
 
 
-def select_hits(hits: list[JudgedHit], keep: int = 0) -> Selection:
-    return make_series(hits, keep).select()
+def select_hits(hits: list[JudgedHit]) -> Selection:
+    return make_series(hits).select()
 
 
 def find_numbers(hits: tuple[JudgedHit, ...]) -> list[int]:
@@ -220,37 +220,12 @@ class TestThresholds:
         assert 15 <= found <= 60
 
 
-class TestKeeping:
-    """Of more hits than needed, the most consistent."""
-
-    def test_the_nearest_to_the_medians_are_kept(self):
-        # Off by 0 to 6 us, in units of the same spread: the two farthest go.
-        offsets = [0, 1, -1, 2, -3, 6, -5]
-        hits = [make_figures(i, (200 + offset) * 1e-6) for i, offset in enumerate(offsets)]
-        selection = select_hits(hits, keep=5)
-        assert find_numbers(selection.kept) == [0, 1, 2, 3, 4]
-        assert [str(item) for hit in selection.left_out for item in hit.rejections] == [
-            "surplus: not among the 5 most consistent of 7"
-        ] * 2
-
-    def test_outliers_go_first_and_keep_their_own_reason(self):
-        hits = make_hits(12)
-        hits[2] = replace(hits[2], contact_time=300e-6)
-        selection = select_hits(hits, keep=10)
-        assert len(selection.kept) == 10
-        reasons = [[item.reason for item in hit.rejections] for hit in selection.left_out]
-        assert sorted(reason.value for (reason,) in reasons) == ["inconsistent", "surplus"]
-
-    def test_one_that_a_person_accepted_stays_and_is_not_held_against_others(self):
-        by_hand = replace(make_figures(99, 900e-6), overruled=(Finding(Reason.OPERATOR, "so"),))
-        selection = select_hits([*make_hits(11), by_hand], keep=10)
-        assert 99 in find_numbers(selection.kept)
-        assert len(selection.kept) == 10
-        assert {item.reason for hit in selection.left_out for item in hit.rejections} == {
-            Reason.SURPLUS
-        }
-        # What the others have against it is not forgotten.
-        assert Reason.INCONSISTENT in {item.reason for item in selection.kept[-1].overruled}
+def test_one_that_a_person_accepted_is_not_held_against_others():
+    by_hand = replace(make_figures(99, 900e-6), overruled=(Finding(Reason.OPERATOR, "so"),))
+    selection = select_hits([*make_hits(11), by_hand])
+    assert len(selection.kept) == 12
+    # What the others have against it is not forgotten.
+    assert Reason.INCONSISTENT in {item.reason for item in selection.kept[-1].overruled}
 
 
 @given(middles=st.lists(st.floats(300, 500), min_size=1, max_size=12))

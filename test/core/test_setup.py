@@ -111,7 +111,6 @@ def test_angles_tell_no_speed_where_none_is_known():
         ("record_duration", -2e-3, "above zero"),
         ("pre_trigger", 2e-3, "shorter than the record of 0.002 s"),
         ("maximum_peak", 0.15, "above the minimum_peak of 0.15"),
-        ("keep_hits", 2.5, "must be whole"),
         ("double_hit_level", 0.0, "between 0.001 and 1"),
     ],
 )

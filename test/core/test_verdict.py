@@ -58,7 +58,7 @@ def judge_strength(record: Record) -> list[Finding]:
         record,
         [float(np.abs(channel.acceleration).max()) for channel in record.channels],
         SETTINGS,
-        overloaded=Reason.OVERLOAD in find_reasons(check_channels(record, SETTINGS)),
+        overloaded=Reason.OVERLOAD in find_reasons(check_channels(record)),
     )
 
 
@@ -88,12 +88,12 @@ class TestChannels:
     def test_a_dead_channel_is_named(self, dead, noise):
         quiet, struck = make_trace(0.0, noise=noise), make_trace(900.0)
         traces, index = ((struck, quiet), 200) if dead == "sample" else ((quiet, struck), None)
-        (found,) = check_channels(make_record(*traces, pulse_index=index), SETTINGS)
+        (found,) = check_channels(make_record(*traces, pulse_index=index))
         assert str(found) == f"dead_channel: the {dead} channel shows no signal"
 
     def test_an_overload_says_how_long_and_where_and_how_high(self):
         specimen = np.clip(make_trace(5000.0, noise=0.0), -2000, 2000)
-        (found,) = check_channels(make_record(make_trace(900.0), specimen), SETTINGS)
+        (found,) = check_channels(make_record(make_trace(900.0), specimen))
         run = np.count_nonzero(specimen >= 1996)
         # 2000 m/s^2 over the standard acceleration of 9.80665 m/s^2.
         assert str(found) == (
@@ -103,9 +103,9 @@ class TestChannels:
     def test_one_point_at_the_rail_may_be_chance_and_two_are_not(self):
         hammer = make_trace(1960.0, noise=0.0)
         hammer[300] = 2000.0
-        assert check_channels(make_record(hammer), SETTINGS) == []
+        assert check_channels(make_record(hammer)) == []
         hammer[301] = 2000.0
-        assert find_reasons(check_channels(make_record(hammer), SETTINGS)) == [Reason.OVERLOAD]
+        assert find_reasons(check_channels(make_record(hammer))) == [Reason.OVERLOAD]
 
     @pytest.mark.parametrize("bits", [12, 16])
     @pytest.mark.parametrize("rail", [0.985, 1.015])
@@ -113,7 +113,7 @@ class TestChannels:
         step = 2000.0 / 2 ** (bits - 1)
         clipped = np.minimum(make_trace(1.03 * rail * 2000.0), rail * 2000.0)
         record = make_record(np.rint(clipped / step) * step, resolution=step)
-        assert find_reasons(check_channels(record, SETTINGS)) == [Reason.OVERLOAD]
+        assert find_reasons(check_channels(record)) == [Reason.OVERLOAD]
 
     @pytest.mark.parametrize("missing", [15, 40])
     @pytest.mark.parametrize("place", [0.3, 0.7])
@@ -121,7 +121,7 @@ class TestChannels:
         hammer = Impact(noise=5e-4).measure()[0]
         first = 500 + int(place * 212e-6 * 2.5e6)
         record = make_record(np.delete(hammer, slice(first, first + missing)), pulse_index=500)
-        (found,) = check_channels(record, SETTINGS)
+        (found,) = check_channels(record)
         assert found.reason is Reason.GAP
         assert "the hammer jumps by" in found.explanation
 
@@ -130,7 +130,7 @@ class TestChannels:
         hammer = Impact().measure()[0]
         limit = part * hammer.max()
         wrapped = (hammer + limit) % (2.0 * limit) - limit
-        (found,) = check_channels(make_record(wrapped, pulse_index=500), SETTINGS)
+        (found,) = check_channels(make_record(wrapped, pulse_index=500))
         assert found.reason is Reason.OVERLOAD
         assert "its counts wrap around" in found.explanation
 
@@ -139,7 +139,7 @@ class TestChannels:
         points = np.clip((np.arange(400) - 200 - phase) / width, 0, 1)
         hammer = 900.0 * np.sin(np.pi * points) ** 2
         hammer += noise * np.random.default_rng(1).standard_normal(400)
-        assert check_channels(make_record(hammer), SETTINGS) == []
+        assert check_channels(make_record(hammer)) == []
 
 
 def make_channel(values: np.ndarray) -> ChannelBlock:
@@ -176,7 +176,7 @@ class TestRail:
                     trace = np.rint(trace / volts * levels) * volts / levels
                 written = np.array([float(f"{value:.2e}") for value in trace])
                 run = find_longest_rail_run(make_channel(written), 200)
-                assert (run >= SETTINGS.overload_run) is (part < 1.0)
+                assert (run >= 2) is (part < 1.0)
 
 
 class TestTop:

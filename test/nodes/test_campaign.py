@@ -71,7 +71,6 @@ IMPOSSIBLE = {
     "release angle is -5.72958°: it must be": {
         "samples": [], "impacts": 1, "release_angles": [0.1, -0.1],
     },
-    "keep_hits is 4 of 3 impacts": {"samples": [], "impacts": 3, "keep_hits": 4},
 }  # fmt: skip
 
 
@@ -83,11 +82,11 @@ def test_an_impossible_goal_has_no_plan(word):
 
 
 def test_the_plan_has_what_the_goal_asks_for():
-    goal = RunCampaign.Goal(samples=[CONTROL_SAMPLE], impacts=6, keep_hits=4)
+    goal = RunCampaign.Goal(samples=[CONTROL_SAMPLE], impacts=6)
     angles = [math.radians(5.0), math.radians(10.0)]
     setup = plan_campaign(goal, PAPER_SETUP, angles, stamp_to_msg(0))
     assert list(setup.plan.samples) == [f"{CONTROL_SAMPLE} 5°", f"{CONTROL_SAMPLE} 10°"]
-    assert (setup.plan.impacts, setup.analysis.keep_hits) == (6, 4)
+    assert setup.plan.impacts == 6
     resumed = plan_campaign(RunCampaign.Goal(resumed=setup), PAPER_SETUP, (), stamp_to_msg(1))
     assert (resumed.campaign_id, resumed.plan) == (setup.campaign_id, setup.plan)
 

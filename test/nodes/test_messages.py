@@ -30,7 +30,7 @@ VALUES = {
 CHECKED = {
     Sample: st.just(SETUP.samples.samples[0]),
     Sensor: st.just(SETUP.sensors[0]),
-    AnalysisSettings: st.just(AnalysisSettings(7e4, 1.8, 1e-4, 3e-3, keep_hits=12)),
+    AnalysisSettings: st.just(AnalysisSettings(7e4, 1.8, 1e-4, 3e-3)),
     RigSetup: st.just(replace(PAPER_SETUP, hammer_stiffness=2e7, description="on the bench")),
 }
 """Records that refuse values which cannot be meant."""

@@ -83,9 +83,7 @@ def setup_fields(**changes: Any) -> dict[str, Any]:
         "detection_level": 0.03,
         "minimum_peak": 0.15,
         "maximum_peak": 0.95,
-        "overload_run": 3,
         "double_hit_level": 0.05,
-        "keep_hits": 0,
     }
     fields = {
         "header": {"stamp": {"sec": 1_700_000_000, "nanosec": 250}},

@@ -19,7 +19,7 @@ UNKNOWN = RigSetup(
     SampleSet((Sample("aluminium, large", math.nan),), ""),
     hammer_mass=math.nan,
     impact_speed=0.0819,
-    analysis=AnalysisSettings(cutoff_frequency=0.0, keep_hits=3, record_duration=1.0),
+    analysis=AnalysisSettings(cutoff_frequency=0.0, record_duration=1.0),
     description="Größe 5 µm",
 )
 

@@ -29,7 +29,7 @@ SETUP = replace(
     PAPER_SETUP,
     samples=SampleSet((Sample("tin", 0.01, "metal", 2e-4, 3e6, 4.0, 1e-3),), "tin", 5e-3, 6e-4),
     hammer_mass_uncertainty=3e-4,
-    analysis=AnalysisSettings(cutoff_frequency=7e4, keep_hits=12),
+    analysis=AnalysisSettings(cutoff_frequency=7e4),
     sensors=(
         Sensor("hammer", "force", "N", 2.25e-3, 2200.0, "SN 7", "2026-03-01", 0.01, resonance=7e4),
     ),

@@ -39,11 +39,8 @@ SETTINGS = {
     "detection_level": ("pulse found from, of full scale", "%", 100.0),
     "minimum_peak": ("weak below, of full scale", "%", 100.0),
     "maximum_peak": ("overload above, of full scale", "%", 100.0),
-    "overload_run": ("points at the rail that make an overload", "", 1.0),
     "double_hit_level": ("second pulse that makes a double hit, of the first", "%", 100.0),
-    "double_hit_window": ("second pulse counts within, 0 for anywhere", "ms", 1e3),
     "contact_exponent": ("n of the contact law, 0 where it is fitted", "", 1.0),
-    "keep_hits": ("hits of a sample averaged at most, 0 for all", "", 1.0),
 }
 """Fields of `AnalysisSettings`: label, unit, and scale to it."""
 
