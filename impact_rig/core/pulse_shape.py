@@ -499,8 +499,8 @@ def _find_warning(best: ShapeFit, versed: ShapeFit, noise: float, *, told_apart:
         return (
             f"no known shape describes the pulse: the best, {best.shape}, leaves"
             f" {best.residual_percent:.2g} % of the peak, as of two contacts, a sensor that rings,"
-            " an amplifier that clips or filters; the uncertainty of the contact time holds all"
-            " shapes"
+            " an amplifier that clips or filters; the uncertainty of the contact time holds the"
+            " known shapes, and not this one"
         )
     if told_apart and best.duration > 0.0 and versed.residual_percent > 100.0 * doubtful:
         return (
