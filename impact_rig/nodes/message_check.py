@@ -1,7 +1,6 @@
 """Messages are checked once, when they come: what cannot be meant is dropped, and ends no node."""
 
 import math
-from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -57,34 +56,11 @@ CHECKS: dict[type, Callable[[Any], object]] = {
 """What raises if a message cannot be meant; of the other types any values can."""
 
 
-class MessageCheck:
-    """Tells sound messages from others, which it counts and names, those of each topic once.
-
-    Parameters
-    ----------
-    warn : callable
-        Called with a sentence.
-    """
-
-    def __init__(self, warn: Callable[[str], None]) -> None:
-        self._warn = warn
-        self._dropped: Counter[str] = Counter()
-
-    @property
-    def dropped(self) -> int:
-        """How many messages were not sound [-]."""
-        return self._dropped.total()
-
-    def accepts(self, topic: Topic, message: Any) -> bool:
-        """Return whether a message is sound; may be called in any thread."""
-        check = CHECKS.get(topic.type)
-        if check is None:
-            return True
+def find_problem(topic: Topic, message: Any) -> str | None:
+    """Return why a message cannot be meant; None: it is sound."""
+    if check := CHECKS.get(topic.type):
         try:
             check(message)
         except (RigError, ValueError, OverflowError) as error:
-            self._dropped[topic.name] += 1
-            if self._dropped[topic.name] == 1:
-                self._warn(f"a message of {topic.name} is dropped, as all like it: {error}")
-            return False
-        return True
+            return str(error)
+    return None

@@ -2,6 +2,7 @@
 
 import json
 import platform
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -24,7 +25,7 @@ from impact_rig.core.errors import RigError
 from impact_rig.nodes.async_node import AsyncNode
 from impact_rig.nodes.identity import Identity, Membership, id_from_msg
 from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic, make_join_name
-from impact_rig.nodes.message_check import MessageCheck
+from impact_rig.nodes.message_check import find_problem
 
 RCLError = rclpy_implementation.RCLError
 DIAGNOSTIC_PERIOD = 1.0
@@ -62,7 +63,7 @@ class RigNode(AsyncNode):
             "autostart", True, "configure and activate at start-up, without a lifecycle manager"
         )
         self.messages_handled = 0
-        self.message_check = MessageCheck(self.get_logger().warning)
+        self.messages_dropped: Counter[str] = Counter()  # which were not sound, by topic
         self.membership = Membership(self.get_logger().warning)
         self._states: list[tuple[Any, Callable[[], None]]] = []
         self._diagnostics = self.create_publisher(
@@ -194,8 +195,16 @@ class RigNode(AsyncNode):
 
     def takes(self, topic: Topic, message: Any) -> bool:
         """Return whether a message is of this node's campaign, and sound."""
-        is_foreign = self.membership.is_foreign(message, topic.name)
-        return not is_foreign and self.message_check.accepts(topic, message)
+        if self.membership.is_foreign(message, topic.name):
+            return False
+        problem = find_problem(topic, message)
+        if problem is None:
+            return True
+        self.messages_dropped[topic.name] += 1
+        if self.messages_dropped[topic.name] == 1:
+            warning = f"a message of {topic.name} is dropped, as all like it: {problem}"
+            self.get_logger().warning(warning)
+        return False
 
     def find_missing_subscriber(self, topic: str, required: Iterable[str]) -> str | None:
         """Return which of the required nodes does not subscribe to a topic."""
@@ -356,7 +365,7 @@ class RigNode(AsyncNode):
                 KeyValue(key=key, value=str(value))
                 for key, value in {
                     "lifecycle": state,
-                    "messages dropped": self.message_check.dropped,
+                    "messages dropped": self.messages_dropped.total(),
                     **self.diagnose(),
                 }.items()
             ],

@@ -141,8 +141,7 @@ def sample_traces_from_msgs(
 def _stack(hammer: Any, specimen: Any) -> NDArray[np.float64]:
     """Return two traces of a message, shape (2, n)."""
     traces = [np.frombuffer(memoryview(trace), np.float32) for trace in (hammer, specimen)]
-    count = min(trace.size for trace in traces)
-    return np.stack([trace[:count] for trace in traces]).astype(np.float64)
+    return np.stack(traces).astype(np.float64)
 
 
 def is_shown(number: int) -> bool:
@@ -175,7 +174,7 @@ class ShownCampaign:
         self._hits: dict[HitLabel, HitResults] = {}
         self._faults: dict[HitLabel, tuple[str, ...]] = {}
         self._hammer: HammerEstimate | None = None
-        self._estimates: dict[str, SampleEstimate] = {}
+        self.estimates: dict[str, SampleEstimate] = {}
         self._comparisons: dict[str, dict[str, ModelComparison]] = {}
 
     def add_block(self, block: Block) -> None:
@@ -203,7 +202,7 @@ class ShownCampaign:
                 label = label_from_msg(message)
                 self._hits[label] = hit_results_from_msg(message, self._faults.get(label, ()))
             case SampleEstimate():
-                self._estimates[message.name] = message
+                self.estimates[message.name] = message
             case HammerEstimate():
                 self._hammer = message
             case ModelComparison():
@@ -218,7 +217,7 @@ class ShownCampaign:
 
     def make_results(self) -> Results:
         """Return what is known now."""
-        hammer, estimates = self._hammer, self._estimates
+        hammer, estimates = self._hammer, self.estimates
         return Results(
             setup=self.setup,
             hammer=paper_method.HammerEstimate()
@@ -235,13 +234,8 @@ class ShownCampaign:
     def make_traces(self, sample: str) -> SampleTraces:
         """Return the traces of one sample as they are known now; errors as they are joined."""
         comparisons = tuple(self._comparisons[sample].values())
-        estimate = self._estimates.get(sample)
+        estimate = self.estimates.get(sample)
         return sample_traces_from_msgs(comparisons, estimate)
-
-    def make_law(self, sample: str) -> ContactLaw:
-        """Return the contact law of one sample as it is known now."""
-        estimate = self._estimates.get(sample)
-        return from_message(ContactLaw, estimate.contact_law) if estimate else NO_LAW
 
 
 Work = Callable[[ViewLog], None]
@@ -413,4 +407,6 @@ class VisualizerNode(RigNode):
 
 
 def _log_sample(log: ViewLog, campaign: ShownCampaign, sample: str) -> None:
-    log.log_sample(campaign.make_traces(sample), campaign.make_law(sample), campaign.setup)
+    estimate = campaign.estimates.get(sample)
+    law = from_message(ContactLaw, estimate.contact_law) if estimate else NO_LAW
+    log.log_sample(campaign.make_traces(sample), law, campaign.setup)

@@ -6,6 +6,7 @@ The messages of all topics are made of their definitions, over DDS, against all 
 import math
 import re
 from array import array
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -21,7 +22,6 @@ from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.interfaces import Topic
-from impact_rig.nodes.message_check import MessageCheck
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.visualizer import VisualizerNode
@@ -127,13 +127,13 @@ def publish_unsound(harness, nodes, topic, message, listeners):
     """Publish an unsound message, and wait until its listeners have counted it."""
     publisher = harness.advertise(topic)
     harness.wait_until(lambda: publisher.get_subscription_count() >= len(listeners))
-    before = {node: node.message_check.dropped for node in nodes}
+    before = {node: node.messages_dropped.total() for node in nodes}
 
     def is_counted():
         # A listener that has not met the publisher yet takes a later one.
         publisher.publish(message)
         return all(
-            node.message_check.dropped > before[node]
+            node.messages_dropped.total() > before[node]
             for node in nodes
             if node.get_name() in listeners
         )
@@ -147,11 +147,12 @@ def test_what_is_not_sound_is_counted_by_its_listeners(harness, nodes):
     assert all(node.is_active for node in nodes)
 
 
-def test_the_first_unsound_message_of_a_topic_is_named():
+def test_the_first_unsound_message_of_a_topic_is_named(harness, monkeypatch):
     warnings = []
-    check = MessageCheck(warnings.append)
+    node = harness.add(CampaignNode)
+    monkeypatch.setattr(node, "get_logger", lambda: SimpleNamespace(warning=warnings.append))
     for _ in range(2):
-        assert not check.accepts(interfaces.HAMMER_STATE, msg.HammerState(state=7))
+        assert not node.takes(interfaces.HAMMER_STATE, msg.HammerState(state=7))
     (warning,) = warnings
     assert warning.startswith(
         "a message of hammer/state is dropped, as all like it: 7 is not a valid HammerPlace"
