@@ -3,6 +3,10 @@
 import os
 from pathlib import Path
 
+from impact_rig.configuration.processes import use_one_thread
+
+use_one_thread()  # as the rig's own programs do
+
 _PATHS = (str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", ""))
 # The processes that it starts find its modules, too.
 os.environ["PYTHONPATH"] = os.pathsep.join(path for path in _PATHS if path)
