@@ -86,7 +86,8 @@ class Workspace:
         python = self._fingerprint(self.get_requirements("installer"), *place)
         build = self._fingerprint(self.build_requirements, python)
         packages = self._fingerprint(self.get_requirements(*LIBRARIES), build)
-        messages = self._fingerprint((self.root / "msg_config").rglob("*"), build)
+        definitions = (self.root / "msg_config").rglob("*")
+        messages = self._fingerprint((it for it in definitions if it.suffix != ".md"), build)
         nodes = [
             self.root / "setup.py",
             self.root / "package.xml",

@@ -418,25 +418,6 @@ def _check_speed(law: ContactLaw, stated: float) -> ContactLaw:
     return law if warning is None else replace(law, warnings=(warning, *law.warnings))
 
 
-def describe_contradiction(law: ContactLaw, contact_time: float, factor: float) -> str:
-    """Say what the law makes of a tau_p = factor * w50 [s]; empty: it does not contradict."""
-    if not (law.is_known and law.excludes_versed_sine):
-        return ""
-    duration, exponent, restitution = (
-        f"{quantity.value * scale:.{digits}f} ± {quantity.expanded * scale:.{digits}f}"
-        for quantity, scale, digits in (
-            (law.duration, 1e6, 1),
-            (law.exponent, 1.0, 3),
-            (law.restitution, 1.0, 3),
-        )
-    )
-    return (
-        "the contact is no versed-sine between linear springs, as k and c take it: by its law it"
-        f" lasts {duration} µs (n = {exponent}, e = {restitution}), where the width times"
-        f" {factor:g} gives {contact_time * 1e6:.1f} µs"
-    )
-
-
 def look_at_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
     """Return the law of a mean hit on `sample`; where it is not determined, its notes say why."""
     try:

@@ -400,7 +400,7 @@ class PulseShapeEstimate(Comparable):
     fall_over_rise: float = NAN  # of the best shape's durations
     fits: tuple[ShapeFit, ...] = ()  # in the order of `PULSE_SHAPES`
     # Why a versed-sine does not describe the pulse.
-    warning: str = field(default="", metadata=INTERNAL)
+    warning: str | None = field(default=None, metadata=INTERNAL)
     # Shapes that leave no more than the best, chance apart.
     possible: tuple[str, ...] = field(default=(), metadata=INTERNAL)
     # What the best leaves beyond the noise, over the peak.
@@ -493,7 +493,9 @@ def compute_unexplained(residual: float, noise: float) -> float:
     return math.sqrt(max(residual**2 - 2.0 * noise**2, 0.0))
 
 
-def _find_warning(best: ShapeFit, versed: ShapeFit, noise: float, *, told_apart: bool) -> str:
+def _find_warning(
+    best: ShapeFit, versed: ShapeFit, noise: float, *, told_apart: bool
+) -> str | None:
     doubtful = max(LIMITS.residual, 3.0 * noise)
     if best.residual_percent > 100.0 * doubtful:
         return (
@@ -509,4 +511,4 @@ def _find_warning(best: ShapeFit, versed: ShapeFit, noise: float, *, told_apart:
             f" {best.duration * 1e6:.4g} µs, where the width times 2 gives"
             f" {versed.contact_time * 1e6:.4g} µs"
         )
-    return ""
+    return None

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from impact_rig.core.comparison import ModelComparison, compare_with_model
-from impact_rig.core.contact_law import NO_LAW, ContactLaw, describe_contradiction
+from impact_rig.core.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.damping import estimate_free_decay
 from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.hits import MeanHit
@@ -376,7 +376,7 @@ def add_checks(
     """
     shape, law, contact_time = traces.pulse.shape, traces.pulse.law, estimate.contact_time.value
     # A law that contradicts the versed-sine says all that there is to say of the shape.
-    is_said = describe_contradiction(law, contact_time, setup.analysis.pulse_factor)
+    is_said = law.is_known and law.excludes_versed_sine
     warnings = (
         None if is_said else shape.warning,
         *check_sensors(setup, contact_time),

@@ -279,11 +279,11 @@ class Sensor(Comparable):
         """
         return self.full_scale * compute_scale(self.unit, moving_mass) if self.full_scale else 0.0
 
-    def describe_age(self, today: str) -> str:
-        """Say what there is of its calibration on a day, year-month-day; empty: nothing."""
+    def describe_age(self, today: str) -> str | None:
+        """Say what is wrong with the age of its calibration on a day, year-month-day."""
         day = self.calibration_date
         if not day:
-            return ""
+            return None
         serial = f" {self.serial_number}" if self.serial_number else ""
         told = f"the {self.channel} sensor{serial} was calibrated on {day}"
         # Makers of accelerometers and force sensors recommend a year. Days written year-month-day
@@ -292,7 +292,7 @@ class Sensor(Comparable):
             return f"{told}, over a year before {today}: have it calibrated again"
         if day > today:
             return f"{told}, which lies ahead of {today}: check calibration_date and this clock"
-        return ""
+        return None
 
     def describe(self) -> str:
         """Return what is known of the sensor, in a few words."""

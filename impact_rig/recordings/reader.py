@@ -141,8 +141,13 @@ class Recording:
             ) from None
         except FileError as error:  # it names the topic
             raise FileError(f"{self.path}: {error}") from None
-        except (RigError, TypeError, ValueError, OverflowError) as error:
+        except RigError as error:
             raise FileError(f"{self.path}: {raw.channel.topic}: {error}") from None
+        except (TypeError, ValueError, OverflowError) as error:
+            raise FileError(
+                f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has a field of"
+                f" another kind than in this version: {error}"
+            ) from None
 
 
 def read_recording(path: Path) -> Recording:

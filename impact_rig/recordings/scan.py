@@ -45,6 +45,8 @@ PROFILE = "ros2"
 """Of recordings of ROS 2."""
 MAX_NAME = 512
 """Longest name of a topic or a type [characters], our choice: DDS takes 255."""
+MAX_DAMAGES = 1000
+"""How many damaged places are listed, our choice: further ones are added to the last."""
 MAX_SEARCH = 4
 """How often the bytes of a file may be looked at in search of the next chunk [-], our choice."""
 
@@ -388,7 +390,11 @@ class Scan:
             return False
 
     def _note(self, start: int, end: int, reason: str) -> None:
-        self.damages.append(Damage(start, max(end - start, 0), reason))
+        damage = Damage(start, max(end - start, 0), reason)
+        if len(self.damages) < MAX_DAMAGES:
+            self.damages.append(damage)
+        else:
+            self.damages[-1] = self.damages[-1]._replace(size=self.damages[-1].size + damage.size)
 
     def _read(self, file: BinaryIO, start: int, end: int) -> bytes:
         """Return the bytes of the file from one place to before another."""

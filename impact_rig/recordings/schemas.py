@@ -1,7 +1,7 @@
 """Message types: their text and hash, how two versions differ, and CDR decoded by them.
 
 A recording carries the text of each type, so that it can be decoded anywhere and in ten years.
-Schemas come from strangers: their size is limited.
+Schemas come from strangers: their size and depth are limited.
 """
 
 import json
@@ -26,6 +26,13 @@ from impact_rig.recordings.records import Channel, RawMessage
 MAX_SCHEMA = 1 << 16
 """Longest schema [characters], our choice: seven times our longest one, and read within seconds
 whatever is in it."""
+MAX_PARTS = 10_000
+"""Most messages and texts that one message may be made of by its schema, not counting lists [-],
+our choice: rosbags writes a line of code for each."""
+MAX_LISTED = 1 << 20
+"""Longest message of a type with a list of messages or texts [byte], our choice: an item takes up
+to a hundred times its bytes in memory. Our own ones are a hundredth of that; arrays of numbers,
+as in blocks, are not limited."""
 CACHED_DECODERS = 100
 """How many types are kept ready [-], our choice: making one takes 10 ms."""
 
@@ -74,14 +81,20 @@ def parse_schema(type_name: str, schema: str) -> Types:
     Raises
     ------
     FileError
-        If it cannot be understood.
+        If it cannot be understood, or asks for more than `MAX_PARTS`.
     """
     if len(schema) > MAX_SCHEMA:
         raise FileError(f"it has {len(schema)} characters, {MAX_SCHEMA} are read at most")
     try:
-        return dict(get_types_from_msg(schema, type_name))
+        types: Types = get_types_from_msg(schema, type_name)
+        parts = _count_parts(types, type_name, {})
+    except KeyError as error:
+        raise FileError(f"type {error} is not described") from None
     except _SCHEMA_ERRORS as error:
         raise FileError(_describe_error(error)) from None
+    if parts > MAX_PARTS:
+        raise FileError(f"a message has more than {MAX_PARTS} parts")
+    return types
 
 
 @lru_cache(CACHED_DECODERS)
@@ -89,13 +102,47 @@ def _make_decoder(type_name: str, schema: str) -> _Decode | str:
     """Return a function that decodes messages, or why there is none."""
     store = Typestore()
     try:
-        store.register(parse_schema(type_name, schema))
+        types = parse_schema(type_name, schema)
+        store.register(types)
         store.get_msgdef(type_name)
-    except KeyError as error:
-        return f"type {error} is not described"
-    except (FileError, *_SCHEMA_ERRORS) as error:
+    except FileError as error:
+        return str(error)
+    except _SCHEMA_ERRORS as error:
         return _describe_error(error)
-    return lambda data: store.deserialize_cdr(memoryview(data), type_name)
+    limit = MAX_LISTED if _has_lists(types) else None
+
+    def decode(data: bytes) -> Any:
+        if limit is not None and len(data) > limit:
+            raise SerdeError(f"it has {len(data)} byte, {limit} are read at most")
+        return store.deserialize_cdr(memoryview(data), type_name)
+
+    return decode
+
+
+def _count_parts(types: Types, name: str, known: dict[str, int]) -> int:
+    """Return of how many messages and texts one of a type is made; too many if it holds itself."""
+    if name not in known:
+        known[name] = MAX_PARTS + 1
+        total = 1
+        for _, (kind, content) in types[name][1]:
+            inner, length = content if kind in _ARRAYS else ((kind, content), 1)
+            # A list takes its length from the message: it is counted once.
+            times = length if kind == Nodetype.ARRAY else 1
+            if inner[0] == Nodetype.NAME:
+                total += times * _count_parts(types, inner[1], known)
+            elif inner[1][0] == "string":
+                total += times
+        known[name] = min(total, MAX_PARTS + 1)
+    return known[name]
+
+
+def _has_lists(types: Types) -> bool:
+    return any(
+        kind == Nodetype.SEQUENCE
+        and (content[0][0] == Nodetype.NAME or content[0][1][0] == "string")
+        for _, fields in types.values()
+        for _, (kind, content) in fields
+    )
 
 
 _ARRAYS = (Nodetype.ARRAY, Nodetype.SEQUENCE)

@@ -1,4 +1,4 @@
-"""A schema is somebody else's text: what it describes is decoded, what makes no sense is named."""
+"""A schema is somebody else's text: what it describes is decoded, what it asks for is limited."""
 
 import os
 from itertools import pairwise
@@ -11,6 +11,7 @@ from mcap_ros2._dynamic import serialize_dynamic
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.schemas import (
+    MAX_LISTED,
     MAX_SCHEMA,
     MessageDefinition,
     check_interfaces,
@@ -48,16 +49,23 @@ def test_two_versions_of_a_type_are_decoded_each_by_its_own():
     assert decode("uint8 a\n", EMPTY + b"\3").a == 3
 
 
+def doubling(depth: int) -> str:
+    types = (f"MSG: t/A{i}\nA{i + 1} a\nA{i + 1} b\n" for i in range(depth))
+    return RULE.join(["t/A0 a\n", *types, f"MSG: t/A{depth}\nuint8 x\n"])
+
+
 @pytest.mark.parametrize(
     ("schema", "told"),
     [
-        ("Test again\n", "recursion"),
+        ("Test again\n", "more than 10000 parts"),
+        (doubling(30), "more than 10000 parts"),
+        ("string[1000000000] texts\n", "more than 10000 parts"),
         ("#" * MAX_SCHEMA + "\n", f"has {MAX_SCHEMA + 1} characters"),
         ("other_msgs/Lost x\n", "'other_msgs/msg/Lost' is not described"),
         ("int32 A=" + "9" * 5000 + "\n", "Exceeds the limit"),
         ("??? x\n", "Could not parse"),
     ],
-    ids=range(5),
+    ids=range(7),
 )
 def test_a_schema_that_makes_no_sense_is_named(schema, told):
     with pytest.raises(FileError, match=rf"schema of {NAME} on /test cannot be understood: .*"):
@@ -82,6 +90,17 @@ def test_a_message_that_does_not_fit_is_named(schema, data):
     with pytest.raises(FileError, match=r"on /test does not fit its schema: .") as caught:
         decode(schema, data)
     assert str(caught.value).isprintable()
+
+
+def test_numbers_may_be_many_but_messages_in_a_list_not():
+    """A list of a million messages of one byte would take a hundred megabytes."""
+    size = 2 * MAX_LISTED
+    numbers = decode("uint8[] a\n", EMPTY + length(size) + bytes(size))
+    assert numbers.a.size == size
+    schema = f"A[] a{RULE}MSG: test_msgs/A\nbool x\n"
+    with pytest.raises(FileError, match=f"it has {size + 8} byte, {MAX_LISTED} are read at most"):
+        decode(schema, EMPTY + length(size) + bytes(size))
+    assert len(decode(schema, EMPTY + length(1000) + bytes(1000)).a) == 1000
 
 
 SEPARATOR = "=" * 80

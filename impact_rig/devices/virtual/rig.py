@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from zlib import crc32
 
 import numpy as np
@@ -175,10 +176,9 @@ def couple(signal: FloatArray, coupling_frequency: float, sampling_rate: float) 
         return signal
     pole = math.exp(-2.0 * math.pi * coupling_frequency / sampling_rate)
     gain = (1.0 + pole) / 2.0
+    steps = (gain * np.diff(signal, prepend=0.0)).tolist()
     # As `scipy.signal.lfilter`, whose package takes longer to load than a campaign to strike.
-    decay = pole ** np.arange(signal.size)
-    coupled: FloatArray = gain * decay * np.cumsum(np.diff(signal, prepend=0.0) / decay)
-    return coupled
+    return np.fromiter(accumulate(steps, lambda level, step: pole * level + step), np.float64)
 
 
 OVERLOAD_RANGE = (1.2, 2.0)
