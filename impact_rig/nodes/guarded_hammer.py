@@ -69,16 +69,21 @@ class GuardedHammer:
 
     def __init__(self, publish: Callable[[HammerCondition], None]) -> None:
         self._publish = publish
-        self.condition = HammerCondition()  # set here alone
+        self._condition = HammerCondition()
         self._holder: HammerHolder | None = None
         self._fault: str | None = None
         self._is_known_held = True
         self.is_turning = False  # on its way to the release angle that was last asked for
 
     @property
+    def condition(self) -> HammerCondition:
+        """Its state."""
+        return self._condition
+
+    @property
     def is_stopped(self) -> bool:
         """Whether an emergency stop lasts."""
-        return self.condition.disarmed_by is Disarming.EMERGENCY_STOP
+        return self._condition.disarmed_by is Disarming.EMERGENCY_STOP
 
     def take(self, holder: HammerHolder, *, confirm_return: bool) -> None:
         """Use a holder that has been configured: the hammer is held and disarmed.
@@ -108,7 +113,7 @@ class GuardedHammer:
         """Note that the holder is lost: the hammer may be anywhere."""
         self._fault, self._is_known_held = reason, False
         # A disarming before, above all by a person, is still the last one.
-        taker = Disarming.LOSS if self.condition.is_armed else self.condition.disarmed_by
+        taker = Disarming.LOSS if self._condition.is_armed else self._condition.disarmed_by
         self._change(place=HammerPlace.FAULT, is_armed=False, disarmed_by=taker, message=reason)
 
     def arm(self) -> str | None:
@@ -127,7 +132,7 @@ class GuardedHammer:
 
     def disarm_by_loss(self, reason: str) -> None:
         """Take the enable back because a hit could not be recorded."""
-        if self.condition.is_armed:
+        if self._condition.is_armed:
             self._change(is_armed=False, disarmed_by=Disarming.LOSS, message=reason)
 
     def stop(self) -> None:
@@ -147,7 +152,7 @@ class GuardedHammer:
         """Return why the hammer itself may not go now; None: it may."""
         if reason := self._describe_stop() or self._describe_fault():
             return reason
-        condition = self.condition
+        condition = self._condition
         if not condition.is_armed:
             why = f" ({condition.message})" if condition.disarmed_by is Disarming.LOSS else ""
             return f"the hammer is not armed{why}: call hammer/arm first"
@@ -211,26 +216,26 @@ class GuardedHammer:
         confirm_return : bool
             The hammer is away until somebody confirms that it is back.
         """
-        if self._holder is None or self.condition.place is not HammerPlace.SWINGING:
+        if self._holder is None or self._condition.place is not HammerPlace.SWINGING:
             return
         self._holder.hold()
         self._is_known_held = not confirm_return
         if confirm_return:
             self._change(place=HammerPlace.AWAY, message=_AWAY)
             return
-        if not self.condition.is_armed:  # Why it was disarmed while it swung is not forgotten.
-            message = f"{message}; {self.condition.message}"
+        if not self._condition.is_armed:  # Why it was disarmed while it swung is not forgotten.
+            message = f"{message}; {self._condition.message}"
         self._change(place=HammerPlace.HELD, message=message)
 
     def confirm_held(self) -> str | None:
         """Take a person's word that the hammer is back; return why that is refused, if it is."""
         if self._holder is None or self._fault:
             return self._describe_fault()
-        if self.condition.place is HammerPlace.SWINGING:
+        if self._condition.place is HammerPlace.SWINGING:
             return "the hammer swings: wait for the swing to end"
         self._holder.hold()
         self._is_known_held = True
-        if self.condition.place is HammerPlace.AWAY:
+        if self._condition.place is HammerPlace.AWAY:
             self._change(place=HammerPlace.HELD, message="put back into the holder")
         return None
 
@@ -239,7 +244,7 @@ class GuardedHammer:
         if self._holder is None:
             return
         state = self._holder.read_state()
-        if state is HolderState.RELEASED and self.condition.place is not HammerPlace.SWINGING:
+        if state is HolderState.RELEASED and self._condition.place is not HammerPlace.SWINGING:
             raise DeviceError("the holder has released the hammer without an order")
 
     def _describe_stop(self) -> str | None:
@@ -251,10 +256,10 @@ class GuardedHammer:
         return f"nothing holds the hammer: {self._fault or 'activate the hammer node first'}"
 
     def _change(self, **changes: Any) -> None:
-        condition = replace(self.condition, **changes)
+        condition = replace(self._condition, **changes)
         if self._fault and self._fault not in condition.message:
             # The reason of a loss stays in the message until the hammer is back.
             condition = replace(condition, message=f"{condition.message}; {self._fault}")
-        if condition != self.condition:
-            self.condition = condition
+        if condition != self._condition:
+            self._condition = condition
             self._publish(condition)

@@ -182,10 +182,10 @@ class ShownCampaign:
         self._records.extend(self._detector.feed(block))
 
     def align(self, label: HitLabel) -> AlignedHit | None:
-        """Return a good hit, to be laid over the others; of a long series only some."""
+        """Return an accepted hit, to be laid over the others; of a long series only some."""
         record = next((it for it in self._records if it.label == label), None)
         # A flaw is a block that was lost on the way to this node.
-        if record is None or record.flaws:
+        if record is None or record.flaws or not self._hits[label].accepted:
             return None
         self._numbers[label.sample] += 1
         if not is_shown(self._numbers[label.sample]):
@@ -378,7 +378,7 @@ class VisualizerNode(RigNode):
         if isinstance(message, Impact):
             verdict, stamp = campaign.newest_hit, stamp_from_msg(message.header.stamp)
             self._log(lambda log: log.log_verdicts([verdict], [stamp]))
-            if verdict.accepted and (hit := campaign.align(label_from_msg(message))):
+            if hit := campaign.align(label_from_msg(message)):
                 self._log(lambda log: log.log_aligned_hits([hit]))
         if isinstance(message, ModelComparison):
             self._counts["comparisons"] += 1

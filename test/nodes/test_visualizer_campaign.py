@@ -1,10 +1,11 @@
 """The campaign that is shown, as the topics tell it."""
 
 from copy import copy
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from impact_rig_msgs.msg import Impact
 
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import HitLabel
@@ -44,14 +45,27 @@ def add(shown, blocks):
         shown.add_block(block)
 
 
+def judge(shown, label, *, accepted=True):
+    """Let the estimator's verdict come; return the hit if it is laid over the others."""
+    shown.add(Impact(**asdict(label), accepted=accepted))
+    return shown.align(label)
+
+
 def test_the_middle_of_a_hit_s_pulse_is_at_time_zero(shown):
     label, blocks = strike()
-    assert shown.align(label) is None
+    assert judge(shown, label) is None
     add(shown, blocks)
-    hit = shown.align(label)
+    hit = judge(shown, label)
     assert hit.label == label
     middle = hit.start_time + measure_pulse(hit.traces[0]).middle / hit.sampling_rate
     assert middle == pytest.approx(0.0, abs=0.02 / hit.sampling_rate)
+
+
+def test_a_hit_that_the_estimator_rejects_is_not_laid_over_the_others(shown):
+    label, blocks = strike()
+    add(shown, blocks)
+    assert judge(shown, label, accepted=False) is None
+    assert judge(shown, label) is not None
 
 
 def test_of_a_long_series_ever_fewer_hits_are_shown(shown):
@@ -60,19 +74,19 @@ def test_of_a_long_series_ever_fewer_hits_are_shown(shown):
     for record in range(1, 121):
         named = HitLabel(CONTROL_SAMPLE, record=record, impact=record)
         shown.add_block(replace(block, label=named))
-        count += shown.align(named) is not None
+        count += judge(shown, named) is not None
     assert count == 99 + 3
     # Each sample counts for itself.
     other = HitLabel("steel small", record=2000)
     shown.add_block(replace(block, label=other))
-    assert shown.align(other) is not None
+    assert judge(shown, other) is not None
 
 
 @pytest.mark.parametrize("lost", [0, 1, 3])
 def test_a_record_with_a_lost_block_is_not_laid_over_the_others(shown, lost):
     label, blocks = strike()
     add(shown, [*blocks[:lost], *blocks[lost + 1 :]])
-    assert shown.align(label) is None
+    assert judge(shown, label) is None
 
 
 NAMES = ("steel small", CONTROL_SAMPLE)
