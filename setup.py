@@ -50,7 +50,13 @@ setup(
     version=version,
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
-        NAME: ["py.typed", "configuration/*.toml", "nodes/*.xml", "present/report/templates/*"],
+        NAME: [
+            "py.typed",
+            "configuration/*.toml",
+            "files/*.toml",
+            "nodes/*.xml",
+            "present/report/templates/*",
+        ],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"launch_scripts/resource/{NAME}"]),

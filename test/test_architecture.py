@@ -18,21 +18,22 @@ INTERFACES = sorted(
 )
 
 SIDE_BY_SIDE = {"configuration", "devices", "recordings", "results"}
-BELOW = {"core", "analysis", "present", "simulators", *SIDE_BY_SIDE}
+BELOW = {"core", "analysis", "files", "present", "simulators", *SIDE_BY_SIDE}
 MAY_IMPORT = {
     "core": {"core"},
     **{name: {"core", name} for name in SIDE_BY_SIDE},
     "devices": {"core", "configuration", "devices"},
+    "files": {"core", "configuration", "recordings", "files"},
     "simulators": {"core", "results", "simulators"},
     "present": {"core", "results", "present"},
-    "analysis": {"core", "configuration", "recordings", "results", "analysis"},
-    "nodes": {"nodes", *BELOW} - {"analysis", "simulators"},
+    "analysis": {"core", "configuration", "files", "recordings", "results", "analysis"},
+    "nodes": {"nodes", *BELOW} - {"analysis", "files", "simulators"},
     "cli": {"nodes", "cli", *BELOW},
     "testing": {"core", "configuration", "devices"},
 }
 """Imports run one way; those side by side know nothing of each other, but for the devices,
-whose tables come from the rig file. What shows results knows results, not where they come from;
-the analysis makes them of files."""
+whose tables come from the rig file. Other instruments' files become recordings. What shows results
+knows results, not where they come from; the analysis makes them of files."""
 
 PURE = {
     "GTC", "abc", "array", "cmath", "collections", "dataclasses", "enum", "functools", "itertools",
@@ -45,9 +46,8 @@ WRAPS = {
     "core": {"GTC"},
     "configuration": {"pint"},
     "devices": {"nidaqmx", "pyvisa", "pyvisa_py", "serial", "sounddevice"},
-    "recordings": {
-        "h5py", "lz4", "mcap", "nptdms", "pyarrow", "pyuff", "rosbags", "yaml", "zstandard",
-    },
+    "files": {"h5py", "nptdms", "pyarrow", "pyuff"},
+    "recordings": {"lz4", "mcap", "rosbags", "yaml", "zstandard"},
     "analysis": {"dask", "distributed"},
     "present": {"jinja2", "matplotlib", "pyarrow", "rerun", "rich"},
     "nodes": ROS,

@@ -8,7 +8,7 @@ from impact_rig.analysis.analyze import judge
 from impact_rig.core.hits import JudgedHit, MeanHit
 from impact_rig.core.records import FloatArray, HitLabel, Origin, Record, join_origins
 from impact_rig.core.session import Session
-from impact_rig.recordings.formats.measurement import MeasuredChannel
+from impact_rig.files.measurement import MeasuredChannel
 from impact_rig.recordings.reader import Recording
 
 UNIT = "m/s^2"

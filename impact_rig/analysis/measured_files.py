@@ -9,26 +9,27 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from impact_rig.configuration.import_file import (
-    ImportFile,
-    add_options,
-    read_analysis_settings,
-    read_import_file,
-)
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.errors import ParameterError, RigError, SignalError, check_positive
 from impact_rig.core.filtering import check_cutoff
 from impact_rig.core.records import Block, HitLabel
-from impact_rig.core.sensors import CHANNELS, ChannelPlan, Sensor
+from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.setup import RigSetup, Sample, SampleSet
 from impact_rig.core.verdict import Reason, check_channels, check_stream
-from impact_rig.recordings.channels import MeasuredHit
-from impact_rig.recordings.importing import (
+from impact_rig.files.channels import MeasuredHit
+from impact_rig.files.import_file import (
+    ImportFile,
+    add_options,
+    read_analysis_settings,
+    read_import_file,
+)
+from impact_rig.files.importing import (
     check_series,
     choose_window,
     read_hits,
 )
+from impact_rig.files.plan import ChannelPlan
 from impact_rig.results.numbers import format_count
 
 DEFAULT_NAME = "sample"

@@ -15,10 +15,10 @@ from impact_rig.cli.options import refuse_given
 from impact_rig.cli.output import show_progress
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits import find_label
+from impact_rig.files.formats.registry import WRITABLE, write_measurement
+from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.present.console import print_warning
 from impact_rig.recordings.contents import recover_recording
-from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
-from impact_rig.recordings.formats.registry import WRITABLE, write_measurement
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.source import SUFFIX, find_recording

@@ -14,12 +14,12 @@ from impact_rig.analysis.measured_files import (
 from impact_rig.analysis.sources import find_repeated_files
 from impact_rig.cli.options import drop_missing
 from impact_rig.cli.output import raise_errors
-from impact_rig.configuration.import_file import read_import_template
 from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.files.channels import make_template
+from impact_rig.files.formats.registry import read_measurement
+from impact_rig.files.import_file import read_import_template
+from impact_rig.files.importing import write_imported
 from impact_rig.present.console import print_warning
-from impact_rig.recordings.channels import make_template
-from impact_rig.recordings.formats.registry import read_measurement
-from impact_rig.recordings.importing import write_imported
 from impact_rig.recordings.source import SUFFIX
 from impact_rig.results.numbers import format_count
 

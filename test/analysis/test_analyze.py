@@ -10,8 +10,8 @@ from impact_rig.analysis.analyze import analyze
 from impact_rig.core.records import MEASURED, Block, HitLabel, Origin
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
-from impact_rig.recordings.channels import MeasuredHit
-from impact_rig.recordings.importing import write_imported
+from impact_rig.files.channels import MeasuredHit
+from impact_rig.files.importing import write_imported
 from impact_rig.recordings.reader import read_recording
 from impact_rig.results.remarks import tabulate_accepted
 from impact_rig.results.traces import TracedCampaign

@@ -29,9 +29,9 @@ from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import Session
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.files.formats.registry import WRITABLE, write_measurement
+from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.recordings.contents import inspect_recording
-from impact_rig.recordings.formats.measurement import MeasuredChannel, Measurement
-from impact_rig.recordings.formats.registry import WRITABLE, write_measurement
 from impact_rig.recordings.messages import MessageEncoder
 from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.records import OfferedQos

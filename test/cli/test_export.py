@@ -10,7 +10,7 @@ import pytest
 from impact_rig.core.records import Block
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings, scheduled_fault_from_text
-from impact_rig.recordings.formats.registry import WRITABLE, read_measurement
+from impact_rig.files.formats.registry import WRITABLE, read_measurement
 from impact_rig.recordings.reader import read_recording
 from impact_rig.results.results_file import format_json, results_to_json, write_results
 

@@ -16,14 +16,13 @@ from impact_rig.core.sample import (
     withdraw_shared_ringing,
 )
 from impact_rig.core.sensors import (
-    ChannelPlan,
-    ChannelUse,
     Sensitivity,
     Sensor,
     SensorResponse,
     compute_scale,
 )
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
+from impact_rig.files.plan import ChannelPlan, ChannelUse
 
 
 @pytest.mark.parametrize(

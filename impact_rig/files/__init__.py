@@ -1,0 +1,1 @@
+"""Files of other instruments: which channel is what, and recordings of them."""

@@ -1,0 +1,534 @@
+"""Which channel of a measured file is what, and what must be asked about it."""
+
+import contextlib
+import json
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from impact_rig.core.errors import ParameterError, SignalError
+from impact_rig.core.records import (
+    IMPORTED,
+    MIXED,
+    SIMULATED,
+    Block,
+    ChannelBlock,
+    HitLabel,
+    Origin,
+    RawArray,
+)
+from impact_rig.core.sensors import (
+    ACCELERATIONS,
+    FORCES,
+    UNITS,
+    VOLTAGES,
+    Sensitivity,
+    compute_scale,
+    normalize_unit,
+)
+from impact_rig.files.measurement import MeasuredChannel, Measurement
+from impact_rig.files.plan import ROLES, ChannelPlan, ChannelUse
+from impact_rig.files.times import (
+    LARGEST_TIME_ERROR,
+    PIECE,
+    RATE_DIGITS,
+    TIME_UNITS,
+    is_clock,
+    read_clock,
+    split_points,
+)
+
+DEFAULT_ROLES = {1: ("hammer",), 2: ("time", "hammer"), 3: ("time", "hammer", "specimen")}
+"""Roles of columns by their number, where none are given and the file states no rate."""
+DEFAULT_UNIT = "m/s^2"
+"""Assumed for a channel whose unit neither file nor user state."""
+LONGEST_WIDTH, LONGEST_STEP = 10e-3, 1e-3
+"""Longest plausible pulse at half its height and time step [s] where the file states no unit of
+time: the standard shock of 11 ms is 7 ms wide."""
+LARGEST_RANGE = 1e12
+"""Largest value over the unit, and over the pulse that is in it [-]: no instrument has more."""
+RATE_MISMATCH = 0.01
+"""How far a given rate may be from that of the file [-]."""
+SHOWN_CHANNELS = 12  # of a file whose channels are listed in a message
+MINIMUM_POINTS = 16  # of a trace: a pulse and some baseline
+
+NO_SPECIMEN = ChannelBlock(np.empty(0), 1.0, 0.0, 0.0)
+BODIES = {"hammer": "hammer", "specimen": "sample"}
+"""What a person calls the body of a role."""
+
+
+@dataclass(frozen=True)
+class MeasuredHit:
+    """A hit of a measured file with its calibration, numbers bit by bit as in the file."""
+
+    path: Path
+    block: Block  # all of both channels or what was cut out, stamped with the file's time or 0
+    has_scale: bool = True  # the hammer's are accelerations, not only as large as some numbers
+    unit: str = DEFAULT_UNIT  # of what the hammer's sensor measures; empty: it is not stated
+    remarks: tuple[str, ...] = ()  # what was taken for granted
+    names: tuple[str, ...] = ()  # of the channels in the file
+
+    @property
+    def duration(self) -> float:
+        """Of the hit [s]."""
+        return self.block.hammer.output.size / self.block.sampling_rate
+
+
+@dataclass(frozen=True)
+class Missing:
+    """Something that neither file nor user say."""
+
+    what: str  # for people
+    line: str  # of a file of channels
+    table: str = ""  # where the line stands; empty: above all tables
+    option: str = ""  # of the command line that says the same
+
+
+@dataclass
+class Questions:
+    """All that is missing of a file, and what is said of it."""
+
+    measurement: Measurement
+    needs_scale: bool  # ask for all that makes accelerations; False: contact times are enough
+    missing: list[Missing] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)  # what was taken for granted
+
+    def ask(self) -> None:
+        """Raise `SignalError` with one question for all that is missing, if something is."""
+        if not self.missing:
+            return
+        path = self.measurement.path
+        whats = "; ".join(dict.fromkeys(item.what for item in self.missing))
+        options = [item.option for item in self.missing if item.option]
+        lines = [f"{item.line}{item.table and f' under [{item.table}]'}" for item in self.missing]
+        ways = [f"give {' '.join(options)}"] if len(options) == len(lines) else []
+        ways.append(f"write {' and '.join(dict.fromkeys(lines))} into a file for --channels")
+        raise SignalError(
+            f"{path}: {whats}: {', or '.join(ways)} (`impact-rig import --template FILE` begins"
+            " one)"
+        )
+
+
+def map_channels(
+    measurement: Measurement,
+    plan: ChannelPlan,
+    hammer_mass: float = math.nan,
+    *,
+    needs_scale: bool = False,
+) -> list[MeasuredHit]:
+    """Find, check and calibrate the channels of each hit.
+
+    Parameters
+    ----------
+    plan : ChannelPlan
+        What the user says of the channels.
+    hammer_mass : float
+        m1 [kg], which makes accelerations of forces; NaN: not known.
+    needs_scale : bool
+        Ask for all that makes accelerations; False: contact times are all that is wanted.
+
+    Returns
+    -------
+    list of MeasuredHit
+        One for each channel of the hammer, whole and without a label.
+
+    Raises
+    ------
+    SignalError
+        If something is missing, or channels are too short, not finite, beyond all measure, of
+        different lengths, rates or starts, or time does not run in even steps.
+    ParameterError
+        If the units do not fit, or the user contradicts the file.
+    """
+    return list(_map_hits(Questions(measurement, needs_scale), plan, hammer_mass))
+
+
+def make_template(measurement: Measurement) -> str:
+    """Return a file of channels for a measurement; what must be said stands in it as "?"."""
+    questions = Questions(measurement, needs_scale=True)
+    with contextlib.suppress(SignalError, ParameterError):
+        list(_map_hits(questions, ChannelPlan(), math.nan))
+    channels = measurement.channels
+    has_rate = not math.isnan(channels[0].sampling_rate)
+    roles = ["hammer", "specimen"] if has_rate else _guess_roles(measurement)
+    lines = {item.line: item.table for item in questions.missing}
+    if not has_rate:
+        lines = {f"columns = {json.dumps(roles)}": ""} | lines
+    text = [f"# {measurement.path.name}: {_list_channels(measurement)}"]
+    text += [line for line, table in lines.items() if not table]
+    for role, channel in zip(roles, channels, strict=False):
+        if role in BODIES:
+            text += ["", f"[{role}]  # {channel.name!r} in {channel.unit or 'an unstated unit'}"]
+            text += [f"channel = {json.dumps(channel.name)}"] if has_rate else []
+            text += [line for line, table in lines.items() if table == role]
+            text += ['# mass = "100 g"']
+    return "\n".join(text) + "\n"
+
+
+def _map_hits(
+    questions: Questions, plan: ChannelPlan, hammer_mass: float
+) -> Iterator[MeasuredHit]:
+    path = questions.measurement.path
+    for found in _assign_roles(questions, plan):
+        for role, channel in found.items():
+            _check_values(path, role, channel)
+        channel, specimen = found["hammer"], NO_SPECIMEN
+        hammer, unit, has_scale = _calibrate(
+            questions, "hammer", channel, plan.hammer, hammer_mass
+        )
+        if "specimen" in found:
+            _check_pair(path, channel, found["specimen"])
+            specimen, *_ = _calibrate(
+                questions, "specimen", found["specimen"], plan.specimen, hammer_mass
+            )
+        rate = _choose_rate(questions, plan, channel, found.get("time"))
+        questions.ask()
+        block = Block(
+            0,
+            rate,
+            hammer,
+            specimen,
+            HitLabel(""),
+            last=True,
+            stamp=channel.stamp,
+            origin=_describe_origin(path, channel.origin),
+        )
+        used = ("hammer", "specimen") if specimen.output.size else ("hammer",)
+        names = tuple(found[role].name for role in used)
+        remarks = tuple(dict.fromkeys(questions.remarks))
+        yield MeasuredHit(path, block, has_scale, unit, remarks, names)
+
+
+def _describe_origin(path: Path, stated: str) -> Origin:
+    """Return what a file says of its numbers; what was simulated stays so through any export."""
+    source = f"{path.suffix.lstrip('.').lower()} file"
+    is_simulated = stated.startswith((SIMULATED, MIXED))
+    if stated:
+        source += f", exported as {stated}"
+    return Origin(SIMULATED if is_simulated else IMPORTED, source, str(path))
+
+
+def _assign_roles(questions: Questions, plan: ChannelPlan) -> list[dict[str, MeasuredChannel]]:
+    """Return the channels of each hit by their roles."""
+    measurement = questions.measurement
+    channels, path = measurement.channels, measurement.path
+    if plan.hammer.channel:
+        return _assign_named(measurement, plan)
+    has_rate = not math.isnan(channels[0].sampling_rate)
+    roles: Sequence[str] = DEFAULT_ROLES.get(len(channels), ())
+    if plan.columns is not None:
+        roles = plan.columns
+        if len(roles) != len(channels):
+            raise SignalError(
+                f"{path} has {len(channels)} columns, but {len(roles)} roles are given:"
+                f" {', '.join(roles)}"
+            )
+    elif has_rate or not (math.isnan(plan.sampling_rate) or is_clock(channels[0].values)):
+        # A file that states rates may hold more channels, which are of no use here.
+        roles = ("hammer", "specimen")
+    if not roles or (not has_rate and len(channels) > len(roles)):
+        roles = _guess_roles(measurement)
+        what = (
+            f"{len(channels)} columns: give the role of each ({', '.join(ROLES)}; several hammers"
+            f" are several hits). They are {_list_channels(measurement)}"
+        )
+        questions.missing.append(Missing(what, f"columns = {json.dumps(roles)}"))
+    of: dict[str, list[MeasuredChannel]] = {role: [] for role in ROLES}
+    for role, channel in zip(roles, channels, strict=False):
+        of[role].append(channel)
+    return _pair(of["hammer"], of["specimen"], of["time"])
+
+
+def _guess_roles(measurement: Measurement) -> list[str]:
+    left, roles = ["hammer", "specimen"], list[str]()
+    for channel in measurement.channels:
+        if is_clock(channel.values) and "time" not in roles:
+            roles.append("time")
+        else:
+            roles.append(left.pop(0) if left and not channel.flaw else "skip")
+    return roles
+
+
+def _pair(
+    hammers: list[MeasuredChannel], specimens: list[MeasuredChannel], times: list[MeasuredChannel]
+) -> list[dict[str, MeasuredChannel]]:
+    """Return the channels of each hit by their roles: the first of each make the first."""
+    roles: dict[str, list[MeasuredChannel]] = {
+        "time": times * len(hammers),
+        "hammer": hammers,
+        "specimen": specimens,
+    }
+    given = {role: channels for role, channels in roles.items() if channels}
+    return [
+        dict(zip(given, channels, strict=True)) for channels in zip(*given.values(), strict=True)
+    ]
+
+
+def _assign_named(measurement: Measurement, plan: ChannelPlan) -> list[dict[str, MeasuredChannel]]:
+    hammers, specimens = (
+        _find_by_name(measurement, use.channel) if use.channel else []
+        for use in (plan.hammer, plan.specimen)
+    )
+    if specimens and len(specimens) != len(hammers):
+        raise ParameterError(
+            f"{measurement.path}: {plan.hammer.channel!r} are {len(hammers)} channels and"
+            f" {plan.specimen.channel!r} are {len(specimens)}: several hits need as many of both"
+        )
+    if any(hammer is specimen for hammer in hammers for specimen in specimens):
+        raise ParameterError(
+            f"{measurement.path}: {plan.hammer.channel!r} and {plan.specimen.channel!r} are the"
+            " same channel: hammer and sample have one each"
+        )
+    first = measurement.channels[0]
+    is_time = math.isnan(plan.sampling_rate) or is_clock(first.values)
+    is_free = not any(first is channel for channel in (*hammers, *specimens))
+    needs_time = math.isnan(hammers[0].sampling_rate)
+    return _pair(hammers, specimens, [first] if needs_time and is_time and is_free else [])
+
+
+def _find_by_name(measurement: Measurement, name: str) -> list[MeasuredChannel]:
+    """Return the channel of a name or a number, or all that fit a pattern with * or ?."""
+    channels = measurement.channels
+    same = [channel for channel in channels if channel.name == name]
+    if len(same) == 1:
+        return same
+    if len(same) > 1:
+        raise SignalError(
+            f"{measurement.path} has {len(same)} channels {name!r}: name one by its number"
+        )
+    if name.isdecimal() and 1 <= int(name) <= len(channels):
+        return [channels[int(name) - 1]]
+    pattern = re.compile(re.escape(name).replace(r"\*", ".*").replace(r"\?", "."))
+    fitting = [channel for channel in channels if pattern.fullmatch(channel.name)]
+    if fitting:
+        return fitting
+    raise SignalError(
+        f"{measurement.path} has no channel {name!r}: it has {_list_channels(measurement)}"
+    )
+
+
+def _list_channels(measurement: Measurement) -> str:
+    """Return numbers, names, units and sizes of the first channels."""
+    shown = [
+        f"{number} {channel.name!r} ({channel.values.size} points{channel.unit and ' in '}"
+        f"{channel.unit})"
+        for number, channel in enumerate(measurement.channels[:SHOWN_CHANNELS], start=1)
+    ]
+    left = len(measurement.channels) - len(shown)
+    return ", ".join([*shown, f"{left} more"] if left else shown)
+
+
+def _check_values(path: Path, role: str, channel: MeasuredChannel) -> None:
+    values, what = channel.values, f"{path}: {BODIES.get(role, role)}"
+    if channel.flaw:
+        advice = "skip it (columns) and give --rate" if role == "time" else "name another one"
+        raise SignalError(f"{path}, {channel.flaw}: {channel.name!r} is not of numbers: {advice}")
+    if values.size < MINIMUM_POINTS:
+        raise SignalError(
+            f"{path} has {values.size} points in {channel.name!r}: a trace needs at least"
+            f" {MINIMUM_POINTS}"
+        )
+    low, high = math.inf, -math.inf
+    for first, piece in split_points(values):
+        bad = np.flatnonzero(~np.isfinite(piece))
+        if bad.size:
+            raise SignalError(
+                f"{what} is {piece[bad[0]]} at point {first + bad[0]}: every point must be a"
+                " finite number"
+            )
+        low, high = min(low, float(piece.min())), max(high, float(piece.max()))
+    if role not in BODIES:
+        return
+    largest, span = max(high, -low), high - low
+    if largest > LARGEST_RANGE:
+        place = int(np.argmax(values) if high == largest else np.argmin(values))
+        raise SignalError(
+            f"{what} is {values[place]:.4g} at point {place}: no instrument shows more than"
+            f" {LARGEST_RANGE:g} {channel.unit or 'of its unit'}"
+        )
+    if 0.0 < span < max(1.0, largest) / LARGEST_RANGE:
+        raise SignalError(
+            f"{what} changes by {span:.4g} on {largest:.4g} {channel.unit}: that is below a part"
+            f" in {LARGEST_RANGE:g}, no instrument has such a dynamic range"
+        )
+
+
+def _check_pair(path: Path, hammer: MeasuredChannel, specimen: MeasuredChannel) -> None:
+    """Require two channels that were taken at the same instants."""
+    names = f"{hammer.name!r} and {specimen.name!r}"
+    advice = "hammer and sample need the same; name the channels that belong together"
+    if hammer.values.size != specimen.values.size:
+        raise SignalError(
+            f"{path}: {names} have {hammer.values.size} and {specimen.values.size} points:"
+            f" {advice}"
+        )
+    rates = hammer.sampling_rate, specimen.sampling_rate
+    if rates[0] != rates[1] and not all(map(math.isnan, rates)):
+        raise SignalError(
+            f"{path}: {names} are sampled at {rates[0]:g} Hz and {rates[1]:g} Hz: {advice}"
+        )
+    delay = specimen.start - hammer.start
+    if abs(delay) * np.nan_to_num(rates[0], nan=0.0) > LARGEST_TIME_ERROR:
+        raise SignalError(f"{path}: {names} start {abs(delay):g} s apart: {advice}")
+
+
+def _choose_rate(
+    questions: Questions,
+    plan: ChannelPlan,
+    hammer: MeasuredChannel,
+    time: MeasuredChannel | None,
+) -> float:
+    """Return the sampling rate [Hz]; NaN: it was asked for."""
+    path = questions.measurement.path
+    rate, unit, flaw = hammer.sampling_rate, hammer.time_unit, hammer.time_flaw
+    if time is not None:
+        rate, unit, flaw = read_clock(path, time.name, time.values, time.unit)
+    if unit and plan.time_unit and unit != plan.time_unit:
+        raise ParameterError(
+            f"{path}: its times are in {unit}, as the file states, not in {plan.time_unit}"
+        )
+    if not math.isnan(plan.sampling_rate):
+        _check_rate(path, plan, rate, unit)
+        return plan.sampling_rate
+    if flaw:
+        raise SignalError(flaw)
+    if math.isnan(rate):
+        what = "it has no time and states no rate: give its sampling rate"
+        questions.missing.append(Missing(what, 'sampling_rate = "?"', option='--rate "25.6 kHz"'))
+    elif plan.time_unit and not unit:
+        rate = float(f"{rate / TIME_UNITS[plan.time_unit]:.{RATE_DIGITS}g}")
+    elif not unit:
+        _check_unstated(questions, hammer, rate)
+    if rate > LARGEST_RANGE:
+        raise SignalError(f"{path} is sampled at {rate:.4g} Hz: no instrument is that fast")
+    return rate
+
+
+def _check_rate(path: Path, plan: ChannelPlan, rate: float, unit: str) -> None:
+    """Refuse a given rate that contradicts the file's; one in an unknown unit may be in any."""
+    if math.isnan(rate) or (rate == 1.0 and not unit):  # no times, or points that are counted
+        return
+    scales = [TIME_UNITS[plan.time_unit]] if plan.time_unit else list(TIME_UNITS.values())
+    rates = [rate] if unit else [rate / scale for scale in scales]
+    if not any(math.isclose(plan.sampling_rate, of, rel_tol=RATE_MISMATCH) for of in rates):
+        raise ParameterError(
+            f"{path} is sampled at {rates[0]:g} Hz, as it states, not at"
+            f" {plan.sampling_rate:g} Hz (--rate): leave that out, or its times (columns)"
+        )
+
+
+def _check_unstated(questions: Questions, hammer: MeasuredChannel, rate: float) -> None:
+    """Ask for the unit of times that are too long to be seconds."""
+    width = count_width(hammer.values) / rate
+    if width <= LONGEST_WIDTH and 1.0 / rate <= LONGEST_STEP:
+        return
+    would = ", ".join(
+        f"in {name} {_format_time(scale * width)} ({_format_time(scale / rate)})"
+        for name, scale in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6))
+    )
+    what = (
+        "it does not state in what unit its times are. Its pulse would be so wide at half its"
+        f" height (and its points so far apart): {would}. If they count points, give --rate; else"
+        " time_unit is 's', 'ms' or 'us'"
+    )
+    questions.missing.append(Missing(what, 'time_unit = "?"'))
+
+
+def count_width(values: RawArray) -> int:
+    """Return how many points of the highest pulse are above half its height."""
+    step = 1 + values.size // PIECE
+    some = [piece[::step].copy() for _, piece in split_points(values)]
+    baseline = float(np.median(np.concatenate(some)))
+    peak, height = 0, -1.0
+    for first, piece in split_points(values):
+        deviation = np.abs(piece - baseline)
+        place = int(np.argmax(deviation))
+        if deviation[place] > height:
+            peak, height = first + place, float(deviation[place])
+    before, after = values[max(peak - PIECE, 0) : peak][::-1], values[peak : peak + PIECE]
+    sides = [np.abs(side - baseline) < 0.5 * height for side in (before, after)]
+    return sum(int(np.argmax(side)) if side.any() else side.size for side in sides)
+
+
+def _format_time(seconds: float) -> str:
+    """Return a time with a unit that suits people."""
+    unit = next((unit for unit in ("s", "ms", "us") if seconds >= TIME_UNITS[unit]), "ns")
+    return f"{seconds / TIME_UNITS[unit]:.3g} {unit}"
+
+
+def _calibrate(
+    questions: Questions, role: str, channel: MeasuredChannel, use: ChannelUse, mass: float
+) -> tuple[ChannelBlock, str, bool]:
+    """Return a channel with its scale, the unit of what it shows, and whether that is known.
+
+    It is as it is where nothing makes accelerations of it.
+    """
+    path, name = questions.measurement.path, f"the {BODIES[role]}'s channel"
+    unit = _choose_unit(path, name, channel, use)
+    sensor = use.sensitivity
+    measured = normalize_unit(sensor.unit) if sensor else unit
+    if measured in FORCES and role == "specimen":
+        raise ParameterError(
+            f"{path}: {name} {channel.name!r} is a force: it must be an acceleration"
+        )
+    missing = _find_missing(f"{name} {channel.name!r}", role, unit, measured, mass)
+    if missing and questions.needs_scale:
+        questions.missing.append(missing)
+    remarks = questions.remarks
+    if not unit:
+        taken = "its peaks have none" if role == "hammer" else "m/s^2 is taken"
+        advice = "--hammer-unit"
+        if role == "specimen":
+            advice = 'unit = "g" under [specimen] in the file of --channels changes that'
+        remarks.append(f"the unit of {name} is not stated: {taken} ({advice})")
+    elif measured == "kgn":
+        remarks.append(f"{name} is taken for thousands of g; a force in kilograms is kgf")
+    elif measured not in UNITS and role == "specimen":
+        remarks.append(f"{name} is in {unit}, no acceleration: it is left out")
+        return NO_SPECIMEN, unit, False
+    elif measured not in UNITS:
+        remarks.append(f"{name} is read as it is: {unit}")
+    if missing:
+        # Forces stay in N, volts in V, all else in its unit.
+        mass, sensor = 1.0, sensor or Sensitivity(1.0, DEFAULT_UNIT)
+    scale = compute_scale(unit, mass, sensor) if unit in UNITS else 1.0
+    full_scale = use.full_scale and use.full_scale * abs(
+        compute_scale(use.full_scale_unit, mass, sensor)
+    )
+    kinds = ((FORCES, "N"), (VOLTAGES, "V"), (ACCELERATIONS, DEFAULT_UNIT))
+    shown = next((shown for units, shown in kinds if measured in units), unit)
+    block = ChannelBlock(channel.values, scale, 0.0, full_scale)
+    return block, shown, missing is None
+
+
+def _choose_unit(path: Path, name: str, channel: MeasuredChannel, use: ChannelUse) -> str:
+    """Return the unit of a channel; what the file states goes, and must not be contradicted."""
+    stated, given = normalize_unit(channel.unit), normalize_unit(use.unit)
+    if use.sensitivity and not given:
+        given = stated if stated in VOLTAGES else "V"
+    if given and stated in UNITS and stated != given:
+        raise ParameterError(
+            f"{path}: {name} {channel.name!r} is in {stated}, as the file states, not in {given}"
+        )
+    return given or stated
+
+
+def _find_missing(name: str, role: str, unit: str, measured: str, mass: float) -> Missing | None:
+    """Return what is needed to make accelerations of a channel."""
+    if measured in FORCES and math.isnan(mass):
+        text = f"{name} is in {unit}, and acceleration is F/m: give the hammer's mass"
+        return Missing(text, 'mass = "?"', role, "--hammer-mass 100g")
+    if measured in VOLTAGES:
+        text = f"{name}: a channel in {unit} needs a sensitivity, for example 10 mV/g"
+        return Missing(text, 'sensitivity = "?"', role)
+    if measured and measured not in UNITS:
+        text = f"{name} is in {unit}, no unit of acceleration, force or voltage"
+        return Missing(text, 'unit = "?"', role)
+    if not measured and role == "hammer":
+        text = f"the unit of {name} is not stated; it may be {', '.join(UNITS)}"
+        return Missing(text, 'unit = "?"', role, "--hammer-unit g")
+    return None

@@ -1,0 +1,161 @@
+"""HDF5, by h5py: our own files, those of others, and MATLAB's since 7.3."""
+
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from impact_rig.core.errors import FileError
+from impact_rig.files.formats.arrays import (
+    DIMENSIONS,
+    RATE_NAMES,
+    STEP_NAMES,
+    UNIT_NAMES,
+    NamedArray,
+    clean_name,
+    make_measurement,
+)
+from impact_rig.files.measurement import ORIGIN, Measurement, make_unique
+from impact_rig.files.times import round_rate
+
+START_NAMES = {"start", "start s", "t0", "x0"}
+"""Names of attributes, in small letters, underscores as blanks."""
+FAMILIES = (RATE_NAMES | STEP_NAMES, UNIT_NAMES, START_NAMES)
+"""Names that say the same."""
+NAME = "name"
+"""Ours: a name may have slashes, which part groups here."""
+RECORDED_AT = "recorded_at"
+"""Ours: when the start's time was 0, nanoseconds since the epoch."""
+MATLAB_NUMBERS = {
+    "double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
+}  # fmt: skip
+"""What MATLAB calls arrays of numbers; words are numbers in its files, too."""
+
+
+def read_hdf5(path: Path) -> Measurement:
+    """Read all data sets of up to three axes, of which the longest is time.
+
+    Rate, unit and start are attributes of the data set or of a group around it, or arrays by
+    their names, see `make_measurement`.
+
+    Raises
+    ------
+    FileError
+        If the file is no HDF5, is cut off, or has no vector of real numbers.
+    """
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        arrays = list(_read_group(path, file, {}, set()))
+    return make_measurement(path, arrays)
+
+
+def _read_group(
+    path: Path, group: Any, stated: dict[str, Any], visited: set[int]
+) -> Iterator[NamedArray]:
+    """Yield the arrays of a group and of those in it; links to other files are left alone."""
+    import h5py
+
+    stated = _inherit(stated, group)
+    for key in group:
+        if not isinstance(group.get(key, getlink=True), h5py.HardLink) or key == "#refs#":
+            continue
+        item = group[key]
+        address = h5py.h5o.get_info(item.id).addr
+        if address in visited:
+            continue
+        visited.add(address)
+        if isinstance(item, h5py.Group):
+            yield from _read_group(path, item, stated, visited)
+        elif isinstance(item, h5py.Dataset) and _is_readable(item):
+            yield _read_array(path, item, _inherit(stated, item))
+
+
+def _is_readable(item: Any) -> bool:
+    """Tell whether a data set holds real numbers, with few axes, in this file."""
+    matlab = item.attrs.get("MATLAB_class", b"double")
+    kind = matlab.decode() if isinstance(matlab, bytes) else str(matlab)
+    return (
+        item.shape is not None
+        and len(item.shape) <= DIMENSIONS
+        and item.dtype.kind in "iufc"
+        and kind in MATLAB_NUMBERS
+        and not item.is_virtual
+        and not item.external
+    )
+
+
+def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
+    name = item.name.strip("/")
+    if item.size and not item.id.get_storage_size():
+        raise FileError(f"{path}: {name} should have {item.size} numbers, the file has none")
+    rate = _read_number(stated, RATE_NAMES)
+    if is_step := math.isnan(rate):
+        rate = round_rate(_read_number(stated, STEP_NAMES))
+    units = [stated[key] for key in stated if key in UNIT_NAMES]
+    recorded_at = item.attrs.get(RECORDED_AT)
+    return NamedArray(
+        name=str(item.attrs.get(NAME, name)),
+        values=np.asarray(item[()]),
+        stated={
+            "sampling_rate": rate,
+            "unit": str(units[-1]) if units else "",
+            "start": _read_number(stated, START_NAMES, 0.0),
+            "recorded_at": int(recorded_at) if isinstance(recorded_at, np.integer) else 0,
+            ORIGIN: str(item.attrs.get(ORIGIN, "")),
+            "time_unit": "" if is_step else "s",
+        },
+        is_channel=NAME in item.attrs and len(item.shape) == 1,
+    )
+
+
+def _inherit(stated: dict[str, Any], item: Any) -> dict[str, Any]:
+    """Return what is stated around an item, as far as its own attributes do not say otherwise."""
+    known: set[str] = set().union(*FAMILIES)
+    own = {}
+    for name in item.attrs:
+        if clean_name(name) in known:
+            value = item.attrs[name]
+            is_bytes = isinstance(value, bytes)
+            own[clean_name(name)] = value.decode("utf-8", "replace") if is_bytes else value
+    for family in FAMILIES:
+        if family & own.keys():
+            stated = {name: value for name, value in stated.items() if name not in family}
+    return stated | own
+
+
+def _read_number(stated: dict[str, Any], names: set[str], default: float = math.nan) -> float:
+    for name, value in stated.items():
+        if name in names and np.size(value) == 1 and np.asarray(value).dtype.kind in "iuf":
+            return float(np.ravel(value)[0])
+    return default
+
+
+def write_hdf5(path: Path, measurement: Measurement) -> None:
+    """Write each channel as a data set with its rate, unit, start and date as attributes.
+
+    A slash in a name becomes an underscore; the attribute `name` keeps it.
+    """
+    import h5py
+
+    channels = measurement.channels
+    names = make_unique([channel.name for channel in channels], _clean)
+    with h5py.File(path, "w", track_order=True) as file:
+        for name, channel in zip(names, channels, strict=True):
+            item = file.create_dataset(name, data=channel.values)
+            item.attrs[NAME] = channel.name
+            item.attrs["sampling_rate"] = channel.sampling_rate
+            item.attrs["unit"] = channel.unit
+            item.attrs["start"] = channel.start
+            if channel.origin:
+                item.attrs[ORIGIN] = channel.origin
+            if channel.recorded_at:
+                item.attrs[RECORDED_AT] = channel.recorded_at
+
+
+def _clean(name: str) -> str:
+    name = re.sub(r"[/\0]", "_", name)
+    return name if name.strip(".") else f"channel {name}"

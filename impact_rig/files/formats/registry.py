@@ -1,0 +1,133 @@
+"""All formats by suffix."""
+
+import warnings
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.files.formats.bounds import read_apart
+from impact_rig.files.formats.hdf5 import read_hdf5, write_hdf5
+from impact_rig.files.formats.lvm import read_lvm
+from impact_rig.files.formats.mat import read_mat, write_mat
+from impact_rig.files.formats.numpy_files import read_npy, read_npz
+from impact_rig.files.formats.parquet import read_parquet, write_parquet
+from impact_rig.files.formats.tdms import read_tdms, write_tdms
+from impact_rig.files.formats.text import read_text, write_text
+from impact_rig.files.formats.uff import read_uff, write_uff
+from impact_rig.files.formats.wav import read_wav
+from impact_rig.files.measurement import Measurement
+from impact_rig.recordings.new_file import write_new_file
+from impact_rig.recordings.source import POINTER, refuse_pointer
+
+Read = Callable[[Path], Measurement]
+Write = Callable[[Path, Measurement], None]
+FORMATS: dict[str, tuple[Read, Write | None]] = {
+    ".lvm": (read_lvm, None),
+    ".tdms": (read_tdms, write_tdms),
+    ".uff": (read_uff, write_uff),
+    ".unv": (read_uff, None),
+    ".58": (read_uff, None),
+    ".mat": (partial(read_apart, read_mat), write_mat),
+    ".h5": (partial(read_apart, read_hdf5), write_hdf5),
+    ".hdf5": (partial(read_apart, read_hdf5), None),
+    ".parquet": (read_parquet, write_parquet),
+    ".wav": (read_wav, None),
+    ".csv": (read_text, write_text),
+    ".txt": (read_text, None),
+    ".dat": (read_text, None),
+    ".tsv": (read_text, None),
+    ".npy": (read_npy, None),
+    ".npz": (read_npz, None),
+}
+"""Who reads and writes a format, by suffix; None: it is not written."""
+WRITABLE = tuple(suffix for suffix, (_, write) in FORMATS.items() if write)
+"""Suffixes of what can be written."""
+SHOWN_LETTERS = 200
+"""Of a library's complaint, our choice."""
+
+
+def read_measurement(path: Path) -> Measurement:
+    """Read the channels of a file, whose suffix tells its format.
+
+    Returns
+    -------
+    Measurement
+        Text and `.npy` files state all columns, one of times among them; elsewhere a channel of
+        times gives the others their sampling rate and start.
+
+    Raises
+    ------
+    FileError
+        If the file is not there, of a kind unknown here, damaged, unpacks to more than one of its
+        size may, or holds no channel.
+    SignalError
+        If its times do not run in even steps.
+    """
+    path = Path(path)
+    _check_readable(path)
+    read, _ = FORMATS.get(path.suffix.lower(), (None, None))
+    if read is None:
+        raise _make_suffix_error(path, tuple(FORMATS))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return read(path)
+    except ParameterError as error:  # of a channel: it does not know its file
+        raise FileError(f"{path}: {error}") from None
+    except (RigError, ImportError):
+        raise
+    except MemoryError:
+        raise FileError(
+            f"{path} cannot be read: it asks for more memory than a file of its size may"
+        ) from None
+    except Exception as error:  # noqa: BLE001 - damaged files break libraries in every way there is
+        words = str(error).strip().splitlines() or [type(error).__name__]
+        raise FileError(
+            f"{path} is no sound {path.suffix.lower()} file: {words[0][:SHOWN_LETTERS]}"
+        ) from None
+
+
+def write_measurement(path: Path, measurement: Measurement) -> None:
+    """Write channels to a new file, whose suffix tells its format.
+
+    Parameters
+    ----------
+    path : Path
+        Of the new file; nothing is overwritten, and it appears complete or not at all.
+    measurement : Measurement
+        What to write; its path is named in messages.
+
+    Raises
+    ------
+    FileError
+        If the format cannot hold the measurement, or the file cannot be written.
+    """
+    path = Path(path)
+    _, write = FORMATS.get(path.suffix.lower(), (None, None))
+    if write is None:
+        raise _make_suffix_error(path, WRITABLE)
+    with write_new_file(path) as part:
+        write(part, measurement)
+
+
+def _make_suffix_error(path: Path, known: tuple[str, ...]) -> FileError:
+    return FileError(
+        f"{path} is of a kind unknown here ({path.suffix or 'no suffix'}): it should be"
+        f" {', '.join(known)}"
+    )
+
+
+def _check_readable(path: Path) -> None:
+    if path.exists() and not path.is_file():  # a pipe would never end
+        raise FileError(f"{path} cannot be read: it is no file")
+    try:
+        with path.open("rb") as file:
+            beginning = file.read(len(POINTER))
+    except FileNotFoundError:
+        raise FileError(f"there is no file {path}") from None
+    except OSError as error:
+        raise FileError(f"{path} cannot be read: {error.strerror or error}") from None
+    if not beginning:
+        raise FileError(f"{path} is empty")
+    refuse_pointer(path, beginning)

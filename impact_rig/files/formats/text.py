@@ -1,0 +1,656 @@
+"""Columns of numbers in text, found however they were written, and written exactly.
+
+Every instrument puts its own words above its numbers, and some beside them. There is one way
+through all: the longest run of lines that are written alike is the table; it reaches up as far as
+there are numbers in its columns; what stands above are names, units and statements.
+"""
+
+import codecs
+import contextlib
+import csv
+import itertools
+import math
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from impact_rig.core.errors import FileError
+from impact_rig.core.records import FloatArray
+from impact_rig.core.sensors import UNITS, normalize_unit
+from impact_rig.files.formats.arrays import RATE_NAMES, STEP_NAMES
+from impact_rig.files.measurement import ORIGIN, MeasuredChannel, Measurement
+from impact_rig.files.times import (
+    SAMPLES,
+    TIME_UNITS,
+    find_time_unit,
+    is_clock,
+    normalize_time_unit,
+    round_rate,
+)
+
+WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
+"""Beginnings of text in two bytes for each letter, as LabVIEW and spreadsheets write it, too."""
+PIECE, LONGEST_LINE = 1 << 20, 1 << 22
+"""Letters that are read at once, and in a line, our choice: the table must begin in the first
+piece. Pieces and lines take the memory, beside the numbers of a small file."""
+MUCH = 1 << 24
+"""Numbers that go to a temporary file [byte], our choice."""
+ENOUGH_LINES = 100
+"""Written alike they are the table, our choice: more than instruments put above it."""
+SHOWN_LETTERS = 40
+"""Of a cell that is no number, in a message; our choice."""
+COMMENT_MARKS = ("#", "%", "//")
+"""Beginnings of lines that are no numbers."""
+BLANKS_AND_MARKS = " \t#%/"
+FORMULA_MARKS = ("=", "+", "-", "@", "\t", "\r", "'")
+"""Beginnings of words that spreadsheets take for formulas: written behind an apostrophe, which
+goes when they are read."""
+INFINITY = "∞"
+"""What PicoScope writes where a channel is beyond its range."""
+BRACKETS = {"]": "[", ")": "("}
+STATEMENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d]*)$")
+"""A value with its unit, at the end of `Analog:1e-8` or `20 kHz`."""
+FREQUENCIES = {"khz": 1e3, "mhz": 1e6, "ksps": 1e3, "msps": 1e6}
+"""[Hz]"""
+HORIZONTAL, VERTICAL = "horizontal units", "vertical units"
+RATE, START, TIME = "sampling rate [Hz]", "start [s]", "time"
+"""What files written here state above the numbers, since times as printed may not tell."""
+STARTS = {START, "start", "t0"}
+NUMBER, WORD, NOTHING = "n", "w", "-"
+"""What a cell holds."""
+
+ORIGIN_MARK = f"# {ORIGIN}: "
+
+
+def _take_byte(error: UnicodeError) -> tuple[str, int]:
+    """Take bytes that are no UTF-8 for Latin-1, as older instruments write it."""
+    if not isinstance(error, UnicodeDecodeError):
+        raise error
+    return error.object[error.start : error.end].decode("latin-1"), error.end
+
+
+codecs.register_error("take_latin_1", _take_byte)
+
+
+class Line(NamedTuple):
+    """A line that is not blank, and its number in the file, counted from 1."""
+
+    number: int
+    text: str
+
+
+class Style(NamedTuple):
+    """How a file parts its columns (None: by blanks), and whether its decimal sign is a comma."""
+
+    delimiter: str | None = None
+    has_decimal_comma: bool = False
+
+    def split(self, line: str) -> list[str]:
+        """Return the cells of a line, without blanks around them."""
+        if self.delimiter is None:
+            return line.split()
+        return [cell.strip(' \t"') for cell in line.split(self.delimiter)]
+
+    def is_number(self, cell: str) -> bool:
+        """Tell whether a cell holds a number."""
+        try:
+            float(self.make_point(cell))
+        except ValueError:
+            return False
+        return True
+
+    def make_point(self, text: str) -> str:
+        """Return cells with decimal points."""
+        text = text.replace(INFINITY, "inf")
+        return text.replace(",", ".") if self.has_decimal_comma else text
+
+    def describe(self, line: str) -> str:
+        """Return what each cell of a line holds, a letter for each."""
+        return "".join(
+            (NUMBER if self.is_number(cell) else WORD) if cell else NOTHING
+            for cell in self.split(line)
+        )
+
+
+def _refuse_cell(line: int, cell: str) -> str:
+    return f"line {line}: {cell[:SHOWN_LETTERS]!r} is no number"
+
+
+def read_pieces(path: Path) -> Iterator[str]:
+    """Yield the text of a file in pieces of whole lines, whose ends are line feeds.
+
+    Raises
+    ------
+    FileError
+        If it is no text, or a line is longer than a piece.
+    """
+    with path.open("rb") as file:
+        is_wide = file.read(2) in WIDE_MARKS
+    encoding, errors = ("utf-16", "strict") if is_wide else ("utf-8-sig", "take_latin_1")
+    with path.open(encoding=encoding, errors=errors) as text:
+        try:
+            while piece := text.read(PIECE):
+                rest = text.readline(LONGEST_LINE)
+                if len(rest) == LONGEST_LINE:
+                    raise FileError(
+                        f"{path} is no text: a line has more than {LONGEST_LINE} letters"
+                    )
+                # The last sign of old text files is one that ends the file.
+                piece = (piece + rest).rstrip("\x1a")
+                if "\0" in piece:
+                    raise FileError(f"{path} is no text: it holds bytes of zero")
+                yield piece
+        except UnicodeDecodeError:
+            raise FileError(f"{path} is no text: it ends within a letter") from None
+
+
+def split_lines(piece: str, before: int = 0) -> list[Line]:
+    """Return the lines of a piece that are not blank; so many are `before` it."""
+    lines = enumerate(piece.split("\n"), start=before + 1)
+    return [Line(number, text.strip(" ")) for number, text in lines if text.strip()]
+
+
+class Table(NamedTuple):
+    """Where the numbers of a file stand, and how they are written."""
+
+    style: Style
+    first: int  # number of its first line
+    kinds: str  # what the cells of its lines hold
+    columns: tuple[int, ...]  # those that are channels
+
+
+def read_text(path: Path) -> Measurement:
+    """Read the columns of a text file.
+
+    Columns are parted by semicolon, tab, comma or blanks, with a decimal point or (beside commas
+    in quotes only) a decimal comma. Names and units are taken from the lines above the numbers. A
+    column may end before the others do; one of words is a channel without points. A column of
+    times is a channel like the others, unless the file states its sampling rate beside it, as
+    those of `write_text` do; one that counts samples becomes times where the file states their
+    step. The text of a large file passes through memory piece by piece, its numbers go to a
+    temporary file.
+
+    Raises
+    ------
+    FileError
+        If the file is not of numbers in columns.
+    """
+    pieces = read_pieces(path)
+    head = next(pieces, "")
+    table, headings, statements = _find_table(path, split_lines(head))
+    columns = _read_columns(path, table, head, pieces)
+    units = [unit.rpartition(":")[2] for unit in statements.get(VERTICAL, [])]
+    units = [*statements.get(HORIZONTAL, [""])[:1], *units] if units else []
+    channels = [
+        MeasuredChannel(
+            name=_read_word(headings[column][0]) or f"column {number}",
+            values=values,
+            unit=headings[column][1] or (units[number - 1] if number <= len(units) else ""),
+            flaw=flaw,
+            origin="".join(statements.get(ORIGIN, [])),
+        )
+        for number, (column, (values, flaw)) in enumerate(
+            zip(table.columns, columns, strict=True), 1
+        )
+    ]
+    return Measurement(path, _set_clock(channels, statements))
+
+
+def _read_word(cell: str) -> str:
+    """Return a word without the apostrophe that keeps spreadsheets from computing it."""
+    return cell[1:] if cell.startswith("'") and cell[1:].startswith(FORMULA_MARKS) else cell
+
+
+def _set_clock(
+    channels: list[MeasuredChannel], statements: dict[str, list[str]]
+) -> tuple[MeasuredChannel, ...]:
+    """Return channels with the rate that their file states, where its times do not tell it."""
+    rate = _find_rate(statements)
+    start = _find_stated(statements, STARTS)
+    start = 0.0 if math.isnan(start) else start
+    first = channels[0]
+    if math.isnan(rate):
+        return tuple(channels)
+    if RATE in statements and first.name == TIME and len(channels) > 1:
+        del channels[0]
+    elif any(is_clock(channel.values) for channel in channels):
+        if find_time_unit(first.name, first.unit) != SAMPLES:
+            return tuple(channels)
+        times = start + first.values / rate
+        return MeasuredChannel(TIME, times, unit="s"), *channels[1:]
+    return tuple(replace(item, sampling_rate=rate, start=start) for item in channels)
+
+
+def _find_rate(statements: dict[str, list[str]]) -> float:
+    rate = _find_stated(statements, RATE_NAMES | {RATE})
+    return round_rate(_find_stated(statements, STEP_NAMES)) if math.isnan(rate) else rate
+
+
+def _find_stated(statements: dict[str, list[str]], names: set[str]) -> float:
+    """Return the number above zero that a file states by one of some names; NaN: none."""
+    for name in names & statements.keys():
+        match = STATEMENT.search(statements[name][0].strip())
+        if match:
+            return float(match[1]) * FREQUENCIES.get(match[2].lower(), 1.0)
+    return math.nan
+
+
+def _find_table(
+    path: Path, lines: Sequence[Line]
+) -> tuple[Table, list[tuple[str, str]], dict[str, list[str]]]:
+    """Find the numbers; return with them name and unit of each cell of a line, and statements."""
+    plain = [
+        Line(number, unquote(text)) for number, text in lines if not text.startswith(COMMENT_MARKS)
+    ]
+    first, last, style, kinds = _find_longest_run(path, plain)
+    # Settings of an instrument may stand beside the first rows: below them these cells are empty.
+    below = style.describe(plain[last].text)
+    if any(pair == (WORD, NOTHING) for pair in zip(kinds, below, strict=True)):
+        kinds = "".join(
+            NOTHING if end == NOTHING else kind for kind, end in zip(kinds, below, strict=True)
+        )
+    at = [cell for cell, kind in enumerate(kinds) if kind == NUMBER]
+    while first > 0:
+        above = style.describe(plain[first - 1].text)
+        if len(above) != len(kinds) or any(above[cell] != NUMBER for cell in at):
+            break
+        first -= 1
+    above_lines = [text for number, text in lines if number < plain[first].number]
+    headings, beside = _read_headings(above_lines, style, kinds)
+    columns = tuple(
+        cell
+        for cell, kind in enumerate(kinds)
+        if kind != NOTHING or headings[cell][0] or headings[cell][1]
+    )
+    statements = _collect_statements(above_lines, style) | beside
+    for _, text in plain[first : last + 1]:
+        cells = zip(style.split(text), kinds, strict=True)
+        _add_statement(statements, [cell for cell, kind in cells if kind == NOTHING])
+    table = Table(style, plain[first].number, kinds, columns)
+    return table, headings, statements
+
+
+def _find_longest_run(path: Path, lines: Sequence[Line]) -> tuple[int, int, Style, str]:
+    """Return first and last of lines that are written alike, how, and what their cells hold.
+
+    Lines of numbers alone go before those that hold words, longer runs before shorter ones.
+    """
+    best = ((False, False, 0), 0, 0, Style(), "")
+    begin, style, kinds = 0, Style(), ""
+    for index, (_, text) in enumerate(lines):
+        own = _guess_style(text.strip())
+        found = own.describe(text)
+        joined = _join_kinds(kinds, found) if own.delimiter == style.delimiter else ""
+        if index == begin or not joined:
+            begin, style, kinds = index, own, found
+        else:
+            style = Style(style.delimiter, style.has_decimal_comma or own.has_decimal_comma)
+            kinds = joined
+        length = index - begin + 1
+        rank = (NUMBER in kinds, WORD not in kinds, length)
+        if rank > best[0]:
+            best = (rank, begin, index, style, kinds)
+        if length == ENOUGH_LINES and NUMBER in kinds:
+            return begin, index, style, kinds
+    if not best[0][0]:
+        raise FileError(f"{path} holds no numbers: it should have columns of them")
+    return best[1:]
+
+
+def _join_kinds(kinds: str, others: str) -> str:
+    """Return what cells hold in two lines; empty: the lines are not written alike."""
+    if len(kinds) != len(others):
+        return ""
+    joined = "".join(
+        a if b in (a, NOTHING) else b if a == NOTHING else ""
+        for a, b in zip(kinds, others, strict=True)
+    )
+    return joined if len(joined) == len(kinds) else ""
+
+
+def unquote(text: str) -> str:
+    """Return a line without quotes; where all cells stand in quotes semicolons part them."""
+    if '"' not in text:
+        return text
+    inner = text.strip()
+    if inner.count('"') == 2 and inner[0] == inner[-1] == '"':  # noqa: PLR2004 - a pair
+        return inner[1:-1]
+    delimiter = next((sign for sign in ";\t" if sign in text), ",")
+    cells = next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
+    has_commas = delimiter == "," and text.count('"') == 2 * len(cells)
+    return (";" if has_commas else delimiter).join(cells)
+
+
+def _guess_style(line: str) -> Style:
+    """Return how the columns of a line of numbers are parted."""
+    for delimiter in (";", "\t"):
+        if delimiter in line:
+            return Style(delimiter, "," in line and "." not in line)
+    if "," not in line:
+        return Style()
+    commas, blanks = Style(","), Style(None, has_decimal_comma=True)
+    if all(map(commas.is_number, filter(None, commas.split(line)))):
+        return commas
+    return blanks if all(map(blanks.is_number, blanks.split(line))) else commas
+
+
+def _read_columns(
+    path: Path, table: Table, head: str, pieces: Iterator[str]
+) -> list[tuple[FloatArray, str]]:
+    """Return the numbers of each channel, and why it has none."""
+    rows = RowReader(path, table)
+    # The table begins behind its heading.
+    body = head.split("\n", table.first - 1)[-1]
+    before = table.first - 1
+    with tempfile.SpooledTemporaryFile(MUCH) as file:
+        for piece in itertools.chain([body], pieces):
+            file.write(rows.read(piece, before).tobytes())
+            before += piece.count("\n")
+        size = file.tell()
+        file.seek(0)
+        # The file has no name: it is deleted with the last array of its numbers.
+        is_large = size > MUCH
+        numbers = np.memmap(file, np.float64, "r") if is_large else np.frombuffer(file.read())
+    numbers = numbers.reshape(-1, len(table.columns))
+    return [
+        (numbers[: rows.ends.get(column, len(numbers)), place], rows.flaws.get(column, ""))
+        for place, column in enumerate(table.columns)
+    ]
+
+
+class RowReader:
+    """Makes numbers of the lines of a table, in one go where they are as they should be.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file, for messages.
+    table : Table
+        How they are written.
+    """
+
+    def __init__(self, path: Path, table: Table) -> None:
+        self._path = path
+        self._table = table
+        self._count = 0
+        self.ends: dict[int, int] = {}  # numbers in the columns that end before the others
+        self.flaws: dict[int, str] = {}  # why and where a column holds words
+        self._blanks: dict[int, int] = {}
+
+    def read(self, piece: str, before: int) -> FloatArray:
+        """Return the numbers of whole lines, with so many lines `before` them.
+
+        Returns
+        -------
+        ndarray, shape (lines, columns)
+            NaN where a column has ended or holds words.
+
+        Raises
+        ------
+        FileError
+            If a line has more or fewer cells, or a cell above a column's end is no number.
+        """
+        style, kinds = self._table.style, self._table.kinds
+        if '"' in piece:
+            piece = "\n".join(map(unquote, piece.split("\n")))
+        plain = style.make_point(piece.strip("\n"))
+        lines = plain.count("\n") + 1
+        is_regular = not self.ends and all(kinds[cell] == NUMBER for cell in self._table.columns)
+        if style.delimiter:
+            is_regular &= plain.count(style.delimiter) == lines * (len(kinds) - 1)
+        rows: FloatArray | None = None
+        if is_regular and plain:
+            with contextlib.suppress(ValueError):
+                rows = _parse_numbers(plain, self._table)
+        if rows is None or rows.shape != (lines, len(self._table.columns)):
+            rows = self.read_lines(split_lines(piece, before))
+        self._count += len(rows)
+        return rows
+
+    def read_lines(self, lines: Sequence[Line]) -> FloatArray:
+        """Return the same line by line, with all that may be amiss."""
+        style, kinds, columns = self._table.style, self._table.kinds, self._table.columns
+        width = max(columns) + 1
+        rows = np.full((len(lines), len(columns)), np.nan)
+        index = 0
+        for number, text in lines:
+            if text.startswith(COMMENT_MARKS):
+                continue
+            cells = style.split(text)
+            if len(cells) < width or any(cells[len(kinds) :]):
+                count = len(cells) - (len(cells) > 1 and not cells[-1])
+                raise FileError(
+                    f"{self._path}, line {number}: {count} columns, above there are {width}"
+                )
+            for place, column in enumerate(columns):
+                rows[index, place] = self._read_cell(number, column, cells[column], index)
+            index += 1
+        return rows[:index]
+
+    def _read_cell(self, line: int, column: int, cell: str, index: int) -> float:
+        if self._table.kinds[column] == WORD:
+            self.flaws.setdefault(column, _refuse_cell(line, cell))
+            self.ends[column] = 0
+            return math.nan
+        if not cell:
+            self.ends.setdefault(column, self._count + index)
+            self._blanks.setdefault(column, line)
+            return math.nan
+        if column in self.ends:
+            raise FileError(
+                f"{self._path}, line {self._blanks[column]}: column {column + 1} is blank, and"
+                f" goes on in line {line}"
+            )
+        try:
+            return float(self._table.style.make_point(cell))
+        except ValueError:
+            raise FileError(f"{self._path}, {_refuse_cell(line, cell)}") from None
+
+
+def _parse_numbers(text: str, table: Table) -> FloatArray:
+    """Return the columns of lines of numbers alone; raises `ValueError` if there is more."""
+    delimiter, data = table.style.delimiter, BytesIO(text.encode())
+    if delimiter and len(text) > PIECE // 16:  # worth its time
+        with contextlib.suppress(ModuleNotFoundError):  # five times as fast, where it is there
+            import pyarrow as pa
+            from pyarrow import csv as pa_csv
+
+            names = list(map(str, range(len(table.kinds))))
+            found = pa_csv.read_csv(
+                data,
+                pa_csv.ReadOptions(use_threads=False, column_names=names),
+                pa_csv.ParseOptions(delimiter=delimiter, quote_char=False),
+                pa_csv.ConvertOptions(
+                    include_columns=[names[column] for column in table.columns],
+                    column_types=dict.fromkeys(names, pa.float64()),
+                    null_values=[],
+                ),
+                pa.system_memory_pool(),
+            )
+            return np.stack([column.to_numpy() for column in found.columns], axis=1)
+    return np.loadtxt(
+        data,
+        delimiter=delimiter,
+        comments=None,
+        usecols=table.columns if delimiter else None,
+        ndmin=2,
+    )
+
+
+def _read_headings(
+    above: Sequence[str], style: Style, kinds: str
+) -> tuple[list[tuple[str, str]], dict[str, list[str]]]:
+    """Return name and unit of each cell, empty where none is stated, and what stands beside."""
+    width, used = len(kinds), len(kinds.rstrip(NOTHING))
+    candidates = [cells for line in above if (cells := _split_heading(line, style, kinds))]
+    if not candidates:
+        return [("", "")] * width, {}
+    last = candidates[-1]
+    above_units = candidates[-2] if len(candidates) > 1 and _are_units(last[:used]) else []
+    # Settings in as many cells are no names.
+    has_units = above_units and not any(
+        ":" in cell or (Style().is_number(cell) and not cell.isdecimal())
+        for cell in above_units[:used]
+    )
+    names = above_units if has_units else last
+    # Beside the names of all columns statements may stand, their values below them.
+    reach = width if len(names) <= width else used
+    headings = [_split_name(cell) for cell in names[:reach]]
+    if has_units:
+        units = [cell.strip("()[] ") for cell in last]
+        headings = [(name, unit) for (name, _), unit in zip(headings, units, strict=False)]
+    elif _are_units(last[:used]):
+        units = [cell.strip("()[] ") for cell in last[:reach]]
+        headings = [
+            (cell, unit if _is_unit(unit) else "") for cell, unit in zip(last, units, strict=False)
+        ]
+    headings += [("", "")] * (width - len(headings))
+    beside = zip(names[reach:], last[reach:], strict=False) if has_units else ()
+    return headings, {name.lower(): [value] for name, value in beside if name}
+
+
+def _split_heading(line: str, style: Style, kinds: str) -> list[str] | None:
+    """Return the cells of a line above the numbers; None: it is no line of headings."""
+    text = line.lstrip(BLANKS_AND_MARKS) if line.startswith(COMMENT_MARKS) else line
+    used = len(kinds.rstrip(NOTHING))
+    if used > 1 and text.count('"') == 2:  # noqa: PLR2004 - a pair
+        text = unquote(text)
+    delimiters = dict.fromkeys((style.delimiter, ",", ";", "\t"))
+    splits = [
+        [
+            cell.strip()
+            for cell in next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
+        ]
+        for delimiter in delimiters
+        if delimiter is not None and (delimiter in text or used == 1)
+    ]
+    if style.delimiter is None:
+        splits.append(text.split())
+    for cells in splits:
+        is_long = len(cells) > len(kinds) and all(map(_is_beside, cells[used:]))
+        if (used <= len(cells) <= len(kinds) or is_long) and all(cells[:used]):
+            return cells
+    return None
+
+
+def _is_beside(cell: str) -> bool:
+    """Tell whether a cell beside the headings states something, or is such a value."""
+    is_name = cell.lower() in STEP_NAMES | STARTS
+    return not cell or "=" in cell or is_name or Style().is_number(cell)
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Tell whether all are units, in brackets, or say that samples are counted."""
+    return all(
+        (cell[:1] + cell[-1:]) in ("[]", "()")
+        or _is_unit(cell)
+        or normalize_time_unit(cell) == SAMPLES
+        for cell in cells
+        if cell
+    )
+
+
+def _is_unit(text: str) -> bool:
+    return normalize_unit(text) in UNITS or normalize_time_unit(text) in TIME_UNITS
+
+
+def _split_name(cell: str) -> tuple[str, str]:
+    """Return name and unit of `hammer [m/s^2]`, `hammer (m/s^2)`, `hammer / N` or `C1 in V`."""
+    opening = BRACKETS.get(cell[-1:])
+    if opening is None:
+        for name, mark, unit in (cell.rpartition("/"), f" {cell}".rpartition(" in ")):
+            if mark and _is_unit(unit):
+                return name.strip() or TIME, unit.strip()
+        return cell, ""
+    depth = 0
+    for place in range(len(cell) - 1, -1, -1):
+        depth += (cell[place] == cell[-1]) - (cell[place] == opening)
+        if depth == 0:
+            return cell[:place].strip(), cell[place + 1 : -1].strip()
+    return cell, ""
+
+
+def _collect_statements(above: Sequence[str], style: Style) -> dict[str, list[str]]:
+    """Return what the lines above the numbers state, by names in small letters."""
+    statements: dict[str, list[str]] = {}
+    for line in above:
+        if line.startswith(ORIGIN_MARK):
+            statements[ORIGIN] = [line.removeprefix(ORIGIN_MARK)]
+            continue
+        text = line.lstrip(BLANKS_AND_MARKS)
+        cells = Style(style.delimiter or ",").split(text)
+        _add_statement(statements, cells)
+        for cell in cells:
+            name, _, value = cell.partition("=" if "=" in cell else ":")
+            _add_statement(statements, [name, value])
+    return statements
+
+
+def _add_statement(statements: dict[str, list[str]], cells: Sequence[str]) -> None:
+    name, *values = [cell.strip() for cell in cells] or [""]
+    if name and any(values):
+        statements.setdefault(
+            name if name in (RATE, START) else name.lower(), [v for v in values if v]
+        )
+
+
+def write_text(path: Path, measurement: Measurement) -> None:
+    """Write channels as columns parted by commas, beside their time.
+
+    Every number is written with the digits that bring it back bit by bit. Line breaks in names
+    become blanks.
+
+    Parameters
+    ----------
+    path : Path
+        Of the new file.
+    measurement : Measurement
+        Its channels must have one sampling rate and start, and one point at least.
+
+    Raises
+    ------
+    FileError
+        If they do not.
+    """
+    channels = measurement.channels
+    points = max(channel.values.size for channel in channels)
+    rate, start = channels[0].sampling_rate, channels[0].start
+    if len({(repr(channel.sampling_rate), channel.start) for channel in channels}) > 1:
+        raise FileError(
+            f"{measurement.path}: its channels have different rates or starts; columns of text"
+            " share their time: choose another format, or one file for each"
+        )
+    if points == 0:
+        raise FileError(f"{measurement.path}: its channels have no points: text cannot show that")
+    columns = [channel.values.tolist() for channel in channels]
+    headings = [_make_heading(channel.name, channel.unit) for channel in channels]
+    origin = "; ".join(dict.fromkeys(channel.origin for channel in channels if channel.origin))
+    with path.open("w", encoding="utf-8", newline="") as file:
+        if origin:
+            file.write(f"{ORIGIN_MARK}{origin}\n")
+        if not math.isnan(rate):
+            file.write(f"# {RATE}: {rate!r}\n# {START}: {start!r}\n")
+            columns.insert(0, (start + np.arange(points) / rate).tolist())
+            headings.insert(0, f"{TIME} [s]")
+        headings = [f"'{name}" if name.startswith(FORMULA_MARKS) else name for name in headings]
+        csv.writer(file, lineterminator="\n", quoting=csv.QUOTE_ALL).writerow(headings)
+        csv.writer(file, lineterminator="\n").writerows(
+            itertools.zip_longest(*columns, fillvalue="")
+        )
+
+
+def _make_heading(name: str, unit: str) -> str:
+    name = " ".join(name.split())
+    is_clear = (
+        name
+        and not _is_unit(name)
+        and not Style().is_number(name)
+        and _split_name(name)[0] == name
+    )
+    return name if is_clear and not unit else f"{name} [{unit}]"

@@ -1,0 +1,173 @@
+"""The file of `--channels`: the channels of measured files, their units, and the masses."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from impact_rig.configuration.rig_file import parse_response, parse_settings
+from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
+from impact_rig.configuration.units import parse_reading, parse_sensitivity
+from impact_rig.core.errors import FileError
+from impact_rig.core.quantity import Comparable
+from impact_rig.files.plan import ChannelPlan, ChannelUse
+
+CHANNEL_KEYS = (
+    "channel",
+    "unit",
+    "sensitivity",
+    "full_scale",
+    "mass",
+    "resonance",
+    "resonance_damping",
+    "low_corner",
+)
+PRE_TRIGGER_PART = 0.1  # of a record, before its hit; as 0.2 ms of 2 ms
+NAN = math.nan
+
+
+@dataclass(frozen=True)
+class ImportFile(Comparable):
+    """The content of a file of channels; NaN or empty: not stated."""
+
+    plan: ChannelPlan = field(default_factory=ChannelPlan)
+    sample: str = ""  # name of the struck sample
+    description: str = ""
+    hammer_mass: float = NAN  # [kg]
+    sample_mass: float = NAN  # [kg]
+    accelerometer_mass: float = NAN  # [kg]
+    hammer_stiffness: float = NAN  # k1 [N/m]
+    control: bool = False  # hammer and sample are alike
+    settings: Mapping[str, Any] = field(default_factory=dict)  # of `AnalysisSettings`, by name
+
+
+def read_import_template() -> str:
+    """Return the template of a file of channels, with comments."""
+    return resources.files("impact_rig.files").joinpath("import.toml").read_text("utf-8")
+
+
+def read_import_file(path: Path) -> ImportFile:
+    """Read a file of channels.
+
+    Raises
+    ------
+    FileError
+        If it does not exist, is not TOML, or has a wrong value; the message names file, line,
+        place and value.
+    """
+    return read_toml_file(path, "file of channels", parse_import_file)
+
+
+def read_analysis_settings(path: Path) -> dict[str, Any]:
+    """Read a file of channels for a recording, which takes only the table [analysis] from it.
+
+    Returns
+    -------
+    dict
+        Fields of `AnalysisSettings` to replace, by name.
+
+    Raises
+    ------
+    FileError
+        As `read_import_file`; or if the file holds anything else.
+    """
+
+    def parse(text: str) -> dict[str, Any]:
+        document = parse_toml_table(text)
+        document.check_keys("analysis")
+        return parse_settings(document)
+
+    try:
+        return read_toml_file(path, "file of channels", parse)
+    except FileError as error:
+        raise FileError(f"{error} (a recording takes only [analysis] from it)") from None
+
+
+def parse_import_file(text: str) -> ImportFile:
+    """Read the text of a file of channels.
+
+    Raises
+    ------
+    ParameterError
+        If it is not TOML, or has an unknown key or a wrong value.
+    """
+    document = parse_toml_table(text)
+    document.check_keys("sample", "description", "columns", "sampling_rate", "time_unit",
+                        "hammer", "specimen", "analysis")  # fmt: skip
+    hammer, specimen = document.take_table("hammer"), document.take_table("specimen")
+    hammer.check_keys(*CHANNEL_KEYS, "stiffness")
+    specimen.check_keys(*CHANNEL_KEYS, "accelerometer_mass", "control")
+    return ImportFile(
+        plan=_parse_plan(document, hammer, specimen),
+        sample=document.take_text("sample"),
+        description=document.take_text("description"),
+        hammer_mass=hammer.take_quantity("mass", "kg", "100 g", NAN),
+        sample_mass=specimen.take_quantity("mass", "kg", "102.38 g", NAN),
+        accelerometer_mass=specimen.take_quantity("accelerometer_mass", "kg", "3 g", NAN),
+        hammer_stiffness=hammer.take_quantity("stiffness", "N/m", "22.5 MN/m", NAN),
+        control=specimen.take_boolean("control"),
+        settings=parse_settings(document),
+    )
+
+
+def add_options(file: ImportFile, given: Mapping[str, Any]) -> ImportFile:
+    """Return a file in which options of the command line replace what it states.
+
+    These are `rate` [Hz], `hammer_unit`, `sample`, `hammer_mass` and `sample_mass` [kg], `cutoff`
+    [Hz] and `record_duration` [s].
+
+    Raises
+    ------
+    ParameterError
+        If a value is wrong.
+    """
+    plan = file.plan
+    hammer = replace(plan.hammer, unit=given.get("hammer_unit", plan.hammer.unit))
+    rate = given.get("rate", plan.sampling_rate)
+    settings = dict(file.settings)
+    if "cutoff" in given:
+        settings["cutoff_frequency"] = given["cutoff"]
+    if "record_duration" in given:
+        settings["record_duration"] = given["record_duration"]
+        settings.setdefault("pre_trigger", PRE_TRIGGER_PART * given["record_duration"])
+    return replace(
+        file,
+        plan=replace(plan, hammer=hammer, sampling_rate=rate),
+        sample=given.get("sample", file.sample),
+        hammer_mass=given.get("hammer_mass", file.hammer_mass),
+        sample_mass=given.get("sample_mass", file.sample_mass),
+        settings=settings,
+    )
+
+
+def _parse_plan(document: TomlTable, hammer: TomlTable, specimen: TomlTable) -> ChannelPlan:
+    uses = {"hammer": _parse_use(hammer), "specimen": _parse_use(specimen)}
+    columns = document.get("columns")
+    if columns is not None:
+        if not isinstance(columns, list) or not all(isinstance(role, str) for role in columns):
+            raise document.refuse("columns", "a list of roles in quotes")
+        columns = tuple(columns)
+    sampling_rate = document.take_quantity("sampling_rate", "Hz", "25.6 kHz", NAN)
+    unit = document.take_text("time_unit")
+    with document.locating():
+        return ChannelPlan(columns=columns, sampling_rate=sampling_rate, time_unit=unit, **uses)
+
+
+def _parse_use(table: TomlTable) -> ChannelUse:
+    channel = table.get("channel", "")
+    if isinstance(channel, bool) or not isinstance(channel, str | int):
+        raise table.refuse("channel", "a name in quotes or a whole number")
+    unit = table.take_text("unit")
+    full_scale, full_scale_unit = 0.0, "m/s^2"
+    sensitivity = None
+    response = parse_response(table)
+    with table.locating():
+        if "full_scale" in table:
+            full_scale, full_scale_unit = parse_reading(
+                f"full_scale of {table.place}", table["full_scale"]
+            )
+        if "sensitivity" in table:
+            sensitivity = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
+        return ChannelUse(str(channel), unit, sensitivity, full_scale, full_scale_unit, response)
