@@ -151,6 +151,7 @@ def _add_responses(sensors: tuple[Sensor, ...], plan: ChannelPlan) -> tuple[Sens
                 resonance=use.response.resonance,
                 resonance_damping=use.response.damping,
                 low_corner=use.response.low_corner,
+                upper_corner=use.response.upper_corner,
             )
     return tuple(known[channel] for channel in CHANNELS if channel in known)
 

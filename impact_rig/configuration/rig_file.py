@@ -73,11 +73,17 @@ SENSOR_KEYS = (
     "resonance_damping",
     "low_corner",
     "low_corner_uncertainty",
+    "upper_corner",
+    "upper_corner_uncertainty",
 )
 """Keys of a calibration sheet; the other keys of the table are the driver's."""
 
 
-UNCERTAINTIES = {"resonance_uncertainty": "1 kHz", "low_corner_uncertainty": "0.1 Hz"}
+UNCERTAINTIES = {
+    "resonance_uncertainty": "1 kHz",
+    "low_corner_uncertainty": "0.1 Hz",
+    "upper_corner_uncertainty": "2 kHz",
+}
 """Of frequencies, with an example each."""
 
 
@@ -116,6 +122,7 @@ def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
         resonance=response.resonance,
         resonance_damping=response.damping,
         low_corner=response.low_corner,
+        upper_corner=response.upper_corner,
         **uncertainties,
     )
 
@@ -126,6 +133,7 @@ def parse_response(table: TomlTable) -> SensorResponse:
         resonance=table.take_quantity("resonance", "Hz", "70 kHz", 0.0, low=0.0),
         damping=table.take_number("resonance_damping", 0.0, 1.0, DEFAULT_RESONANCE_DAMPING),
         low_corner=table.take_quantity("low_corner", "Hz", "0.5 Hz", 0.0, low=0.0),
+        upper_corner=table.take_quantity("upper_corner", "Hz", "50 kHz", 0.0, low=0.0),
     )
     with table.locating():
         check_response("sensor", response)

@@ -1,17 +1,17 @@
 """Model and measurement, compared as the paper does."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
 from impact_rig.core.errors import SignalError
-from impact_rig.core.filtering import low_pass, respond
+from impact_rig.core.filtering import Chain, show_bodies
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.model import ImpactModel, ModelVariant, simulate_impact
 from impact_rig.core.records import FloatArray, make_read_only
-from impact_rig.core.sensors import FLAT, SensorResponse
 
 
 @dataclass(frozen=True)
@@ -156,8 +156,7 @@ def compare_with_model(
     mean: MeanHit,
     model: ImpactModel,
     variant: ModelVariant,
-    cutoff_frequency: float,
-    responses: tuple[SensorResponse, SensorResponse] = (FLAT, FLAT),
+    chains: Sequence[Chain],
 ) -> ModelComparison:
     """Simulate the model on the mean hit's time grid, filter it alike and compare.
 
@@ -165,10 +164,8 @@ def compare_with_model(
     ----------
     mean : MeanHit
         Both channels.
-    cutoff_frequency : float
-        The low-pass that the measurement went through [Hz]; 0: none.
-    responses : tuple of SensorResponse
-        Of the sensors, which it went through before.
+    chains : sequence of Chain
+        What both channels went through.
 
     Raises
     ------
@@ -179,10 +176,7 @@ def compare_with_model(
     count = mean.traces.shape[1]
     start_time = model.contact_time / 2.0 - mean.origin / rate
     bodies = simulate_impact(model, rate, count, start=start_time, variant=variant)
-    simulated = np.stack(
-        [respond(body, how, rate) for body, how in zip(bodies, responses, strict=True)]
-    )
-    filtered = low_pass(simulated, cutoff_frequency, rate)
+    filtered = show_bodies(np.stack(bodies), chains)
     first = max(0, int(np.ceil(-start_time * rate)))
     last = min(count, int(np.floor((model.contact_time - start_time) * rate)) + 1)
     contact = slice(first, last)

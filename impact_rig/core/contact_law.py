@@ -8,12 +8,9 @@ from functools import lru_cache
 import numpy as np
 
 from impact_rig.core.errors import NotDeterminedError, RigError
+from impact_rig.core.filtering import Chain
 from impact_rig.core.hits import MeanHit
-from impact_rig.core.identification import (
-    compute_noise_correlation,
-    compute_raw_noise,
-    find_largest_residual,
-)
+from impact_rig.core.identification import compute_raw_noise, find_largest_residual
 from impact_rig.core.law_pulses import LIMITS as TABLES
 from impact_rig.core.law_pulses import LOSSES, LossForm, compute_pulses
 from impact_rig.core.momenta import (
@@ -302,9 +299,9 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
             f"contact law: {width:.2g} points in the pulse's width at half amplitude do not tell"
             f" it, {LIMITS.points:g} may; sample faster"
         )
-    seen = (mean.sampling_rate, cutoff_frequency, sensors[0].response)
-    window = cut_window(mean.traces[0], pulse, *seen, LIMITS.margins)
-    correlation = compute_noise_correlation(cutoff_frequency, mean.sampling_rate, window.step)
+    chain = setup.find_chains(mean.sampling_rate)[0]
+    window = cut_window(mean.traces[0], pulse, chain, LIMITS.margins)
+    correlation = chain.correlate_noise(window.step)
     correlation = correlation[correlation.size // 2 :]
     noise = float(compute_raw_noise(mean)[0]) * math.sqrt(correlation[0]) / peak
     fits = fit_forms(window, exponent, noise)
@@ -320,7 +317,7 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
         warnings=_check_hits(restored, leaves),
     )
     is_worse, excludes_versed_sine = _compare_with_versed_sine(fit, window)
-    changes = _change_sensor(mean, pulse, (form, fit), sensors[0], seen[:2])
+    changes = _change_sensor(mean, pulse, (form, fit), sensors[0], chain)
     largest = find_largest_residual(noise)
     largest += 2.0 * max((fit.find_rest(change) for _, change in changes), default=0.0)
     reason = _find_misfit(form, fit, largest, is_worse=is_worse)
@@ -431,19 +428,20 @@ def _change_sensor(
     pulse: PulseWidth,
     law: tuple[LossForm, WindowFit],
     sensor: Sensor,
-    seen: tuple[float, float],
+    chain: Chain,
 ) -> list[tuple[str, FloatArray]]:
     """Return what a standard uncertainty of the hammer's sensor does to the fitted trace."""
-    response = sensor.response
     changes = []
     for name, standard in (
         ("resonance", sensor.resonance_uncertainty),
         ("low_corner", sensor.low_corner_uncertainty),
+        ("upper_corner", sensor.upper_corner_uncertainty),
     ):
-        stated = getattr(response, name)
+        stated = getattr(chain.response, name)
         if stated and standard:
-            other = replace(response, **{name: stated + standard})
-            window = cut_window(mean.traces[0], pulse, *seen, other, LIMITS.margins)
+            response = replace(chain.response, **{name: stated + standard})
+            other = replace(chain, response=response)
+            window = cut_window(mean.traces[0], pulse, other, LIMITS.margins)
             residual, _ = evaluate_laws(window, law[1].parameters[np.newaxis], law[0])
             what = f"{name.replace('_', ' ')} of the hammer's sensor"
             changes.append((what, window.measured + residual[0] - law[1].fitted))

@@ -1,6 +1,8 @@
-"""Low-pass filter and sensor response."""
+"""What a motion passes through before it is a trace: sensor, converter, low-pass."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -13,7 +15,7 @@ from impact_rig.core.errors import (
     check_positive,
 )
 from impact_rig.core.records import FloatArray, make_read_only
-from impact_rig.core.sensors import SensorResponse
+from impact_rig.core.sensors import FLAT, SensorResponse
 
 
 def interpolate_between(traces: FloatArray, fraction: float) -> FloatArray:
@@ -145,23 +147,27 @@ def respond(traces: FloatArray, response: SensorResponse, sampling_rate: float) 
     """
     if response.is_flat:
         return traces
-    numerator, denominator = _design(
-        response.resonance / sampling_rate, response.damping, response.low_corner / sampling_rate
-    )
+    numerator, denominator = _design(response.scale(1.0 / sampling_rate))
     return np.asarray(scipy.signal.lfilter(numerator, denominator, traces, axis=-1))
 
 
 @lru_cache(maxsize=16)
-def _design(resonance: float, damping: float, low_corner: float) -> tuple[FloatArray, FloatArray]:
+def _design(response: SensorResponse) -> tuple[FloatArray, FloatArray]:
     """Return the coefficients of the filter, its frequencies over the sampling rate."""
-    natural, corner = 2.0 * math.pi * resonance, 2.0 * math.pi * low_corner
+    natural, low, high = (
+        2.0 * math.pi * frequency
+        for frequency in (response.resonance, response.low_corner, response.upper_corner)
+    )
     numerator, denominator = np.ones(1), np.ones(1)
     if natural:
         numerator = numerator * natural**2
-        denominator = np.array([1.0, 2.0 * damping * natural, natural**2])
-    if corner:
+        denominator = np.array([1.0, 2.0 * response.damping * natural, natural**2])
+    if low:
         numerator = np.append(numerator, 0.0)
-        denominator = np.convolve(denominator, [1.0, corner])
+        denominator = np.convolve(denominator, [1.0, low])
+    if high:
+        numerator = numerator * high
+        denominator = np.convolve(denominator, [1.0, high])
     discrete = scipy.signal.cont2discrete((numerator, denominator), 1.0, "foh")
     return make_read_only(np.ravel(discrete[0])), make_read_only(np.ravel(discrete[1]))
 
@@ -173,3 +179,55 @@ def restore_level(traces: FloatArray, low_corner: float, sampling_rate: float) -
     integrate = scipy.integrate.cumulative_trapezoid
     lost = integrate(traces, dx=1.0 / sampling_rate, axis=-1, initial=0.0)
     return np.asarray(traces + 2.0 * math.pi * low_corner * lost)
+
+
+@dataclass(frozen=True)
+class Chain:
+    """What a channel does to a body's acceleration before it is a trace."""
+
+    sampling_rate: float  # [Hz]
+    cutoff_frequency: float = 0.0  # -3 dB of the zero-phase low-pass [Hz]; 0: none
+    response: SensorResponse = FLAT
+
+    @property
+    def relative_cutoff(self) -> float:
+        """Cutoff over the sampling rate [-]; 0: no low-pass."""
+        return self.cutoff_frequency / self.sampling_rate
+
+    def count_points(self, step: int = 1) -> "Chain":
+        """Return it with every `step`-th point as the unit of time."""
+        factor = step / self.sampling_rate
+        return Chain(1.0, self.cutoff_frequency * factor, self.response.scale(factor))
+
+    def show(self, motion: FloatArray) -> FloatArray:
+        """Return the traces of accelerations that were zero before, both of shape (..., n)."""
+        shown = respond(motion, self.response, self.sampling_rate)
+        return low_pass(shown, self.cutoff_frequency, self.sampling_rate)
+
+    def correlate_noise(self, step: int = 1) -> FloatArray:
+        """Return the autocovariance of white noise of 1 behind the low-pass, from -k to k steps.
+
+        Read-only, shape (2 k + 1,); of every `step`-th point.
+        """
+        return _correlate_noise(self.relative_cutoff, step)
+
+
+@lru_cache(maxsize=16)
+def _correlate_noise(relative_cutoff: float, step: int) -> FloatArray:
+    if relative_cutoff == 0.0:
+        return make_read_only(np.ones(1))
+    # Beyond, less than e^-20 of the correlation is left.
+    reach = math.ceil(5.0 / relative_cutoff)
+    impulse = np.zeros(4 * reach + 1)
+    impulse[2 * reach] = 1.0
+    # The low-pass is symmetric in time, so that its autocorrelation is to apply it twice.
+    for _ in range(2):
+        impulse = low_pass(impulse, relative_cutoff, 1.0)
+    most = reach // step * step
+    return make_read_only(impulse[2 * reach - most : 2 * reach + most + 1 : step])
+
+
+def show_bodies(bodies: FloatArray, chains: Sequence[Chain]) -> FloatArray:
+    """Send accelerations of both bodies, shape (..., 2, n), each through its chain."""
+    shown = [chain.show(bodies[..., body, :]) for body, chain in enumerate(chains)]
+    return np.stack(shown, axis=-2)

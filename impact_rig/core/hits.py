@@ -14,6 +14,7 @@ from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalErr
 from impact_rig.core.filtering import check_cutoff, interpolate_between, low_pass
 from impact_rig.core.pulse_width import BASELINE_POINTS, PulseWidth, measure_pulse
 from impact_rig.core.records import UNSTATED, FloatArray, HitLabel, Origin, Record, make_read_only
+from impact_rig.core.sensors import SensorResponse
 from impact_rig.core.setup import AnalysisSettings
 from impact_rig.core.tail import judge_zeros
 from impact_rig.core.verdict import (
@@ -79,7 +80,7 @@ class JudgedHit:
 
 
 def judge_hit(
-    record: Record, settings: AnalysisSettings, low_corners: Sequence[float] = ()
+    record: Record, settings: AnalysisSettings, responses: Sequence[SensorResponse] = ()
 ) -> JudgedHit:
     """Remove the baseline, filter, measure the pulse and name every reason against the hit.
 
@@ -87,8 +88,8 @@ def judge_hit(
     ----------
     record : Record
         As cut out of the stream.
-    low_corners : sequence of float
-        Stated lower corners of the channels [Hz]; 0: not stated. The droop of one that is stated
+    responses : sequence of SensorResponse
+        Of the channels, as far as they are stated. The droop of a lower corner that is stated
         stays: models are sent through it.
 
     Returns
@@ -113,7 +114,7 @@ def judge_hit(
         hidden = check_low_pass(
             raw[0], filtered.pulse, float(filtered.raw_noise[0]), record.sampling_rate, settings
         )
-        hit, zeros = _correct_zero(filtered, settings, low_corners)
+        hit, zeros = _correct_zero(filtered, settings, responses)
     except SignalError as error:
         found.append(Finding(Reason.TRUNCATED, str(error)))
         return JudgedHit(record.label, tuple(found), record.stamp)
@@ -145,7 +146,7 @@ def judge_hit(
 
 
 def _correct_zero(
-    hit: FilteredHit, settings: AnalysisSettings, low_corners: Sequence[float]
+    hit: FilteredHit, settings: AnalysisSettings, responses: Sequence[SensorResponse]
 ) -> tuple[FilteredHit, list[Finding]]:
     """Take off what the zero is after the impact.
 
@@ -167,7 +168,7 @@ def _correct_zero(
     peaks = np.abs(traces).max(axis=1)
     left = list(hit.zero_uncertainty)
     for channel, (name, shift) in enumerate(zip(CHANNELS, shifts, strict=False)):
-        is_stated = channel < len(low_corners) and low_corners[channel] > 0.0
+        is_stated = channel < len(responses) and responses[channel].low_corner > 0.0
         if shift is None or (is_stated and shift.reason is Reason.DROOP):
             continue
         # A body that is damped comes back by itself, as a charge does.

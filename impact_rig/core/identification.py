@@ -9,13 +9,12 @@ import numpy as np
 import scipy
 
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.filtering import low_pass, respond
+from impact_rig.core.filtering import Chain, show_bodies
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.model import Body, ImpactModel, ModelVariant, simulate_impacts
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.pulses import VERSED_SINE
 from impact_rig.core.records import FloatArray, make_read_only
-from impact_rig.core.sensors import FLAT, SensorResponse
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.verdict import CHANNELS
 
@@ -112,9 +111,7 @@ def identify_model(mean: MeanHit, setup: RigSetup, sample: str) -> Identificatio
         noise=np.maximum(compute_raw_noise(mean), LIMITS.least_noise * peaks),
         hammer_mass=setup.hammer_mass,
         moving_mass=setup.samples.get_moving_mass(sample),
-        sampling_rate=mean.sampling_rate,
-        cutoff_frequency=setup.analysis.cutoff_frequency,
-        responses=setup.responses,
+        chains=setup.find_chains(mean.sampling_rate),
     )
     found = problem.solve(problem.find_start())
     return _report(problem, found, mean)
@@ -128,9 +125,12 @@ class FitProblem:
     noise: FloatArray  # white, before the low-pass [m/s^2], shape (2,)
     hammer_mass: float  # [kg]
     moving_mass: float  # [kg], with the accelerometer
-    sampling_rate: float  # [Hz]
-    cutoff_frequency: float = 0.0  # [Hz]; 0: none
-    responses: tuple[SensorResponse, SensorResponse] = (FLAT, FLAT)
+    chains: tuple[Chain, Chain]  # what both went through
+
+    @property
+    def sampling_rate(self) -> float:
+        """Of the traces [Hz]."""
+        return self.chains[0].sampling_rate
 
     @cached_property
     def peaks(self) -> FloatArray:
@@ -140,7 +140,8 @@ class FitProblem:
     @cached_property
     def points(self) -> slice:
         """Those that are fitted: the padding of the low-pass does not reach them."""
-        rate, cutoff, count = self.sampling_rate, self.cutoff_frequency, self.traces.shape[1]
+        rate, cutoff = self.sampling_rate, self.chains[0].cutoff_frequency
+        count = self.traces.shape[1]
         if cutoff == 0.0:
             return slice(0, count, 1)
         # Three times as many points as the low-pass leaves: nothing is lost.
@@ -173,14 +174,8 @@ class FitProblem:
         )
 
     def show(self, bodies: FloatArray, points: slice = ALL_POINTS) -> FloatArray:
-        """Send traces of both bodies, shape (rows, 2, n), through sensors and low-pass."""
-        if not all(response.is_flat for response in self.responses):
-            shown = [
-                respond(bodies[:, body], response, self.sampling_rate)
-                for body, response in enumerate(self.responses)
-            ]
-            bodies = np.stack(shown, axis=1)
-        return low_pass(bodies, self.cutoff_frequency, self.sampling_rate)[..., points]
+        """Return the traces of both bodies' accelerations, shape (rows, 2, n)."""
+        return show_bodies(bodies, self.chains)[..., points]
 
     def evaluate(
         self, values: FloatArray, points: slice = ALL_POINTS
@@ -317,9 +312,7 @@ class FitProblem:
                 "identification: not determined, since the traces do not tell its parameters apart"
             )
         # Least squares is (J^T J)^-1 J^T r, and r has the covariance C of filtered noise.
-        kernel = compute_noise_correlation(
-            self.cutoff_frequency, self.sampling_rate, self.points.step
-        )
+        kernel = self.chains[0].correlate_noise(self.points.step)
         seen = scipy.ndimage.convolve1d(scaled, kernel, axis=-1, mode="constant")
         seen *= factors[:, np.newaxis] ** 2
         inverse = np.linalg.inv(joined @ joined.T)
@@ -334,34 +327,14 @@ def compute_raw_noise(mean: MeanHit) -> FloatArray:
     return np.asarray(np.maximum(mean.raw_noise, steps / mean.count))
 
 
-@lru_cache(maxsize=16)
-def compute_noise_correlation(
-    cutoff_frequency: float, sampling_rate: float, step: int = 1
-) -> FloatArray:
-    """Return the autocovariance of white noise of 1 behind the low-pass, from -k to k steps.
-
-    Read-only, shape (2 k + 1,); of every `step`-th point.
-    """
-    if cutoff_frequency == 0.0:
-        return make_read_only(np.ones(1))
-    # Beyond, less than e^-20 of the correlation is left.
-    reach = math.ceil(5.0 * sampling_rate / cutoff_frequency)
-    impulse = np.zeros(4 * reach + 1)
-    impulse[2 * reach] = 1.0
-    # The low-pass is symmetric in time, so that its autocorrelation is to apply it twice.
-    for _ in range(2):
-        impulse = low_pass(impulse, cutoff_frequency, sampling_rate)
-    most = reach // step * step
-    return make_read_only(impulse[2 * reach - most : 2 * reach + most + 1 : step])
-
-
 def _report(problem: FitProblem, values: FloatArray, mean: MeanHit) -> Identification:
     noise, points = problem.noise, problem.points
     traces, derivatives = problem.evaluate(values, points)
     jacobian = derivatives / noise[:, np.newaxis]
     residual = problem.traces[:, points] - traces
     rms = np.sqrt(np.mean(residual**2, axis=1))
-    variance = compute_noise_correlation(problem.cutoff_frequency, problem.sampling_rate)
+    chain = problem.chains[0]
+    variance = chain.correlate_noise()
     filtered_noise = noise * math.sqrt(variance[variance.size // 2])
     left = rms / problem.peaks
     misfit = None
@@ -375,8 +348,8 @@ def _report(problem: FitProblem, values: FloatArray, mean: MeanHit) -> Identific
     if misfit is not None and left.max() > LIMITS.near:
         raise NotDeterminedError(misfit)
     independent = points.stop - points.start
-    if problem.cutoff_frequency:
-        independent *= min(2.0 * problem.cutoff_frequency / problem.sampling_rate, 1.0)
+    if chain.cutoff_frequency:
+        independent *= min(2.0 * chain.relative_cutoff, 1.0)
     total = 2.0 * independent
     squares = (rms / filtered_noise) ** 2 * total / max(total - len(NAMES), 1.0)
     factors = np.sqrt(np.maximum(squares, 1.0))

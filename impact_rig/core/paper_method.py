@@ -82,7 +82,7 @@ def look_at_pulse(mean: MeanHit, setup: RigSetup, sample: str) -> HammerPulse:
     """Return shape and law of the mean pulse on `sample`."""
     law = look_at_law(mean, setup, sample)
     try:
-        shape = estimate_pulse_shape(mean, setup.analysis.cutoff_frequency, setup.responses[0])
+        shape = estimate_pulse_shape(mean, setup.find_chains(mean.sampling_rate)[0])
     except RigError as error:
         return HammerPulse(NO_SHAPE, law, (str(error),))
     return HammerPulse(shape, law)

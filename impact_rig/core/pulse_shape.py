@@ -9,8 +9,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from impact_rig.core.errors import NotDeterminedError, check_not_negative
-from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF, low_pass, respond
+from impact_rig.core.errors import NotDeterminedError
+from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF, Chain, low_pass, respond
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.pulse_width import TENTH_LEVEL, PulseWidth, find_crossing, measure_pulse
 from impact_rig.core.pulses import (
@@ -21,7 +21,6 @@ from impact_rig.core.pulses import (
 )
 from impact_rig.core.quantity import INTERNAL, Comparable, describe
 from impact_rig.core.records import FloatArray, make_read_only
-from impact_rig.core.sensors import FLAT, SensorResponse
 
 
 @dataclass(frozen=True)
@@ -85,9 +84,7 @@ class PulseWindow:
 def cut_window(
     trace: FloatArray,
     pulse: PulseWidth,
-    sampling_rate: float,
-    cutoff_frequency: float,
-    response: SensorResponse = FLAT,
+    chain: Chain,
     margins: tuple[float, float] = LIMITS.margins,
 ) -> PulseWindow:
     """Cut the pulse out of a trace, and prepare what its models go through.
@@ -96,8 +93,8 @@ def cut_window(
     ----------
     trace : ndarray, shape (n,)
         Either polarity.
-    sampling_rate, cutoff_frequency : float
-        Of the trace, and of the low-pass that it went through [Hz]; 0: none.
+    chain : Chain
+        What the trace went through.
     margins : tuple of float
         How much lies before and behind where the pulse is at a tenth of its peak [w50].
 
@@ -128,19 +125,15 @@ def cut_window(
             f"pulse shape: {points.size} points on the pulse do not tell it, {LIMITS.points} may;"
             " sample faster"
         )
-    relative_cutoff = cutoff_frequency / sampling_rate * fine
-    if relative_cutoff > HIGHEST_RELATIVE_CUTOFF:
+    chain = chain.count_points(fine)
+    if chain.cutoff_frequency > HIGHEST_RELATIVE_CUTOFF:
         # The low-pass is shorter than a fortieth of the width.
-        relative_cutoff = 0.0
+        chain = replace(chain, cutoff_frequency=0.0)
     model_points, smoothing = points, None
-    if relative_cutoff or not response.is_flat:
-        rate = sampling_rate / fine
-        relative = SensorResponse(
-            response.resonance / rate, response.damping, response.low_corner / rate
-        )
-        reach = _compute_reach(relative_cutoff)
+    if chain.cutoff_frequency or not chain.response.is_flat:
+        reach = _compute_reach(chain.cutoff_frequency)
         model_points = np.arange(first - fine * reach, points[-1] + fine * reach + 1, fine)
-        smoothing = _make_smoothing(relative_cutoff, relative, points.size, step // fine)
+        smoothing = _make_smoothing(chain, points.size, step // fine)
     return PulseWindow(
         time=np.asarray((points - middle) / width, dtype=np.float64),
         measured=upright[points],
@@ -160,26 +153,24 @@ def _compute_reach(relative_cutoff: float) -> int:
 
 
 @lru_cache(maxsize=8)
-def _make_smoothing(
-    relative_cutoff: float, response: SensorResponse, count: int, stride: int
-) -> FloatArray:
+def _make_smoothing(chain: Chain, count: int, stride: int) -> FloatArray:
     """Return sensor and low-pass as a matrix of `count` rows: each reads `stride` points further.
 
-    Cutoff and frequencies of the sensor are over the sampling rate.
+    The chain counts points.
     """
-    reach = _compute_reach(relative_cutoff)
+    reach = _compute_reach(chain.cutoff_frequency)
     kernel = np.ones(1)
     if reach:
         impulse = np.zeros(4 * reach + 1)
         impulse[2 * reach] = 1.0
-        half = low_pass(impulse, relative_cutoff, 1.0)[2 * reach : 3 * reach + 1]
+        half = low_pass(impulse, chain.cutoff_frequency, 1.0)[2 * reach : 3 * reach + 1]
         kernel = np.concatenate((half[:0:-1], half))
         kernel /= kernel.sum()
     margin = np.zeros((count - 1) * stride)
     impulse = np.zeros(kernel.size + margin.size)
     impulse[0] = 1.0
     # What the sensor does lasts: it is cut where the window ends.
-    both = np.convolve(respond(impulse, response, 1.0), kernel)[: impulse.size]
+    both = np.convolve(respond(impulse, chain.response, 1.0), kernel)[: impulse.size]
     rows = sliding_window_view(np.concatenate((both[::-1], margin)), impulse.size)
     return make_read_only(np.ascontiguousarray(rows[::-stride][:count]))
 
@@ -420,18 +411,13 @@ NO_SHAPE = PulseShapeEstimate()
 """Where it is not determined."""
 
 
-def estimate_pulse_shape(
-    mean: MeanHit, cutoff_frequency: float, response: SensorResponse = FLAT
-) -> PulseShapeEstimate:
+def estimate_pulse_shape(mean: MeanHit, chain: Chain) -> PulseShapeEstimate:
     """Fit every pulse shape to the hammer's mean trace and compare what they leave.
 
     Parameters
     ----------
-    cutoff_frequency : float
-        Of the low-pass that the traces went through [Hz], which the shapes go through as well;
-        0: none.
-    response : SensorResponse
-        Of the hammer's sensor, which they go through before.
+    chain : Chain
+        What the hammer's trace went through; the shapes go through it as well.
 
     Returns
     -------
@@ -444,11 +430,10 @@ def estimate_pulse_shape(
     SignalError
         If there is no pulse.
     """
-    check_not_negative("cutoff frequency", cutoff_frequency, "Hz")
     rate = mean.sampling_rate
     pulse = measure_pulse(mean.traces[0])
     width = pulse.half_amplitude_width
-    window = cut_window(mean.traces[0], pulse, rate, cutoff_frequency, response)
+    window = cut_window(mean.traces[0], pulse, chain)
     fits = fit_shapes(window, PULSE_SHAPES)
     shape_fits = tuple(
         ShapeFit(

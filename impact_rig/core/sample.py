@@ -467,7 +467,7 @@ def _add_comparisons(
         peak_force=setup.hammer_mass * estimate.hammer_peak,
     )
     comparisons = tuple(
-        compare_with_model(mean, model, variant, setup.analysis.cutoff_frequency, setup.responses)
+        compare_with_model(mean, model, variant, setup.find_chains(mean.sampling_rate))
         for variant in variants
     )
     driven, *printed = comparisons

@@ -119,26 +119,26 @@ DEFAULT_RESONANCE_DAMPING = 0.02
 
 @dataclass(frozen=True)
 class SensorResponse(Comparable):
-    """How a sensor answers to what it measures: a second-order system behind a high-pass.
+    """How a sensor and its amplifier answer: a resonance, a high-pass, a low-pass of one pole."""
 
-    Attributes
-    ----------
-    resonance : float
-        As mounted [Hz]; 0: too high to matter, or not known.
-    damping : float
-        Of the resonance, over critical [-].
-    low_corner : float
-        -3 dB at the low end [Hz]; 0: none that matters, or not known.
-    """
-
-    resonance: float = 0.0
-    damping: float = DEFAULT_RESONANCE_DAMPING
-    low_corner: float = 0.0
+    resonance: float = 0.0  # as mounted [Hz]; 0: too high to matter, or not known
+    damping: float = DEFAULT_RESONANCE_DAMPING  # of the resonance, over critical [-]
+    low_corner: float = 0.0  # -3 dB at the low end [Hz]; 0: none that matters, or not known
+    upper_corner: float = 0.0  # -3 dB of coupler or amplifier [Hz]; 0: the same
 
     @property
     def is_flat(self) -> bool:
         """Whether it shows what it measures as it is."""
-        return not (self.resonance or self.low_corner)
+        return not (self.resonance or self.low_corner or self.upper_corner)
+
+    def scale(self, factor: float) -> "SensorResponse":
+        """Return it with its frequencies in another unit, `factor` times as many."""
+        return SensorResponse(
+            self.resonance * factor,
+            self.damping,
+            self.low_corner * factor,
+            self.upper_corner * factor,
+        )
 
 
 FLAT = SensorResponse()
@@ -167,9 +167,9 @@ class Sensor(Comparable):
         Of the sheet, year-month-day; empty: not known.
     sensitivity_uncertainty : float
         Relative standard uncertainty of the channel's gain [-]; 0: not stated.
-    resonance, resonance_damping, low_corner : float
+    resonance, resonance_damping, low_corner, upper_corner : float
         As in `SensorResponse`.
-    resonance_uncertainty, low_corner_uncertainty : float
+    resonance_uncertainty, low_corner_uncertainty, upper_corner_uncertainty : float
         Their standard uncertainties [Hz]; 0: not stated.
     """
 
@@ -189,6 +189,10 @@ class Sensor(Comparable):
     low_corner: float = field(default=0.0, metadata=describe("Hz"))
     low_corner_uncertainty: float = field(
         default=0.0, metadata=describe("Hz", written="low_corner_u")
+    )
+    upper_corner: float = field(default=0.0, metadata=describe("Hz"))
+    upper_corner_uncertainty: float = field(
+        default=0.0, metadata=describe("Hz", written="upper_corner_u")
     )
 
     def __post_init__(self) -> None:
@@ -224,13 +228,16 @@ class Sensor(Comparable):
             ("sensitivity", self.sensitivity_uncertainty, ""),
             ("resonance", self.resonance_uncertainty, "Hz"),
             ("low corner", self.low_corner_uncertainty, "Hz"),
+            ("upper corner", self.upper_corner_uncertainty, "Hz"),
         ):
             check_not_negative(f"uncertainty of the {what} of the {name}", standard, unit)
 
     @property
     def response(self) -> SensorResponse:
         """How it answers to what it measures."""
-        return SensorResponse(self.resonance, self.resonance_damping, self.low_corner)
+        return SensorResponse(
+            self.resonance, self.resonance_damping, self.low_corner, self.upper_corner
+        )
 
     def compute_scale(self, moving_mass: float = math.nan) -> float:
         """Return the acceleration that one volt stands for [m/s^2 per V].
@@ -291,6 +298,8 @@ class Sensor(Comparable):
             known.append(f"damping {self.resonance_damping:g}{default}")
         if self.low_corner:
             known.append(f"low corner {self.low_corner:.6g} Hz")
+        if self.upper_corner:
+            known.append(f"upper corner {self.upper_corner * 1e-3:.6g} kHz")
         return ", ".join(known)
 
 
@@ -298,6 +307,7 @@ def check_response(name: str, response: SensorResponse) -> None:
     """Refuse a response that no sensor has; raises `ParameterError` that names the sensor."""
     check_not_negative(f"resonance of the {name}", response.resonance, "Hz")
     check_not_negative(f"low corner of the {name}", response.low_corner, "Hz")
+    check_not_negative(f"upper corner of the {name}", response.upper_corner, "Hz")
     if not 0.0 < response.damping <= 1.0:
         raise ParameterError(
             f"resonance damping of the {name} is {response.damping!r}: it must be above 0 and 1 at"
@@ -307,4 +317,9 @@ def check_response(name: str, response: SensorResponse) -> None:
         raise ParameterError(
             f"low corner of the {name} is {response.low_corner:g} Hz: it must lie below the"
             f" resonance of {response.resonance:g} Hz"
+        )
+    if response.upper_corner and response.low_corner >= response.upper_corner:
+        raise ParameterError(
+            f"low corner of the {name} is {response.low_corner:g} Hz: it must lie below the"
+            f" upper corner of {response.upper_corner:g} Hz"
         )

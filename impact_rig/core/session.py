@@ -88,8 +88,8 @@ class Session:
         What is accepted here may still turn out an outlier once more hits have come.
         """
         self._modelled = ()
-        corners = [response.low_corner for response in self.setup.responses]
-        hit = replace(judge_hit(record, self.setup.analysis, corners), origin=record.origin)
+        judged = judge_hit(record, self.setup.analysis, self.setup.responses)
+        hit = replace(judged, origin=record.origin)
         series = self._series.setdefault(hit.label.sample, HitSeries())
         if hit.accepted:
             hit = replace(hit, rejections=series.check(hit))

@@ -13,6 +13,7 @@ from impact_rig.core.errors import (
     check_not_negative,
     check_positive,
 )
+from impact_rig.core.filtering import Chain
 from impact_rig.core.quantity import INLINE, Comparable, describe
 from impact_rig.core.sensors import Sensor, SensorResponse
 
@@ -331,6 +332,12 @@ class RigSetup(Comparable):
     def responses(self) -> tuple[SensorResponse, SensorResponse]:
         """Of both channels' sensors."""
         return self.find_sensor("hammer").response, self.find_sensor("specimen").response
+
+    def find_chains(self, sampling_rate: float) -> tuple[Chain, Chain]:
+        """Return what both channels do to a motion that is sampled at a rate [Hz]."""
+        cutoff = self.analysis.cutoff_frequency
+        hammer, sample = self.responses
+        return Chain(sampling_rate, cutoff, hammer), Chain(sampling_rate, cutoff, sample)
 
     @property
     def hammer_reading(self) -> tuple[float, str]:

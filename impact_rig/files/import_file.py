@@ -23,6 +23,7 @@ CHANNEL_KEYS = (
     "resonance",
     "resonance_damping",
     "low_corner",
+    "upper_corner",
 )
 PRE_TRIGGER_PART = 0.1  # of a record, before its hit; as 0.2 ms of 2 ms
 NAN = math.nan

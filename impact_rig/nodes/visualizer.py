@@ -168,7 +168,6 @@ class ShownCampaign:
         self.setup = setup
         self.campaign_id = campaign_id
         self._detector = ImpactDetector(setup.analysis)
-        self._low_corners = [response.low_corner for response in setup.responses]
         self._records: deque[Record] = deque(maxlen=10)  # one waits for its verdict
         self._numbers: Counter[str] = Counter()
         self._hits: dict[HitLabel, HitResults] = {}
@@ -190,7 +189,7 @@ class ShownCampaign:
         self._numbers[label.sample] += 1
         if not is_shown(self._numbers[label.sample]):
             return None
-        hit = judge_hit(record, self.setup.analysis, self._low_corners).filtered
+        hit = judge_hit(record, self.setup.analysis, self.setup.responses).filtered
         return None if hit is None else align_hit(label, hit)
 
     def add(self, message: Finding) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.filtering import low_pass, respond
 from impact_rig.core.hits import FilteredHit, MeanHit
 from impact_rig.core.law_pulses import LossForm, compute_pulses
 from impact_rig.core.pulse_width import measure_pulse
@@ -305,14 +304,11 @@ def compute_law_curves(law: ContactLaw, traces: SampleTraces, setup: RigSetup) -
     unit = law.duration.value / float(pulse.duration[0])
     height = law.peak_force.value / float(pulse.compute_peak_force()[0])
     rate, time, hammer_mass = traces.sampling_rate, traces.time, setup.hammer_mass
-    cutoff_frequency, response = setup.analysis.cutoff_frequency, setup.responses[0]
+    chain = setup.find_chains(rate)[0]
     upright = traces.mean * np.sign(traces.mean.sum(axis=1, keepdims=True))
 
-    def filter_force(force: FloatArray) -> FloatArray:
-        return low_pass(respond(force, response, rate), cutoff_frequency, rate)
-
     def compute_force(begin: float) -> FloatArray:
-        return filter_force(height * pulse.compute_force((time - begin) / unit)[0])
+        return chain.show(height * pulse.compute_force((time - begin) / unit)[0])
 
     # The middle of the width at half amplitude is where the trace's is.
     begin = -law.duration.value / 2.0
@@ -328,7 +324,7 @@ def compute_law_curves(law: ContactLaw, traces: SampleTraces, setup: RigSetup) -
         time=time[shown],
         measured=hammer_mass * upright[0, shown],
         law=compute_force(begin)[shown],
-        versed_sine=hammer_mass * filter_force(peak * versed)[shown],
+        versed_sine=hammer_mass * chain.show(peak * versed)[shown],
         indentation=loop[0],
         loop_force=loop[1],
         law_indentation=speed * unit * pulse.compression[0],

@@ -24,9 +24,9 @@ def channels(tmp_path):
 
 
 def test_the_file_describes_the_sensors(channels):
-    text = '[hammer]\nresonance = "60 kHz"\nlow_corner = "2 Hz"\n'
+    text = '[hammer]\nresonance = "60 kHz"\nlow_corner = "2 Hz"\nupper_corner = "40 kHz"\n'
     setup = make_series(channels(text)).setup
-    assert setup.responses == (SensorResponse(60e3, 0.02, 2.0), FLAT)
+    assert setup.responses == (SensorResponse(60e3, 0.02, 2.0, 40e3), FLAT)
 
 
 def test_options_go_before_the_file(channels):

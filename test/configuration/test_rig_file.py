@@ -152,9 +152,10 @@ def test_what_the_template_comments_out_can_be_used():
     assert (rig.source["driver"], rig.holder["driver"]) == ("scpi", "manual")
     hammer, specimen = rig.setup.sensors
     assert (hammer.serial_number, hammer.calibration_date) == ("LW1234", "2026-03-01")
-    assert hammer.response == SensorResponse(70e3, 0.02, 0.5)
+    assert hammer.response == SensorResponse(70e3, 0.02, 0.5, 50e3)
     uncertainties = (hammer.resonance_uncertainty, hammer.low_corner_uncertainty)
     assert (*uncertainties, hammer.sensitivity_uncertainty) == (2e3, 0.1, 0.005)
+    assert hammer.upper_corner_uncertainty == 2e3
     assert specimen.response.is_flat
 
 

@@ -20,7 +20,7 @@ from impact_rig.core.identification import (
 )
 from impact_rig.core.model import Body, ImpactModel, ModelVariant, simulate_impact
 from impact_rig.core.sample import fit_model
-from impact_rig.core.sensors import CHANNELS, Sensor
+from impact_rig.core.sensors import CHANNELS, Sensor, SensorResponse
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.plants import make_nominal_model
 
@@ -231,7 +231,7 @@ def test_through_sensors_that_are_described_the_model_is_found_as_without():
     shown = np.stack([lsim(([natural**2, 0.0], poles), body, time)[1] for body in bodies])
     traces = shown.reshape(2, COUNT, FINE).mean(axis=2)
     record = make_record(*traces, pulse_index=round(START * RATE), full_scale=0.0, rate=RATE)
-    judged = judge_hit(record, PAPER_SETUP.analysis, (20.0, 20.0))
+    judged = judge_hit(record, PAPER_SETUP.analysis, [SensorResponse(low_corner=20.0)] * 2)
     mean = average_hits([judged.filtered])
     found = identify_model(mean, replace(PAPER_SETUP, sensors=sensors), SAMPLE)
     check_found(found, model, 2e-3)

@@ -14,7 +14,7 @@ from impact_rig.core.comparison import (
     compare_trace,
     compare_with_model,
 )
-from impact_rig.core.filtering import low_pass
+from impact_rig.core.filtering import Chain, low_pass
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.model import (
     Body,
@@ -111,7 +111,7 @@ def make_mean(variant: ModelVariant, origin: int = 754) -> MeanHit:
 
 @pytest.mark.parametrize("variant", ModelVariant)
 def test_the_model_itself_compares_without_error(variant):
-    result = compare_with_model(make_mean(variant), MODEL, variant, 50e3)
+    result = compare_with_model(make_mean(variant), MODEL, variant, [Chain(RATE, 50e3)] * 2)
     for body in (result.hammer, result.specimen):
         # What has not died away at the end of the record moves the best shift by 1e-4 points.
         assert body.mse_percent < 1e-9
@@ -128,7 +128,7 @@ def test_a_delay_of_the_sample_is_its_shift(delay):
     mean = make_mean(ModelVariant.DRIVEN, origin=1000)
     hammer, specimen = mean.traces
     late = replace(mean, traces=np.stack([hammer, ndimage.shift(specimen, delay)]))
-    result = compare_with_model(late, MODEL, ModelVariant.DRIVEN, 50e3)
+    result = compare_with_model(late, MODEL, ModelVariant.DRIVEN, [Chain(RATE, 50e3)] * 2)
     assert result.specimen.shift * RATE == pytest.approx(delay, abs=1e-3)
     # An earlier sample lacks its end, where 0.3 % of the peak was left.
     assert result.specimen.mse_percent < 1e-4

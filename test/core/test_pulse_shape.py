@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from impact_rig.core import hits
 from impact_rig.core.errors import NotDeterminedError
-from impact_rig.core.filtering import low_pass
+from impact_rig.core.filtering import Chain, low_pass
 from impact_rig.core.hits import FilteredHit, MeanHit
 from impact_rig.core.pulse_shape import PulseShapeEstimate, estimate_pulse_shape
 from impact_rig.core.pulse_width import measure_pulse
@@ -64,7 +64,7 @@ def strike(
 
 
 def estimate(hammer: FloatArray, noise: float = 0.0, seed: int = 1) -> PulseShapeEstimate:
-    return estimate_pulse_shape(make_mean(hammer, noise=noise, seed=seed), CUTOFF)
+    return estimate_pulse_shape(make_mean(hammer, noise=noise, seed=seed), Chain(RATE, CUTOFF))
 
 
 @every_shape
@@ -129,7 +129,7 @@ def test_in_noise_shapes_are_seldom_told_apart_wrongly():
 def test_a_real_force_hammer_falls_slower_than_it_rises(number):
     _, force, _ = np.load(REAL_DATA / "pyfrf_hammer" / f"measurements_{number}_start.npy")
     found = estimate_pulse_shape(
-        make_mean(force - force[:14].mean(), cutoff=0.0, rate=25.6e3), 0.0
+        make_mean(force - force[:14].mean(), cutoff=0.0, rate=25.6e3), Chain(25.6e3)
     )
     assert 1.5 < found.fall_over_rise < 3.0
     assert found.warning.startswith("no known shape describes the pulse")
@@ -139,7 +139,7 @@ def test_a_real_force_hammer_falls_slower_than_it_rises(number):
 def test_a_real_drop_is_nearest_to_a_versed_sine():
     time, table = np.loadtxt(REAL_DATA / "repeat_shock" / "acc_base_a0_start.txt").T
     rate = 1.0 / float(np.mean(np.diff(time)))
-    found = estimate_pulse_shape(make_mean(table, cutoff=0.0, rate=rate), 0.0)
+    found = estimate_pulse_shape(make_mean(table, cutoff=0.0, rate=rate), Chain(rate))
     assert found.best_shape == "versed-sine"
     assert found.best_fit.residual_percent < 3.0
     assert 400e-6 < found.best_fit.duration < 480e-6
@@ -148,4 +148,4 @@ def test_a_real_drop_is_nearest_to_a_versed_sine():
 def test_too_few_points_are_named():
     coarse = strike(rate=10e3, count=100, start=20.4)
     with pytest.raises(NotDeterminedError, match=r"3 points on the pulse do not tell it, 8 may"):
-        estimate_pulse_shape(make_mean(coarse, cutoff=0.0, rate=10e3), 0.0)
+        estimate_pulse_shape(make_mean(coarse, cutoff=0.0, rate=10e3), Chain(10e3))

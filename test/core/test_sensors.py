@@ -120,12 +120,22 @@ def test_a_low_corner_lets_a_level_decay_and_can_be_undone():
     )
 
 
+def test_an_upper_corner_lags_behind_a_ramp_by_its_time_constant():
+    corner = 5e3
+    shown = respond(1e4 * TIME, SensorResponse(upper_corner=corner), RATE)
+    constant = 1.0 / (2.0 * np.pi * corner)
+    # Of T y' + y = b t from rest.
+    expected = TIME - constant * (1.0 - np.exp(-TIME / constant))
+    np.testing.assert_allclose(shown, 1e4 * expected, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("stated", "told"),
     [
         ({"resonance": -1.0}, "resonance of the hammer sensor is -1"),
         ({"resonance_damping": 0.0}, "resonance damping of the hammer sensor is 0.0"),
         ({"resonance": 10.0, "low_corner": 20.0}, "low corner of the hammer sensor is 20 Hz"),
+        ({"upper_corner": 10.0, "low_corner": 20.0}, "below the upper corner of 10 Hz"),
         ({"sensitivity_uncertainty": -0.1}, "uncertainty of the sensitivity of the hammer"),
     ],
 )

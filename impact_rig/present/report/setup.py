@@ -193,6 +193,7 @@ def _tabulate_sensors(sensors: Sequence[Sensor]) -> list[Part]:
         ("calibration_date", "Calibrated", make_text_column, 1.0),
         ("resonance", "Resonance [kHz]", Column, 1e-3),
         ("low_corner", "Low corner [Hz]", Column, 1.0),
+        ("upper_corner", "Upper corner [kHz]", Column, 1e-3),
     ):
         values = [getattr(sensor, name) or "" for sensor in sensors]
         columns.append(make(header, [_format_value(value, scale) for value in values]))
