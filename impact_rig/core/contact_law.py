@@ -43,8 +43,8 @@ from impact_rig.core.tail import ZERO_AFTER, compute_share
 from impact_rig.core.uncertainty import (
     LEAST_HITS,
     RigNumbers,
+    Source,
     list_variances,
-    make_label,
     make_quantity,
     make_rig_numbers,
 )
@@ -251,7 +251,7 @@ class ContactLaw(Comparable):
     notes: tuple[str, ...] = ()  # what is not determined, and why; what is not told apart
     # Of the relative errors of `SCALED`, by sources that no other sample has: masses and clock,
     # which all share, change no exponent; pairs of a source and an array of shape (4, 4).
-    own_covariances: tuple[tuple[str, FloatArray], ...] = field(
+    own_covariances: tuple[tuple[Source, FloatArray], ...] = field(
         default=(), compare=False, repr=False, metadata=INTERNAL
     )
     warnings: tuple[str, ...] = field(default=(), metadata=INTERNAL)
@@ -503,7 +503,7 @@ def _compute_quantities(
     scales: FloatArray,
     sources: Sequence[tuple[str, FloatArray, float]],
     masses: RigNumbers,
-) -> tuple[dict[str, Quantity], tuple[tuple[str, FloatArray], ...]]:
+) -> tuple[dict[str, Quantity], tuple[tuple[Source, FloatArray], ...]]:
     """Return the law's quantities, with uncertainties to first order, and `own_covariances`.
 
     Parameters
@@ -525,14 +525,14 @@ def _compute_quantities(
     values, slopes = found[0], np.nan_to_num((found[1:] - found[0]).T / steps)
     effect = slopes[:, :COUNT] @ scales
     parts = [
-        (make_label(source, freedom), np.sum((effect @ covariance) * effect, axis=1))
+        (Source(source, freedom), np.sum((effect @ covariance) * effect, axis=1))
         for source, covariance, freedom in sources
     ]
     others = [_describe_laws(*one[:1], np.append(one[1], known)[None])[0] for one in points[1:]]
     if others:
         # Anywhere between the best and the farthest, evenly distributed.
         spread = np.abs(np.nan_to_num(np.array(others) - values)).max(axis=0)
-        parts.append((make_label("form of the loss", math.inf), spread**2 / 3.0))
+        parts.append((Source("form of the loss"), spread**2 / 3.0))
     inputs = [(TIME, float(point[TIME]), masses.clock)]
     inputs += [(HEIGHT, float(point[HEIGHT]), masses.gains[0])]
     inputs += [
@@ -542,17 +542,17 @@ def _compute_quantities(
     ]
     for place, factor, body in inputs:
         squares = (factor * slopes[:, place]) ** 2
-        parts += [(label, share * squares) for label, share in list_variances(body).items()]
+        parts += [(source, share * squares) for source, share in list_variances(body).items()]
     quantities = {
         _QUANTITIES[row]: make_quantity(
-            float(values[row]), {label: float(part[row]) for label, part in parts}
+            float(values[row]), {source: float(part[row]) for source, part in parts}
         )
         for row in np.flatnonzero(np.isfinite(values))
     }
     rows = [_QUANTITIES.index(name) for name in SCALED]
     relative = effect[rows] / values[rows, np.newaxis]
     own = tuple(
-        (make_label(source, freedom), relative @ covariance @ relative.T)
+        (Source(source, freedom), relative @ covariance @ relative.T)
         for source, covariance, freedom in sources
     )
     return quantities, own

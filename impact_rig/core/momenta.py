@@ -75,13 +75,13 @@ def compare_momenta(mean: MeanHit, contact: slice, masses: RigNumbers, sample: s
     if len(mean.hits) < LEAST_HITS:
         return Quantity(number.x, notes=(ONE_HIT,))
     ratios = [_divide_changes(hit[:, contact]) for hit in mean.cut_hits()]
-    scatter = make_scatter(f"scatter of the hits on {sample}", 0.0, ratios, mean.count, sample)
+    scatter = make_scatter(f"scatter of the hits on {sample}", 0.0, ratios, mean.count)
     number = number + masses.moving_mass.x / masses.hammer_mass.x * scatter
     if np.any(mean.zero_uncertainty):
         # Evenly over the contact.
         sums = np.abs(mean.traces[:, contact].sum(axis=1)) / mean.traces[:, contact].shape[1]
         part = float(np.hypot(*(mean.zero_uncertainty / sums)))
-        number = number * make_input(ZERO_AFTER, 1.0, part, sample)
+        number = number * make_input(ZERO_AFTER, 1.0, part)
     return compute_quantity(number.x, number)
 
 
@@ -105,7 +105,6 @@ def compute_stated_restitution(
         [change / mean.sampling_rate],
         np.array([[(deviation / mean.sampling_rate) ** 2 / mean.count]]),
         max(changes.size - 1.0, 1.0),
-        owner=f"{sample}, impulse",
     )
     speed = make_input("stated impact speed", impact_speed, LIMITS.speed * impact_speed)
     number = sums * masses.clock * masses.gains[0] * (hammer + body) / (body * speed) - 1.0

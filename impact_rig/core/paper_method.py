@@ -43,6 +43,7 @@ from impact_rig.core.tail import ZERO_AFTER
 from impact_rig.core.uncertainty import (
     LEAST_HITS,
     ONE_HIT,
+    PULSE_SHAPE,
     Known,
     RigNumbers,
     compute_quantity,
@@ -130,24 +131,28 @@ def compute_shape_error(
 
 @dataclass(frozen=True)
 class MeanReading:
-    """A mean hit, read once; its numbers are uncertain, and of one and the same hits."""
+    """A mean hit, read once; its numbers are uncertain, and of one and the same hits.
 
+    Read a second time its scatter would be another input: results that are correlated, as k1 and
+    k2 of the control sample, are calculated from one reading.
+    """
+
+    mean: MeanHit
+    pulse: HammerPulse
+    rig: RigNumbers
     width: float  # w50 [s]
     width_ratio: float
-    rig: RigNumbers
     contact_time: Known  # tau_p [s]
     decrements: Mapping[int, tuple[LogDecrement, Known]]  # by channel, where determined
     notes: Mapping[int, str]  # by channel, where not: why
 
 
 def read_mean_hit(
-    mean: MeanHit, setup: RigSetup, sample: str, form: HammerPulse | None = None
+    mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str, form: HammerPulse
 ) -> MeanReading:
     """Read pulse and peaks of the mean hit on `sample`, with their uncertainty.
 
-    The same mean hit and set-up always give the same uncertain inputs. What its pulse looks like,
-    which tells how far tau_p may be from the contact's duration, may be given where it is known
-    already.
+    What its pulse looks like tells how far tau_p may be from the contact's duration.
 
     Raises
     ------
@@ -189,18 +194,16 @@ def read_mean_hit(
         [settings.pulse_factor * width, *(found.log_decrement for found in peaks.values())],
         scatter,
         max(len(mean.hits) - 1, 1),
-        owner=sample,
     )
     noise = float(mean.noise[0]) / abs(pulse.peak)
-    form = form or look_at_pulse(mean, setup, sample)
     spread, own = compute_shape_error(form, noise, width, settings.pulse_factor * width)
     errors = estimate_pulse_errors(
         mean.traces[0], pulse, _describe_mean(mean, 0, settings.cutoff_frequency)
     )
-    contact_time = contact_time + _make_common_errors(errors, factor, sample)
+    contact_time = contact_time + _make_common_errors(errors, factor, rig)
     # The same law on all samples makes the same error on all.
-    contact_time = contact_time + spread * make_input(PULSE_SHAPE, 0.0, 1.0)
-    contact_time = contact_time + make_input(PULSE_SHAPE, 0.0, own, sample)
+    contact_time = contact_time + spread * rig.pulse_shape
+    contact_time = contact_time + make_input(PULSE_SHAPE, 0.0, own)
     reasons: tuple[str, ...] = ()
     if len(mean.hits) < LEAST_HITS:
         reasons = (ONE_HIT,)
@@ -209,27 +212,24 @@ def read_mean_hit(
     decrements = {}
     for (channel, found), change in zip(peaks.items(), changes, strict=True):
         quality = _describe_mean(mean, channel, settings.cutoff_frequency)
-        more = _make_decrement_errors(mean.traces[channel], found, quality, f"{sample} {channel}")
+        more = _make_decrement_errors(mean.traces[channel], found, quality)
         decrements[channel] = found, Known(change + more, reasons)
-    clock = make_input("sampling clock", 1.0, setup.clock_uncertainty)
     return MeanReading(
+        mean,
+        form,
+        rig,
         width,
         pulse.width_ratio,
-        make_rig_numbers(setup, sample),
-        Known(contact_time * clock, reasons),
+        Known(contact_time * rig.clock, reasons),
         decrements,
         notes,
     )
 
 
-PULSE_SHAPE = "shape of the pulse"
-"""Source of what another shape than the paper's makes of tau_p."""
-
-
-def _make_common_errors(errors: PulseErrors, factor: float, owner: str) -> UncertainNumber:
+def _make_common_errors(errors: PulseErrors, factor: float, rig: RigNumbers) -> UncertainNumber:
     """Return what is wrong with all hits of a series alike, in s."""
     # A known error that is not corrected (GUM F.2.4.5), alike on every sample of the rig.
-    total = factor * errors.low_pass * make_input("low-pass", 0.0, 1.0)
+    total = factor * errors.low_pass * rig.low_pass
     for source, error in (
         ("quantisation", errors.quantisation),
         ("trend of the baseline", errors.trend),
@@ -237,7 +237,7 @@ def _make_common_errors(errors: PulseErrors, factor: float, owner: str) -> Uncer
         ("peak reading", errors.peak_reading),
         (ZERO_AFTER, errors.correction),
     ):
-        total = total + make_input(source, 0.0, factor * error, owner)
+        total = total + make_input(source, 0.0, factor * error)
     return total
 
 
@@ -266,7 +266,7 @@ def _read_decrements(mean: MeanHit, channel: int, peaks: LogDecrement) -> list[f
 
 
 def _make_decrement_errors(
-    trace: FloatArray, peaks: LogDecrement, quality: TraceQuality, owner: str
+    trace: FloatArray, peaks: LogDecrement, quality: TraceQuality
 ) -> UncertainNumber:
     """Return what is wrong with Delta in all hits alike [-]."""
     step = compute_quantisation_error(quality.resolution, quality.dither)
@@ -279,9 +279,9 @@ def _make_decrement_errors(
     # Between both peaks lies one period of the decay: the second is a cosine's top.
     curvature = peaks.second_peak * (2.0 * math.pi / (peaks.second_index - peaks.first_index)) ** 2
     excess = compute_peak_excess(quality.noise, curvature, quality.relative_cutoff)
-    total = make_input("quantisation of the peaks", 0.0, quantisation, owner)
-    total = total + make_input("trend of the baseline", 0.0, trend, owner)
-    return total + make_input("second peak reading", 0.0, excess / peaks.second_peak, owner)
+    total = make_input("quantisation of the peaks", 0.0, quantisation)
+    total = total + make_input("trend of the baseline", 0.0, trend)
+    return total + make_input("second peak reading", 0.0, excess / peaks.second_peak)
 
 
 def estimate_hit(
@@ -299,15 +299,15 @@ def estimate_hit(
     contact_time = settings.pulse_factor * width
     form = look_at_pulse(mean, setup, sample)
     shape = compute_shape_error(form, quality.noise / abs(hit.pulse.peak), width, contact_time)
-    number = contact_time + _make_common_errors(errors, factor, "hit")
+    rig = make_rig_numbers(setup, sample)
+    number = contact_time + _make_common_errors(errors, factor, rig)
     for source, error in (
         ("noise", factor * errors.noise),
         ("zero of the baseline", factor * errors.zero),
         (PULSE_SHAPE, math.hypot(*shape)),
     ):
-        number = number + make_input(source, 0.0, error, "hit")
-    clock = make_input("sampling clock", 1.0, setup.clock_uncertainty)
-    return compute_quantity(contact_time, number * clock), form.shape
+        number = number + make_input(source, 0.0, error)
+    return compute_quantity(contact_time, number * rig.clock), form.shape
 
 
 def _check_own_decay(mean: MeanHit, channel: int, peaks: LogDecrement) -> None:
@@ -431,20 +431,17 @@ def _estimate_body(series: MeanReading, channel: int, known: Known | None) -> Bo
     )
 
 
-def estimate_hammer(
-    control: MeanHit, setup: RigSetup, form: HammerPulse | None = None
-) -> HammerEstimate:
+def estimate_hammer(control: MeanReading, setup: RigSetup) -> HammerEstimate:
     """Estimate k1 and c1 from the control experiment: hammer and sample alike, k1 = 2 k_eq.
 
-    For the pulse's form see `read_mean_hit`. The masses are known.
+    The masses are known.
     """
     sample = setup.samples.control_sample
-    series = read_mean_hit(control, setup, sample, form)
-    known = _find_equivalent(series, setup, sample)
+    known = _find_equivalent(control, setup, sample)
     if known is not None:
         reasons = tuple(f"k1: {reason}" for reason in known.reasons)
         known = Known(estimate_hammer_stiffness(known.number), reasons)
-    return HammerEstimate(**vars(_estimate_body(series, 0, known)), control_sample=sample)
+    return HammerEstimate(**vars(_estimate_body(control, 0, known)), control_sample=sample)
 
 
 def estimate_body(

@@ -22,9 +22,9 @@ from impact_rig.core.paper_method import (
     STIFFNESS,
     BodyEstimate,
     HammerPulse,
+    MeanReading,
     estimate_body,
     look_at_pulse,
-    read_mean_hit,
 )
 from impact_rig.core.pulse_shape import NO_SHAPE, PulseShapeEstimate
 from impact_rig.core.pulse_width import measure_pulse, measure_rise
@@ -153,7 +153,6 @@ def _estimate_decay(
         make_rig_numbers(setup, sample),
         estimates=(decay.decay_rate, decay.angular_frequency),
         averaged=mean.count,
-        owner=f"{sample}, free decay",
     )
     return FreeDecayEstimate(
         **body,
@@ -193,7 +192,6 @@ def fit_model(mean: MeanHit, setup: RigSetup, sample: str) -> FittedModel:
         make_rig_numbers(setup, sample),
         estimates=found.values[columns].tolist(),
         averaged=mean.count,
-        owner=f"{sample}, driven model",
     )
     is_open = set(found.undetermined)
     for name, parameters in (
@@ -310,21 +308,18 @@ class SampleEstimate(Comparable):
 
 def estimate_numbers(
     name: str,
-    mean: MeanHit,
+    series: MeanReading,
     contact_time_spread: float,
     impacts_rejected: int,
     hammer: BodyEstimate,
     setup: RigSetup,
-    form: HammerPulse | None = None,
 ) -> SampleEstimate:
     """Estimate tau_p, k2 and c2 of one sample by equations (5) and (6b), and nothing beside them.
 
     The standard deviation of tau_p over the accepted hits [s] is NaN of one hit. As long as k1 of
-    the hammer is NaN, k2 and c2 are not determined. The form of the pulse is looked at if it is
-    not given.
+    the hammer is NaN, k2 and c2 are not determined.
     """
-    series = read_mean_hit(mean, setup, name, form)
-    contact_time = series.contact_time.state()
+    mean, contact_time = series.mean, series.contact_time.state()
     equivalent, body = estimate_body(series, setup, name, hammer)
     peaks, tops = body.peaks, np.abs(mean.traces).max(axis=1).tolist()
     noted = (
@@ -411,7 +406,7 @@ def _estimate_peak_force(name: str, mean: MeanHit, setup: RigSetup) -> Quantity:
     if len(mean.hits) < LEAST_HITS:
         return Quantity(setup.hammer_mass * peak, notes=(ONE_HIT,))
     peaks = [hit.pulse.peak for hit in mean.hits]
-    number = make_scatter(f"scatter of the peaks on {name}", peak, peaks, mean.count, name)
+    number = make_scatter(f"scatter of the peaks on {name}", peak, peaks, mean.count)
     rig = make_rig_numbers(setup, name)
     force = rig.hammer_mass * rig.gains[0] * number
     return compute_quantity(setup.hammer_mass * peak, force)

@@ -20,7 +20,14 @@ from impact_rig.core.hits import (
     judge_hit,
     overrule_hit,
 )
-from impact_rig.core.paper_method import UNSEEN, HammerEstimate, HammerPulse, estimate_hammer
+from impact_rig.core.paper_method import (
+    UNSEEN,
+    HammerEstimate,
+    HammerPulse,
+    MeanReading,
+    estimate_hammer,
+    read_mean_hit,
+)
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import Block, Record
 from impact_rig.core.sample import (
@@ -35,6 +42,7 @@ from impact_rig.core.sample import (
 from impact_rig.core.series import HitSeries, Selection
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.speed_exponents import SpeedExponents, estimate_speed_exponents
+from impact_rig.core.uncertainty import RigInputs
 
 
 @dataclass(frozen=True)
@@ -53,7 +61,8 @@ class Session:
     """Judges hits as they come and keeps the estimates of every sample.
 
     Verdicts, figures and aligned traces of all hits stay in memory; see `HitSeries`. Overrules go
-    before the verdicts of the analysis; those for unknown hits are ignored.
+    before the verdicts of the analysis; those for unknown hits are ignored. What is one uncertain
+    input and what is two is decided here: a rig's are made once, a mean hit is read once.
     """
 
     def __init__(self, setup: RigSetup, overrules: Overrules = NO_OVERRULES) -> None:
@@ -62,7 +71,9 @@ class Session:
         self._overrules = overrules
         self._series: dict[str, HitSeries] = {}
         self._traces: dict[str, tuple[MeanHit, TraceEstimates]] = {}
-        self._hammers: dict[str, tuple[MeanHit, HammerPulse, HammerEstimate]] = {}
+        self._inputs = RigInputs(setup)
+        self._readings: dict[str, MeanReading] = {}
+        self._hammers: dict[str, tuple[MeanReading, HammerEstimate]] = {}
         self._modelled: tuple[SampleEstimate, ...] = ()
 
     def feed(self, block: Block) -> tuple[JudgedHit, ...]:
@@ -126,12 +137,20 @@ class Session:
             if mean is not None:
                 note = f"k1: the mass of {' and '.join(unknown)} is not known"
             return HammerEstimate(notes=(note,), control_sample=control)
-        pulse = self._get_pulse(control)
+        reading = self._read_mean(control, mean)
         known = self._hammers.get(control)
         # Every hit on every sample asks for it.
-        if known is None or known[0] is not mean or known[1] is not pulse:
-            known = self._hammers[control] = mean, pulse, estimate_hammer(mean, setup, pulse)
-        return known[2]
+        if known is None or known[0] is not reading:
+            known = self._hammers[control] = reading, estimate_hammer(reading, setup)
+        return known[1]
+
+    def _read_mean(self, name: str, mean: MeanHit) -> MeanReading:
+        """Return the reading of a sample's mean hit, the same one until another hit changes it."""
+        pulse, known = self._get_pulse(name), self._readings.get(name)
+        if known is None or known.mean is not mean or known.pulse is not pulse:
+            setup, rig = self.setup.for_series(name), self._inputs.find(name)
+            known = self._readings[name] = read_mean_hit(mean, setup, rig, name, pulse)
+        return known
 
     def estimate_numbers(self, name: str) -> SampleEstimate:
         """Return tau_p, k and c of one sample so far: at once after a hit.
@@ -149,8 +168,8 @@ class Session:
             note = f"{name}: not determined: 0 of {len(series)} hits accepted"
             return SampleEstimate(name, 0, len(series), notes=(note,))
         spread, rejected = series.contact_time_spread, len(series) - mean.count
-        hammer, pulse = self.estimate_hammer(name), self._get_pulse(name)
-        estimate = estimate_numbers(name, mean, spread, rejected, hammer, setup, pulse)
+        hammer, reading = self.estimate_hammer(name), self._read_mean(name, mean)
+        estimate = estimate_numbers(name, reading, spread, rejected, hammer, setup)
         corrected, doubtful = series.describe_findings()
         notes = estimate.notes
         if unknown := self.setup.find_unknown_masses(name):

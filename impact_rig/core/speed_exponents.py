@@ -12,14 +12,14 @@ from impact_rig.core.quantity import UNKNOWN, Comparable, Quantity, describe
 from impact_rig.core.records import FloatArray
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
-from impact_rig.core.uncertainty import make_label, make_quantity
+from impact_rig.core.uncertainty import Source, make_quantity
 
 ALL_SAMPLES = "all"
 """Name of the fit to all samples together, each with its own constant."""
 HERTZ_SPEED_EXPONENTS = {"duration": -1.0 / 5.0, "peak_force": 6.0 / 5.0}
 SPRING_SPEED_EXPONENTS = {"duration": 0.0, "peak_force": 1.0}
 
-Covariances = Sequence[tuple[str, FloatArray]]
+Covariances = Sequence[tuple[Source, FloatArray]]
 """Of the relative errors of speed and result, shape (2, 2), by source."""
 
 
@@ -85,7 +85,7 @@ def _estimate_each(name: str, series: Sequence[tuple[str, SampleEstimate]]) -> S
             speeds,
             [getattr(law, result).value for law in laws],
             [
-                [(label, own[np.ix_((0, row), (0, row))]) for label, own in law.own_covariances]
+                [(source, own[np.ix_((0, row), (0, row))]) for source, own in law.own_covariances]
                 for law in laws
             ],
         )
@@ -101,14 +101,14 @@ def _estimate_each(name: str, series: Sequence[tuple[str, SampleEstimate]]) -> S
 def _find_covariances(sample: SampleEstimate) -> Covariances:
     """Return what the hits of a series say of the errors of v and tau_p, taken as independent."""
     found = [
-        (label, own[0, 0] * np.diag([1.0, 0.0]))
-        for label, own in sample.contact_law.own_covariances
+        (source, own[0, 0] * np.diag([1.0, 0.0]))
+        for source, own in sample.contact_law.own_covariances
     ]
     time = sample.contact_time
     scatter = [line for line in time.budget if line.kind == "A"]
     freedom = sample.impacts_accepted - 1.0
     return found + [
-        (make_label(line.source, freedom), np.diag([0.0, (line.contribution / time.value) ** 2]))
+        (Source(line.source, freedom), np.diag([0.0, (line.contribution / time.value) ** 2]))
         for line in scatter
     ]
 
@@ -138,17 +138,17 @@ def _fit_exponent(
     left, freedom = value - exponent * speed, len(values) - len(set(groups)) - 1
     change = np.array([-exponent, 1.0])
     own = [
-        [(label, float(change @ part @ change)) for label, part in each] for each in covariances
+        [(source, float(change @ part @ change)) for source, part in each] for each in covariances
     ]
-    variances: defaultdict[str, float] = defaultdict(float)
+    variances: defaultdict[Source, float] = defaultdict(float)
     if all(own):
         for weight, each in zip((speed / spread).tolist(), own, strict=True):
-            for label, variance in each:
-                variances[label] += weight**2 * variance
+            for source, variance in each:
+                variances[source] += weight**2 * variance
     if freedom:
         excess = float(left @ left) / freedom / spread - math.fsum(variances.values())
         # An exponent is rounded to 1e-9.
-        variances[make_label("what the power law leaves", freedom)] = (
+        variances[Source("what the power law leaves", freedom)] = (
             excess if excess > 1e-9**2 else 0.0
         )
     return make_quantity(exponent, dict(variances)) if variances else Quantity(exponent)

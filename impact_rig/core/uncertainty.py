@@ -3,8 +3,8 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,16 @@ from impact_rig.core.records import FloatArray
 from impact_rig.core.sensors import CHANNELS
 from impact_rig.core.setup import RigSetup
 
-REMEMBERED_INPUTS = 512
-"""Inputs that are told apart by name and value [-], our choice: those that two results of a
-campaign share are asked for within some dozen others. Each hit brings ten, which stay so long."""
+
+class Source(NamedTuple):
+    """What an input comes from: inputs of one source make one line of a budget."""
+
+    name: str  # in words
+    degrees_of_freedom: float = math.inf  # n - 1 of n hits; infinite: type B
+
+
+PULSE_SHAPE = "shape of the pulse"
+"""Source of what another shape than the paper's makes of tau_p."""
 
 
 @cache
@@ -28,14 +35,10 @@ def load_gtc() -> Any:
     return GTC
 
 
-@lru_cache(maxsize=REMEMBERED_INPUTS)
-def make_input(
-    source: str,
-    value: float,
-    standard: float,
-    owner: str = "",  # noqa: ARG001, it tells inputs apart
-) -> UncertainNumber:
+def make_input(source: str, value: float, standard: float) -> UncertainNumber:
     """Make an input of type B, known otherwise than by repetition: a mass, the clock.
+
+    Each call makes another input: results that share one are calculated from the same object.
 
     Parameters
     ----------
@@ -45,9 +48,6 @@ def make_input(
         Best estimate; NaN: not known.
     standard : float
         Standard uncertainty, in its unit; 0: exact.
-    owner : str
-        What the input belongs to. The same source, value, uncertainty and owner are the same
-        input, whenever asked for: so correlations outlive the call.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def make_input(
     number: UncertainNumber = (
         load_gtc().constant(value)
         if math.isnan(value)
-        else load_gtc().ureal(value, standard, label=make_label(source, math.inf))
+        else load_gtc().ureal(value, standard, label=Source(source))
     )
     return number
 
@@ -68,7 +68,6 @@ def make_ensemble(
     estimates: Sequence[float],
     covariance: FloatArray,
     degrees_of_freedom: float,
-    owner: str = "",
 ) -> tuple[UncertainNumber, ...]:
     """Make inputs that were measured together, so that their errors are correlated.
 
@@ -80,8 +79,6 @@ def make_ensemble(
         Of the estimates; may be singular.
     degrees_of_freedom : float
         n - 1 of n hits; infinite: type B.
-    owner : str
-        As in `make_input`.
     """
     # Scaled, since the parameters' units may differ by many powers of ten.
     scale = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
@@ -90,7 +87,7 @@ def make_ensemble(
     # Smaller variances are rounding.
     kept = values > 1e-14 * max(len(estimates), 1)
     factors = scale[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept])
-    errors = _make_errors(source, int(kept.sum()), degrees_of_freedom, factors.tobytes(), owner)
+    errors = _make_errors(Source(source, degrees_of_freedom), int(kept.sum()))
     numbers = []
     for estimate, row in zip(estimates, factors.tolist(), strict=True):
         number: UncertainNumber = load_gtc().constant(float(estimate))
@@ -101,32 +98,20 @@ def make_ensemble(
 
 
 def make_scatter(
-    source: str, value: float, values: Sequence[float] | FloatArray, count: int, owner: str = ""
+    source: str, value: float, values: Sequence[float] | FloatArray, count: int
 ) -> UncertainNumber:
     """Make an input whose uncertainty is that of the mean of `count` hits by their `values`."""
     variance = np.var(values, ddof=1) / count
-    (number,) = make_ensemble(source, [value], np.array([[variance]]), len(values) - 1, owner)
+    (number,) = make_ensemble(source, [value], np.array([[variance]]), len(values) - 1)
     return number
 
 
-@lru_cache(maxsize=64)  # they are larger than inputs: each hit brings two
-def _make_errors(
-    source: str, count: int, degrees_of_freedom: float, _factors: bytes, _owner: str
-) -> tuple[UncertainNumber, ...]:
-    """Make uncorrelated unit errors that share their degrees of freedom (GUM H.2).
-
-    Factors and owner only tell ensembles apart: the same data are the same inputs.
-    """
+def _make_errors(source: Source, count: int) -> tuple[UncertainNumber, ...]:
+    """Make uncorrelated unit errors that share their degrees of freedom (GUM H.2)."""
     if count == 0:
         return ()
-    labels = [make_label(source, degrees_of_freedom)] * count
-    make_numbers = load_gtc().multiple_ureal
-    return tuple(make_numbers([0.0] * count, [1.0] * count, degrees_of_freedom, labels))
-
-
-def make_label(source: str, degrees_of_freedom: float) -> str:
-    """Name an input, so that its contribution can be told from others of other freedom."""
-    return f"{degrees_of_freedom!r} {source}"
+    make_numbers, freedom = load_gtc().multiple_ureal, source.degrees_of_freedom
+    return tuple(make_numbers([0.0] * count, [1.0] * count, freedom, [source] * count))
 
 
 def compute_quantity(
@@ -143,18 +128,18 @@ def compute_quantity(
     return make_quantity(value, list_variances(number), notes)
 
 
-def list_variances(number: UncertainNumber) -> dict[str, float]:
-    """Return what each source adds to the variance of a number, by its label."""
-    parts: dict[str, list[float]] = {}
+def list_variances(number: UncertainNumber) -> dict[Source, float]:
+    """Return what each source adds to the variance of a number."""
+    parts: dict[Source, list[float]] = {}
     for influence in load_gtc().reporting.budget(number, trim=0.0):
         parts.setdefault(influence.label, []).append(influence.u**2)
-    return {label: math.fsum(squares) for label, squares in parts.items()}
+    return {source: math.fsum(squares) for source, squares in parts.items()}
 
 
 def make_quantity(
-    value: float, variances: dict[str, float], notes: tuple[str, ...] = ()
+    value: float, variances: dict[Source, float], notes: tuple[str, ...] = ()
 ) -> Quantity:
-    """Return a value whose variance is the sum of independent parts, by `make_label`."""
+    """Return a value whose variance is the sum of independent parts."""
     total = math.fsum(variances.values())
     if total == 0.0:
         return Quantity(value, 0.0, 0.0, math.inf, (), notes)
@@ -165,97 +150,110 @@ def make_quantity(
     return Quantity(value, standard, factor * standard, freedom, _make_budget(variances), notes)
 
 
-def _compute_effective_freedom(variances: dict[str, float], total: float) -> float:
+def _compute_effective_freedom(variances: dict[Source, float], total: float) -> float:
     """Return the effective degrees of freedom by Welch and Satterthwaite (GUM G.4.1)."""
     spread = math.fsum(
-        (variance / total) ** 2 / float(label.partition(" ")[0])
-        for label, variance in variances.items()
+        (variance / total) ** 2 / source.degrees_of_freedom
+        for source, variance in variances.items()
     )
     # Rounding may bring one degree of freedom to just below one, which GTC refuses.
     return max(1.0 / spread, 1.0) if spread > 0.0 else math.inf
 
 
-def _make_budget(variances: dict[str, float]) -> tuple[BudgetLine, ...]:
+def _make_budget(variances: dict[Source, float]) -> tuple[BudgetLine, ...]:
     largest = max(variances.values())
     # Less is the rounding of the last digit that anyone prints.
-    kept = {label: variance for label, variance in variances.items() if variance > 1e-9 * largest}
+    kept = {source: part for source, part in variances.items() if part > 1e-9 * largest}
     total = math.fsum(kept.values())
     lines = []
-    for label, variance in sorted(kept.items(), key=lambda item: (-item[1], item[0])):
-        freedom, _, source = label.partition(" ")
-        kind = "A" if math.isfinite(float(freedom)) else "B"
-        lines.append(BudgetLine(source, kind, math.sqrt(variance), variance / total))
+    for source, variance in sorted(kept.items(), key=lambda item: (-item[1], item[0])):
+        kind = "A" if math.isfinite(source.degrees_of_freedom) else "B"
+        lines.append(BudgetLine(source.name, kind, math.sqrt(variance), variance / total))
     return tuple(lines)
 
 
 @dataclass(frozen=True)
 class RigNumbers:
-    """Uncertain inputs that a rig shares among all its hits on one sample.
+    """Uncertain inputs of all hits on one sample; those of a `RigInputs` know of each other."""
 
-    The same set-up always gives the same inputs, so that two samples know of their common
-    hammer, accelerometer and clock.
-
-    Attributes
-    ----------
-    hammer_mass : UncertainNumber
-        m1 [kg].
-    moving_mass : UncertainNumber
-        m2, sample and accelerometer [kg].
-    clock : UncertainNumber
-        Factor on every measured time [-], 1 with the uncertainty of the sampling rate: times go
-        with it, rates against it.
-    notes : tuple of str
-        Which masses state no uncertainty.
-    gains : tuple of UncertainNumber
-        Of the channels of hammer and sample over what is taken for them [-]: 1, exact where
-        their sensors state no uncertainty.
-    """
-
-    hammer_mass: UncertainNumber
-    moving_mass: UncertainNumber
+    hammer_mass: UncertainNumber  # m1 [kg]
+    moving_mass: UncertainNumber  # m2, sample and accelerometer [kg]
+    # Factor on every measured time [-], 1 with the uncertainty of the sampling rate: times go
+    # with it, rates against it.
     clock: UncertainNumber
-    notes: tuple[str, ...]
+    # Of the channels of hammer and sample over what is taken for them [-]: 1, exact where their
+    # sensors state no uncertainty.
     gains: tuple[UncertainNumber, ...]
+    low_pass: UncertainNumber  # 0 ± 1 [-]: the error by the low-pass, alike on all samples
+    pulse_shape: UncertainNumber  # 0 ± 1 [-]: the error by the pulse's shape, alike on all samples
+    notes: tuple[str, ...]  # which masses state no uncertainty
 
 
-def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
-    """Return masses and clock of the hits on `sample` with their stated uncertainties.
+class RigInputs:
+    """The uncertain inputs of a rig, each made once: what is one object is one input.
 
-    Raises
-    ------
-    ParameterError
-        If the set has no such sample.
+    So the results on two samples know of their common hammer, accelerometer and clock.
     """
-    struck, samples = setup.samples.find(sample), setup.samples
-    stated = {
-        "the hammer": (setup.hammer_mass, setup.hammer_mass_uncertainty),
-        "the accelerometer": (
-            samples.accelerometer_mass,
-            samples.accelerometer_mass_uncertainty,
-        ),
-        struck.body: (struck.mass, struck.mass_uncertainty),
-    }
-    hammer_mass, accelerometer_mass, sample_mass = (
-        make_input(f"mass of {name}", *numbers) for name, numbers in stated.items()
-    )
-    unstated = " and ".join(
-        name for name, (mass, standard) in stated.items() if mass > 0.0 == standard
-    )
-    note = f"uncertainty of k and c: none is stated for the mass of {unstated}"
-    return RigNumbers(
-        hammer_mass=hammer_mass,
-        moving_mass=sample_mass + accelerometer_mass,
-        clock=make_input("sampling clock", 1.0, setup.clock_uncertainty),
-        notes=(note,) if unstated else (),
-        gains=tuple(
+
+    def __init__(self, setup: RigSetup) -> None:
+        self._setup, samples = setup, setup.samples
+        self._hammer = _make_mass("the hammer", setup.hammer_mass, setup.hammer_mass_uncertainty)
+        self._accelerometer = _make_mass(
+            "the accelerometer", samples.accelerometer_mass, samples.accelerometer_mass_uncertainty
+        )
+        self._bodies: dict[tuple[str, float, float], UncertainNumber] = {}
+        self._clock = make_input("sampling clock", 1.0, setup.clock_uncertainty)
+        self._low_pass = make_input("low-pass", 0.0, 1.0)
+        self._pulse_shape = make_input(PULSE_SHAPE, 0.0, 1.0)
+        self._gains = tuple(
             make_input(
                 f"gain of the {body}'s channel",
                 1.0,
                 setup.find_sensor(channel).sensitivity_uncertainty,
             )
             for body, channel in zip(("hammer", "sample"), CHANNELS, strict=True)
-        ),
-    )
+        )
+
+    def find(self, sample: str) -> RigNumbers:
+        """Return masses, clock and gains of the hits on `sample` with their uncertainties.
+
+        Raises
+        ------
+        ParameterError
+            If the set has no such sample.
+        """
+        setup, struck = self._setup, self._setup.samples.find(sample)
+        stated = struck.body, struck.mass, struck.mass_uncertainty
+        body = self._bodies.get(stated)
+        if body is None:
+            body = self._bodies[stated] = _make_mass(*stated)
+        masses = {
+            "the hammer": (setup.hammer_mass, self._hammer),
+            "the accelerometer": (setup.samples.accelerometer_mass, self._accelerometer),
+            struck.body: (struck.mass, body),
+        }
+        unstated = " and ".join(
+            name for name, (mass, number) in masses.items() if mass > 0.0 == number.u
+        )
+        note = f"uncertainty of k and c: none is stated for the mass of {unstated}"
+        return RigNumbers(
+            hammer_mass=self._hammer,
+            moving_mass=body + self._accelerometer,
+            clock=self._clock,
+            gains=self._gains,
+            low_pass=self._low_pass,
+            pulse_shape=self._pulse_shape,
+            notes=(note,) if unstated else (),
+        )
+
+
+def _make_mass(name: str, mass: float, standard: float) -> UncertainNumber:
+    return make_input(f"mass of {name}", mass, standard)
+
+
+def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
+    """Return the inputs of the hits on one sample for a result that shares them with no other."""
+    return RigInputs(setup).find(sample)
 
 
 Formula = Callable[[Sequence[UncertainNumber], RigNumbers], Mapping[str, UncertainNumber]]
@@ -271,7 +269,6 @@ def propagate_fit(
     *,
     estimates: Sequence[float],
     averaged: int,
-    owner: str,
 ) -> dict[str, Quantity]:
     """Propagate the scatter of fitted parameters, masses and clock to results.
 
@@ -291,8 +288,6 @@ def propagate_fit(
         The best estimates, say of the mean trace.
     averaged : int
         Hits that the estimates are the mean of.
-    owner : str
-        What the parameters belong to, see `make_input`.
 
     Returns
     -------
@@ -304,7 +299,7 @@ def propagate_fit(
     scatter = np.zeros((count, count))
     if has_scatter:
         scatter += np.cov(per_hit, rowvar=False, ddof=1) / averaged
-    numbers = formula(make_ensemble(source, estimates, scatter, max(hits - 1, 1), owner), rig)
+    numbers = formula(make_ensemble(source, estimates, scatter, max(hits - 1, 1)), rig)
     reasons = () if has_scatter else (ONE_HIT,)
     return {name: Known(number, reasons).state(rig.notes) for name, number in numbers.items()}
 

@@ -12,15 +12,18 @@ from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
 from impact_rig.core.paper_method import (
     BodyEstimate,
     HammerEstimate,
+    MeanReading,
     estimate_body,
     estimate_hammer,
     estimate_hit,
+    look_at_pulse,
     read_mean_hit,
 )
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.sample import estimate_numbers
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
+from impact_rig.core.uncertainty import RigInputs
 
 RATE = 2.5e6
 SETUP = replace(PAPER_SETUP, analysis=replace(PAPER_SETUP.analysis, cutoff_frequency=0.0))
@@ -58,6 +61,12 @@ def make_mean(name: str, count: int = 10, scatter: float = 3e-3) -> MeanHit:
     )
 
 
+def read(mean: MeanHit | None, setup: RigSetup, name: str, inputs: RigInputs) -> MeanReading:
+    mean = mean or make_mean(name)
+    pulse = look_at_pulse(mean, setup, name)
+    return read_mean_hit(mean, setup, inputs.find(name), name, pulse)
+
+
 @dataclass(frozen=True)
 class Estimate:
     """Contact and body of a sample, and the hammer."""
@@ -69,8 +78,10 @@ class Estimate:
 
 
 def estimate(name: str, setup: RigSetup = SETUP, mean: MeanHit | None = None) -> Estimate:
-    hammer = estimate_hammer(make_mean(CONTROL), setup)
-    series = read_mean_hit(mean or make_mean(name), setup, name)
+    inputs = RigInputs(setup)
+    control = read(make_mean(CONTROL), setup, CONTROL, inputs)
+    hammer = estimate_hammer(control, setup)
+    series = read(mean, setup, name, inputs) if mean or name != CONTROL else control
     return Estimate(
         series.contact_time.state(), *estimate_body(series, setup, name, hammer), hammer
     )
@@ -196,7 +207,8 @@ def test_one_hit_determines_no_uncertainty_and_says_so():
 
 def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact():
     given = BodyEstimate(Quantity(22e6))
-    found = estimate_numbers("steel medium", make_mean("steel medium"), math.nan, 0, given, SETUP)
+    reading = read(None, SETUP, "steel medium", RigInputs(SETUP))
+    found = estimate_numbers("steel medium", reading, math.nan, 0, given, SETUP)
     assert found.contact_time.is_known
     part = found.equivalent_stiffness.standard
     gain = (found.stiffness.value / found.equivalent_stiffness.value) ** 2

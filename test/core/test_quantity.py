@@ -13,6 +13,7 @@ from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.core.uncertainty import (
     Formula,
+    RigInputs,
     compute_quantity,
     find_decaying_body,
     find_identified_body,
@@ -65,10 +66,10 @@ def test_effective_degrees_of_freedom_are_those_of_gum_g4():
     assert found.expanded / found.standard == pytest.approx(2.09, abs=5e-3)
 
 
-def test_the_same_statement_is_the_same_input_and_another_owners_is_not():
-    again = make_input("mass", 0.1, 1e-3) - make_input("mass", 0.1, 1e-3)
-    assert again.u == 0.0
-    other = make_input("mass", 0.1, 1e-3) - make_input("mass", 0.1, 1e-3, "another")
+def test_one_object_is_one_input_and_another_of_the_same_source_is_not():
+    mass = make_input("mass", 0.1, 1e-3)
+    assert (mass - mass).u == 0.0
+    other = mass - make_input("mass", 0.1, 1e-3)
     assert other.u == pytest.approx(math.sqrt(2) * 1e-3)
     # Two inputs of one source make one line.
     (line,) = report(other).budget
@@ -109,6 +110,17 @@ def test_what_is_not_determined_says_why():
     assert "not determined" in found.notes[0]
 
 
+def test_what_two_samples_share_is_one_input():
+    inputs = RigInputs(PAPER_SETUP)
+    one, other = inputs.find("steel medium"), inputs.find("aluminium small")
+    # The accelerometer's mass cancels, those of both samples stay.
+    assert (one.moving_mass - other.moving_mass).u == pytest.approx(math.sqrt(2) * 0.0029e-3)
+    assert (one.hammer_mass - other.hammer_mass).u == 0.0
+    assert (one.moving_mass - inputs.find("steel medium").moving_mass).u == 0.0
+    apart = make_rig_numbers(PAPER_SETUP, "steel medium")
+    assert (one.hammer_mass - apart.hammer_mass).u == pytest.approx(math.sqrt(2) * 0.29e-3)
+
+
 RIG = make_rig_numbers(PAPER_SETUP, "steel medium")
 DECAY, FREQUENCY = 3456.0, 15900.0
 
@@ -117,9 +129,7 @@ def propagate(
     hits: np.ndarray, formula: Formula = find_decaying_body, rig=RIG
 ) -> dict[str, Quantity]:
     estimates = hits.mean(axis=0).tolist()
-    return propagate_fit(
-        "hits", hits, formula, rig, estimates=estimates, averaged=len(hits), owner=""
-    )
+    return propagate_fit("hits", hits, formula, rig, estimates=estimates, averaged=len(hits))
 
 
 def list_results(found: dict[str, Quantity]) -> list[Quantity]:

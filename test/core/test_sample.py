@@ -16,7 +16,13 @@ from impact_rig.core.equations import (
     estimate_damping_coefficient,
 )
 from impact_rig.core.hits import FilteredHit, MeanHit
-from impact_rig.core.paper_method import UNSEEN, BodyEstimate, estimate_hammer
+from impact_rig.core.paper_method import (
+    UNSEEN,
+    BodyEstimate,
+    MeanReading,
+    estimate_hammer,
+    read_mean_hit,
+)
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import HitLabel
@@ -27,6 +33,7 @@ from impact_rig.core.sample import (
 )
 from impact_rig.core.session import Session
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
+from impact_rig.core.uncertainty import RigInputs
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import DigitizerSettings, VirtualRig, VirtualRigSettings
 
@@ -60,6 +67,11 @@ def make_mean(tau: float, natural: float, ratio: float, *, channels: int = 2) ->
     return hits.make_mean(hits.TraceSum(3.0 * traces, ORIGIN), [hits.shift_hit(hit)] * 3)
 
 
+def read(mean: MeanHit, setup: RigSetup, sample: str) -> MeanReading:
+    """Return the reading of a mean hit whose pulse is not looked at."""
+    return read_mean_hit(mean, setup, RigInputs(setup).find(sample), sample, UNSEEN)
+
+
 @given(stiffness=st.floats(10e6, 60e6), ratio=st.floats(0.15, 0.5), mass=st.floats(0.02, 0.4))
 def test_a_known_sample_is_found_again(stiffness, ratio, mass):
     setup = replace(SETUP, samples=SampleSet((Sample("x", mass),), "", 3e-3))
@@ -67,7 +79,7 @@ def test_a_known_sample_is_found_again(stiffness, ratio, mass):
     m_eq = 0.1 * moving / (0.1 + moving)
     tau = np.pi * np.sqrt(m_eq * (1 / K1 + 1 / stiffness))
     mean = make_mean(tau, np.sqrt(stiffness / moving), ratio)
-    found = estimate_numbers("x", mean, np.nan, 0, HAMMER, setup, UNSEEN)
+    found = estimate_numbers("x", read(mean, setup, "x"), np.nan, 0, HAMMER, setup)
     assert found.contact_time.is_known
     # Interpolated crossings of some 250 points: 1e-5.
     assert found.contact_time.value == pytest.approx(tau, rel=1e-4)
@@ -84,7 +96,8 @@ def test_a_known_sample_is_found_again(stiffness, ratio, mass):
 def test_the_peak_force_is_the_hammers_mass_times_its_largest_acceleration():
     mean = make_mean(200e-6, 1.5e4, 0.3)
     known = replace(SETUP, hammer_mass_uncertainty=1e-3)
-    found = estimate_numbers("heavy", mean, np.nan, 0, HAMMER, known).peak_force
+    reading = read(mean, known, "heavy")
+    found = estimate_numbers("heavy", reading, np.nan, 0, HAMMER, known).peak_force
     assert found.value == pytest.approx(0.1 * 900.0, rel=1e-4)
     # Three hits alike: 1 % of the mass is all there is.
     assert found.standard == pytest.approx(0.01 * found.value, rel=1e-6)
@@ -95,7 +108,8 @@ def test_the_pulse_factor_scales_contact_time_and_stiffness():
     mean = make_mean(200e-6, 1.5e4, 0.3)
     sine = replace(SETUP, analysis=replace(SETUP.analysis, pulse_factor=1.5))
     one, other = (
-        estimate_numbers("heavy", mean, np.nan, 0, HAMMER, setup) for setup in (SETUP, sine)
+        estimate_numbers("heavy", read(mean, setup, "heavy"), np.nan, 0, HAMMER, setup)
+        for setup in (SETUP, sine)
     )
     assert other.half_amplitude_width == one.half_amplitude_width
     assert other.contact_time.value == pytest.approx(0.75 * one.contact_time.value)
@@ -107,17 +121,18 @@ def test_the_pulse_factor_scales_contact_time_and_stiffness():
 
 def test_the_control_experiment_gives_twice_the_equivalent_stiffness():
     mean = make_mean(210e-6, 1.5e4, 0.3)
-    hammer = estimate_hammer(mean, SETUP)
+    reading = read(mean, SETUP, "alike")
+    hammer = estimate_hammer(reading, SETUP)
     expected = 2 * 0.05 * (np.pi / 210e-6) ** 2  # 97 g and 3 g against 100 g
     assert hammer.stiffness.value == pytest.approx(expected, rel=1e-4)
     # The same hit, read as a sample's, gives a sample as stiff as the hammer.
-    found = estimate_numbers("alike", mean, np.nan, 0, hammer, SETUP, UNSEEN)
+    found = estimate_numbers("alike", reading, np.nan, 0, hammer, SETUP)
     assert found.stiffness.value == pytest.approx(hammer.stiffness.value, rel=1e-12)
 
 
 def test_a_contact_too_short_for_k1_is_noted_not_raised():
     mean = make_mean(100e-6, 1.5e4, 0.3)
-    found = estimate_numbers("heavy", mean, np.nan, 0, HAMMER, SETUP, UNSEEN)
+    found = estimate_numbers("heavy", read(mean, SETUP, "heavy"), np.nan, 0, HAMMER, SETUP)
     assert np.isnan(found.stiffness.value)
     assert "k2: equation (6b) has no positive solution" in found.notes[0]
     assert found.contact_time.is_known
@@ -126,7 +141,7 @@ def test_a_contact_too_short_for_k1_is_noted_not_raised():
 
 def test_a_sample_that_was_not_measured_has_no_damping():
     mean = make_mean(200e-6, 1.5e4, 0.3, channels=1)
-    found = estimate_numbers("heavy", mean, np.nan, 0, HAMMER, SETUP, UNSEEN)
+    found = estimate_numbers("heavy", read(mean, SETUP, "heavy"), np.nan, 0, HAMMER, SETUP)
     assert np.isfinite(found.stiffness.value)
     assert np.isnan(found.specimen_peak)
     assert found.notes[0] == "c2: the sample's trace was not measured"
@@ -177,7 +192,8 @@ def test_a_second_peak_that_is_no_decay_of_the_body_gives_no_damping(*, shared):
     second = 0.04 * np.roll(pulse, 1500)
     traces = np.stack([pulse + shared * second, (pulse + second) / -3.0])
     with_second = replace(mean, traces=traces)
-    numbers = estimate_numbers("heavy", with_second, 0.0, 0, HAMMER, SETUP)
+    reading = read(with_second, SETUP, "heavy")
+    numbers = estimate_numbers("heavy", reading, 0.0, 0, HAMMER, SETUP)
     assert not numbers.damping_ratio.is_known
     why = "the force on both bodies has it" if shared else "would swing to the other side"
     assert any("no decay of the body" in note and why in note for note in numbers.notes)

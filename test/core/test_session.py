@@ -10,7 +10,6 @@ import pytest
 from impact_rig.core.quantity import drop_internals
 from impact_rig.core.records import HitLabel
 from impact_rig.core.session import Session
-from impact_rig.core.uncertainty import REMEMBERED_INPUTS, make_ensemble, make_input
 from impact_rig.core.verdict import Reason
 
 from .blocks import SETUP, strike, strike_series
@@ -169,15 +168,25 @@ def test_every_hit_counts_although_every_other_shows_the_scatter():
         assert 0.8 < uncertainties[0] / uncertainties[1] < 1.2
 
 
-def test_results_do_not_depend_on_how_long_ago_the_hammer_was_estimated():
+def test_results_do_not_depend_on_what_was_asked_before():
     asked, quiet = Session(SETUP), Session(SETUP)
     for session in (asked, quiet):
         strike_series(session, [900.0, 890.0, 910.0])
         if session is asked:
-            session.estimate_hammer()
+            session.estimate_sample("alike")
         strike_series(session, [900.0, 905.0], "heavy", first=4)
-    # What so many hits bring: more uncertain inputs than are told apart by name and value.
-    for number in range(REMEMBERED_INPUTS):
-        make_input("another", float(number), 1.0)
-        make_ensemble("another", (0.0,), np.array([[1.0 + number]]), 5.0)
+        if session is asked:
+            session.estimate_hammer("heavy")
+            session.estimate_numbers("alike")
+            session.estimate_sample("heavy")
     assert repr(asked.estimate_all()) == repr(quiet.estimate_all())
+
+
+def test_the_control_samples_stiffness_knows_of_the_hammers():
+    """Both are of the same hits: k2 = k1 = 2 k_eq, with one and the same uncertainty."""
+    session = Session(SETUP)
+    strike_series(session, [900.0, 890.0, 910.0])
+    session.estimate_hammer("heavy")
+    k2, k1 = session.estimate_sample("alike").stiffness, session.estimate_hammer().stiffness
+    assert k2.value == pytest.approx(k1.value, rel=1e-12)
+    assert k2.standard == pytest.approx(k1.standard, rel=1e-9)
