@@ -30,6 +30,8 @@ from impact_rig.recordings.messages import setup_from_msg
 
 LOOK_PERIOD = 0.5
 """How often a campaign checks whether its pause is over [s]."""
+PAUSE_TIMEOUT = 1.0
+"""How long the hammer may take to answer that it is disarmed, before it is asked again [s]."""
 RESULTS_TIMEOUT = 600.0
 """How long the estimator may take to read a run, or to fit the model to a hundred samples [s]."""
 
@@ -84,6 +86,8 @@ class Campaign:
     failures: int = 0  # strikes in a row without an accepted hit [-]
     failure: str = ""  # of the last of them
     stands_since: float = math.inf  # no hit since [s], by the monotonic clock
+    stumbled_at: float = math.inf  # when the newest strike failed [s], by the same; inf: not
+    paused_for: str = ""  # why the last pause took the enable back
 
     @cached_property
     def find_sample(self) -> Callable[[str], Sample]:
@@ -180,7 +184,9 @@ class CampaignNode(RigNode):
                 if campaign.feedback.message != str(error):
                     self.get_logger().warning(str(error))
                 campaign.feedback.message = str(error)
-                following = State.DISARMING if state is State.STRIKING else State.PAUSED
+                following = State.PAUSED
+                if state is State.STRIKING:
+                    following, campaign.stumbled_at = State.DISARMING, time.monotonic()
             if following not in TRANSITIONS[state]:
                 raise RuntimeError(f"no way leads from {state.name} to {following.name}")
             state = following
@@ -208,7 +214,8 @@ class CampaignNode(RigNode):
         campaign.recording = (await self._join_node(campaign, "recorder")).recording
         await self._join_node(campaign, "estimator")
         if self._joins["visualizer"].service_is_ready():
-            await self._join_node(campaign, "visualizer")
+            # A display that does not answer holds nobody up.
+            self._joins["visualizer"].call_async(JoinCampaign.Request(setup=campaign.setup))
         self._setup.publish(campaign.setup)
         if not campaign.has_armed:
             answer = await self.call(self._arm_hammer, Trigger.Request())
@@ -222,6 +229,8 @@ class CampaignNode(RigNode):
 
     async def _join_node(self, campaign: Campaign, name: str) -> JoinCampaign.Response:
         client = self._joins[name]
+        # At the start there may be a run to read; later its silence is a pause.
+        is_reading = name == "estimator" and not campaign.has_armed
         answer = await self.call(
             client,
             JoinCampaign.Request(
@@ -229,7 +238,7 @@ class CampaignNode(RigNode):
                 stream_id=id_to_msg(campaign.stream_id),
                 recording=campaign.recording,
             ),
-            RESULTS_TIMEOUT if name == "estimator" else ANSWER_TIMEOUT,
+            RESULTS_TIMEOUT if is_reading else ANSWER_TIMEOUT,
             lambda: campaign.is_cancelled or not client.service_is_ready(),
         )
         if not answer.success:
@@ -302,14 +311,26 @@ class CampaignNode(RigNode):
         if not hammer.armed:
             is_stop = hammer.disarmed_by == HammerState.EMERGENCY_STOP
             calls = "hammer/reset and then hammer/arm" if is_stop else "hammer/arm"
-            raise DeviceError(
-                f"the hammer is not armed ({hammer.message}): to go on, call {calls}"
-            )
+            is_paused = hammer.disarmed_by == HammerState.OPERATOR and campaign.paused_for
+            why = campaign.paused_for if is_paused else hammer.message
+            raise DeviceError(f"the hammer is not armed ({why}): to go on, call {calls}")
+        if time.monotonic() - campaign.stumbled_at > interfaces.LEASE:
+            # It was on show for so long that the campaign stands: as in a pause.
+            raise DeviceError(campaign.feedback.message)
         return State.STRIKING
 
     async def _pause(self, campaign: Campaign) -> State:
-        """Wait a little, or until the hammer's state changes."""
+        """Disarm the hammer; wait a little, or until its state changes.
+
+        Who reads that the campaign pauses may walk up to the hammer: it goes when a person has
+        armed it again, and not because what was missing is back.
+        """
         campaign.stands_since = min(campaign.stands_since, time.monotonic())
+        campaign.stumbled_at = math.inf
+        if self._hammer.armed:
+            campaign.paused_for = campaign.feedback.message
+            await self._call_if_there(self._disarm_hammer, Trigger.Request(), PAUSE_TIMEOUT)
+            await self.wait_until(lambda: not self._hammer.armed, PAUSE_TIMEOUT)
         hammer = self._hammer
         await self._wait(campaign, lambda: self._hammer is not hammer, LOOK_PERIOD / self.pace)
         return State.JOINING
@@ -347,6 +368,7 @@ class CampaignNode(RigNode):
 
     async def _strike(self, campaign: Campaign) -> State:
         """Strike once, and wait for the verdict; every failure is a `DeviceError`."""
+        campaign.stumbled_at = math.inf
         ids = {"campaign_id": campaign.setup.campaign_id}
         sample = campaign.find_sample(campaign.hit["sample"])
         if sample.has_angle and self._hammer.sets_angle:
@@ -362,6 +384,7 @@ class CampaignNode(RigNode):
         released = await self._ask(campaign, self._release, release)
         timeout = float(self.get_value("verdict_timeout"))
         campaign.failures += 1
+        campaign.paused_for = ""
         campaign.failure = f"no verdict on record {record} came within {timeout:g} s"
         timeout += released.latest_contact
         await self._wait(campaign, lambda: campaign.verdict.record == record, timeout)

@@ -1,5 +1,6 @@
 """The hammer: holds it, and releases it when the rest of the rig can record the hit."""
 
+import functools
 import time
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -24,8 +25,6 @@ from impact_rig.nodes.identity import id_from_msg
 from impact_rig.nodes.rig_node import RigNode
 
 Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
-LONGEST_PAUSE = 1.5
-"""Longest time between two callbacks of a process that runs [s]."""
 
 
 class RigMember:
@@ -107,11 +106,13 @@ class HammerNode(DeviceNode):
     """Holds and releases the hammer; refuses, with a reason, what could not be recorded.
 
     A release needs a holder that holds, the operator's enable, accelerometers that are armed for
-    this hit, and a recorder that records. The loss of any of them takes the enable back. Only a
-    release that was asked for moves the hammer: no start, no end, no watchdog does.
+    this hit, and a recorder that records. The loss of any of them takes the enable back, and so
+    does a time in which this process stood still: meanwhile somebody may have walked up to the
+    hammer. Only a release that was asked for moves the hammer: no start, no end, no watchdog does.
     """
 
     def __init__(self, **options: Any) -> None:
+        self._last_seen, self._is_caught_up_at = _read_clock(), 0.0
         super().__init__("hammer", **options)
         self.declare(
             "swing_time", 0.207, "time from release to contact [s]; the paper's 0.207",
@@ -131,7 +132,6 @@ class HammerNode(DeviceNode):
         self._armed_record = 0
         self._swing = self.create_timer(1.0, self._on_swing_time)
         self._swing.cancel()
-        self._last_seen, self._is_caught_up_at = _read_clock(), 0.0
         self._publish_state = self.advertise_state(interfaces.HAMMER_STATE)
         self._release = self.advertise(interfaces.RELEASE)
         self._hammer = GuardedHammer(self._publish_condition)
@@ -156,6 +156,36 @@ class HammerNode(DeviceNode):
         self.offer_to_join()
         # An operator who pulls a plug wants to see the enable go.
         self.create_timer(0.5 / self.pace, self._watch)
+
+    # Every callback first looks whether this process stood still before it.
+
+    def create_timer(
+        self, timer_period_sec: float, callback: Any, *arguments: Any, **options: Any
+    ) -> Any:
+        """Create a timer."""
+        watched = self._watch_clock(callback)
+        return super().create_timer(timer_period_sec, watched, *arguments, **options)
+
+    def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Any:
+        """Create a service."""
+        return super().create_service(srv_type, srv_name, self._watch_clock(callback), **options)
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Any, qos_profile: Any, **options: Any
+    ) -> Any:
+        """Create a subscription."""
+        watched = self._watch_clock(callback)
+        return super().create_subscription(msg_type, topic, watched, qos_profile, **options)
+
+    def _watch_clock(self, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a callback that is preceded by a look at the clock."""
+
+        @functools.wraps(callback)
+        def run(*arguments: Any) -> Any:
+            self._check_clock()
+            return callback(*arguments)
+
+        return run
 
     # The lifecycle.
 
@@ -230,26 +260,30 @@ class HammerNode(DeviceNode):
 
     def _watch(self) -> None:
         """Check that what a release needs is still there; never releases."""
-        self._check_clock()
         self._check_rig()
         self._run_guarded(self._hammer.check)
 
     def _check_clock(self) -> None:
-        """Check whether this process was stopped, or the computer asleep, since the last time."""
+        """Take the enable back if this process was stopped, or the computer asleep."""
         now = _read_clock()
-        if (pause := now - self._last_seen) > LONGEST_PAUSE:
-            # By then what was published meanwhile has come, and the leases of dead nodes are over.
-            self._is_caught_up_at = now + interfaces.LEASE + 0.5
-            self.get_logger().warning(f"this process did not run for {pause:.1f} s")
-        self._last_seen = now
+        pause, self._last_seen = now - self._last_seen, now
+        if pause <= interfaces.LEASE:
+            return
+        # By then what was published meanwhile has come, and the leases of dead nodes are over.
+        self._is_caught_up_at = now + interfaces.LEASE + 0.5
+        text = f"the hammer node stood still for {pause:.1f} s"
+        self.get_logger().warning(text)
+        self._hammer.disarm_by_loss(text)
 
     def _check_rig(self) -> None:
-        """Take the enable back if accelerometers, recorder or campaign are lost."""
+        """Take the enable back if something that a hit needs is lost."""
         if loss := self._describe_loss():
             self._hammer.disarm_by_loss(loss)
 
     def _describe_loss(self) -> str | None:
-        """Return what was there and is lost."""
+        """Return why the hammer must be disarmed; None: nothing is lost."""
+        if _read_clock() < self._is_caught_up_at:
+            return "the hammer node stood still, and catches up on what has come meanwhile"
         if self.count_publishers(interfaces.HAMMER_STATE.name) > 1:
             return f"another node publishes {interfaces.HAMMER_STATE.name}: end it"
         for member in (self._accelerometer, self._campaign, self._recorder):
@@ -264,8 +298,6 @@ class HammerNode(DeviceNode):
         """Return why the rest of the rig could not record a hit."""
         if loss := self._describe_loss():
             return loss
-        if _read_clock() < self._is_caught_up_at:
-            return "the hammer node was stopped for a time, and catches up on what has come since"
         acquisition = self._accelerometer.state
         if acquisition is None or acquisition.state != AcquisitionState.ARMED:
             why = acquisition.message if acquisition else "no accelerometers have reported"
@@ -298,7 +330,7 @@ class HammerNode(DeviceNode):
         return _answer(response, self._describe_loss() or self._hammer.arm(), "armed")
 
     def _on_disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._hammer.disarm("disarmed by the operator")
+        self._hammer.disarm("disarmed by hammer/disarm")
         return _answer(response, None, "disarmed")
 
     def _on_confirm_held(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -335,7 +367,6 @@ class HammerNode(DeviceNode):
     def _on_release(
         self, request: Release.Request, response: Release.Response
     ) -> Release.Response:
-        self._check_clock()
         if id_from_msg(request.campaign_id) != self.membership.identity.campaign_id:
             response.message = "the hammer takes part in another campaign"
             return response

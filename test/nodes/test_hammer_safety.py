@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.hammer import LONGEST_PAUSE, HammerNode
+from impact_rig.nodes.hammer import HammerNode
 
 HIT = {"record": 4, "sample": "steel small", "impact": 2, "attempt": 1}
 ARMED, OTHER = (
@@ -186,9 +186,10 @@ def test_an_operator_who_does_not_let_go_is_not_waited_for_for_ever(rig, start_b
     assert state.state == HammerState.HELD
 
 
-def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(harness, start_process):
+@pytest.fixture
+def frozen(harness, start_process):
+    """Return a hammer process, armed, that stood still for longer than a lease."""
     acquisition = harness.advertise(interfaces.ACQUISITION_STATE)
-    releases = harness.listen(interfaces.RELEASE)
     recorder = harness.advertise(interfaces.RECORDER_STATE)
     hammer = start_process("hammer", swing_time=0.01)
     states = harness.listen(interfaces.HAMMER_STATE)
@@ -197,17 +198,47 @@ def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(harne
         harness.wait_until(lambda it=publisher: it.get_subscription_count() == 1)
         publisher.publish(message)
     assert harness.call(Trigger, interfaces.ARM_HAMMER).success
-    client = harness.peer.create_client(Release, interfaces.RELEASE_HAMMER)
-    harness.wait_until(client.service_is_ready)
-
+    states.wait(lambda messages: messages[-1].armed)
+    states.messages.clear()
     hammer.send_signal(signal.SIGSTOP)
-    answer = client.call_async(Release.Request(**HIT))
-    threading.Event().wait(LONGEST_PAUSE + 0.2)
+    return hammer, states
+
+
+def wake(hammer):
+    threading.Event().wait(interfaces.LEASE + 0.2)
     hammer.send_signal(signal.SIGCONT)
 
-    assert "was stopped for a time" in harness.wait(answer).message
+
+def test_who_stood_still_takes_the_enable_back_before_anything_else(harness, frozen):
+    hammer, states = frozen
+    wake(hammer)
+    state = states.wait_for_count(1)[0]  # the first that it says
+    assert (state.armed, state.disarmed_by) == (False, HammerState.LOSS)
+    assert state.message.startswith("the hammer node stood still for 2.")
+
+
+@pytest.mark.parametrize("asks_to_arm", [False, True])
+def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(
+    harness, frozen, asks_to_arm
+):
+    hammer, states = frozen
+    releases = harness.listen(interfaces.RELEASE)
+    arm = harness.peer.create_client(Trigger, interfaces.ARM_HAMMER)
+    release = harness.peer.create_client(Release, interfaces.RELEASE_HAMMER)
+    for client in (arm, release):
+        harness.wait_until(client.service_is_ready)
+    armed = arm.call_async(Trigger.Request()) if asks_to_arm else None
+    released = release.call_async(Release.Request(**HIT))
+    wake(hammer)
+
+    if armed is not None:
+        assert "stood still" in harness.wait(armed).message
+    assert "not armed (the hammer node stood still" in harness.wait(released).message
+    states.wait_for_count(1)
+    assert not any(state.armed for state in states.messages)
     assert not releases.messages
-    # A second request succeeds, when all is known again.
+    # When all is known again, a person arms, and the hammer goes.
+    harness.wait_until(lambda: harness.call(Trigger, interfaces.ARM_HAMMER).success)
     assert harness.ask(Release, interfaces.RELEASE_HAMMER, Release.Request(**HIT)).success
     assert len(releases.wait_for_count(1)) == 1
 

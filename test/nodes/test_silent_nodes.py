@@ -57,6 +57,31 @@ def test_a_killed_node_disarms_the_hammer_and_pauses_the_campaign(harness, start
     wait_for_pause(feedback, "accelerometer")
 
 
+def test_nobody_who_reads_that_a_campaign_pauses_is_struck_when_its_reason_has_gone(
+    harness, start_process
+):
+    """The enable does not rest on the estimator, but the person does on the pause."""
+    estimator = start_process("estimator")
+    harness.add(AccelerometerNode, trigger_timeout=0.2)
+    harness.add(HammerNode, swing_time=0.001)
+    harness.record()
+    harness.add(CampaignNode, verdict_timeout=0.5)
+    states = harness.listen(interfaces.HAMMER_STATE)
+    releases = harness.listen(interfaces.RELEASE)
+    _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=100_000)
+    feedback.wait(lambda got: got[-1:] and got[-1].impact >= 1)
+
+    estimator.send_signal(signal.SIGSTOP)
+    wait_for_pause(feedback, "estimator/join did not answer")
+    states.wait(lambda got: not got[-1].armed)
+    before = len(releases.messages)
+    estimator.send_signal(signal.SIGCONT)
+    wait_for_pause(feedback, "is not armed (estimator/join did not answer")
+    assert len(releases.messages) == before
+    assert harness.call(Trigger, interfaces.ARM_HAMMER).success
+    releases.wait_for_count(before + 1)
+
+
 def test_a_hammer_that_is_started_again_while_a_campaign_waits_for_it_is_seen(
     harness, start_process
 ):
