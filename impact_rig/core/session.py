@@ -20,6 +20,7 @@ from impact_rig.core.hits import (
     judge_hit,
     overrule_hit,
 )
+from impact_rig.core.paper_estimate import estimate_paper
 from impact_rig.core.paper_method import (
     UNSEEN,
     HammerEstimate,
@@ -32,12 +33,11 @@ from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import Block, Record
 from impact_rig.core.sample import (
     SampleEstimate,
+    SampleParts,
     TraceEstimates,
-    add_checks,
-    add_model,
-    estimate_numbers,
+    assemble_samples,
     estimate_traces,
-    withdraw_shared_ringing,
+    look_at_model,
 )
 from impact_rig.core.series import HitSeries, Selection
 from impact_rig.core.setup import RigSetup
@@ -159,46 +159,72 @@ class Session:
         fits take as long as all else together, and `estimate_sample` repeats them. Before the
         first time there is no uncertainty.
         """
-        series, mean, setup = (
-            self._series[name],
-            self.compute_mean(name),
-            self.setup.for_series(name),
-        )
+        parts = self._find_parts(name)
+        if parts is None:
+            return self._report_nothing(name)
+        return parts.assemble(self.setup.for_series(name))
+
+    def estimate_sample(self, name: str) -> SampleEstimate:
+        """Return the same with what stands beside it, but for the fitted model."""
+        parts = self._find_all_parts(name, with_model=False)
+        if parts is None:
+            return self._report_nothing(name)
+        return parts.assemble(self.setup.for_series(name))
+
+    def _report_nothing(self, name: str) -> SampleEstimate:
+        """Return the estimate of a sample without an accepted hit."""
+        count = len(self._series[name])
+        note = f"{name}: not determined: 0 of {count} hits accepted"
+        return SampleEstimate(name, 0, count, notes=(note,))
+
+    def _find_parts(self, name: str) -> SampleParts | None:
+        """Return what the paper's method and the series say; None: no hit was accepted."""
+        series, mean = self._series[name], self.compute_mean(name)
         if mean is None:
-            note = f"{name}: not determined: 0 of {len(series)} hits accepted"
-            return SampleEstimate(name, 0, len(series), notes=(note,))
-        spread, rejected = series.contact_time_spread, len(series) - mean.count
-        hammer, reading = self.estimate_hammer(name), self._read_mean(name, mean)
-        estimate = estimate_numbers(name, reading, spread, rejected, hammer, setup)
+            return None
+        setup, hammer = self.setup.for_series(name), self.estimate_hammer(name)
+        spread = series.contact_time_spread
         corrected, doubtful = series.describe_findings()
-        notes = estimate.notes
+        notes: tuple[str, ...] = ()
         if unknown := self.setup.find_unknown_masses(name):
-            notes = (*notes, f"k and c: the mass of {' and '.join(unknown)} is not known")
+            notes = (f"k and c: the mass of {' and '.join(unknown)} is not known",)
         notes += doubtful
         if len(mean.hits) < mean.count:
             shown = f"{len(mean.hits)} of {mean.count} hits, evenly over the series"
             notes = (*notes, f"scatter of the traces: that of {shown}")
-        warnings = corrected + tuple(
+        overruled = tuple(
             describe_overruled(hit, f"hit {describe_label(hit.label)}")
             for hit in series.select().kept
             if hit.overruled
         )
-        return replace(estimate, notes=notes, warnings=estimate.warnings + warnings)
+        return SampleParts(
+            name=name,
+            impacts_rejected=len(series) - mean.count,
+            mean=mean,
+            paper=estimate_paper(name, self._read_mean(name, mean), spread, hammer, setup),
+            hammer=hammer,
+            warnings=corrected + overruled,
+            notes=notes,
+        )
 
-    def estimate_sample(self, name: str) -> SampleEstimate:
-        """Return the same with what stands beside it, but for the fitted model."""
-        for struck in {name, self.setup.for_series(name).samples.control_sample}:
+    def _find_all_parts(self, name: str, *, with_model: bool) -> SampleParts | None:
+        """Return the same with what stands beside it."""
+        setup = self.setup.for_series(name)
+        for struck in {name, setup.samples.control_sample}:
             mean, (known, _) = self.compute_mean(struck), self._traces.get(struck, (None, None))
             if mean is not None and mean is not known:
                 self._traces[struck] = (
                     mean,
                     estimate_traces(struck, mean, self.setup.for_series(struck)),
                 )
-        estimate, mean = self.estimate_numbers(name), self.compute_mean(name)
-        if mean is None:
-            return estimate
-        hammer, (_, traces) = self.estimate_hammer(name), self._traces[name]
-        return add_checks(estimate, mean, hammer, self.setup.for_series(name), traces)
+        parts = self._find_parts(name)
+        if parts is None:
+            return None
+        parts = replace(parts, traces=self._traces[name][1])
+        if with_model and not self.setup.find_unknown_masses(name):
+            models, notes = look_at_model(name, parts.mean, setup)
+            parts = replace(parts, models=models, model_notes=notes)
+        return parts
 
     def _get_pulse(self, name: str) -> HammerPulse:
         """Return what was last found in the pulse of a sample: of this mean, or an older one."""
@@ -220,15 +246,14 @@ class Session:
         """
         samples = self._modelled
         if not (with_models and samples):
-            found: dict[str, SampleEstimate] = {}
+            parts: dict[str, SampleParts | None] = {}
             for name in sorted(self.names, key=lambda name: not self.is_control(name)):
-                estimate, mean = self.estimate_sample(name), self.compute_mean(name)
-                if with_models and mean is not None and not self.setup.find_unknown_masses(name):
-                    estimate = add_model(estimate, mean, self.setup.for_series(name))
-                found[name] = estimate
+                parts[name] = self._find_all_parts(name, with_model=with_models)
                 if report is not None:
-                    report(len(found))
-            samples = withdraw_shared_ringing([found[name] for name in self.names], self.setup)
+                    report(len(parts))
+            known = [part for name in self.names if (part := parts[name]) is not None]
+            found = {each.name: each for each in assemble_samples(known, self.setup)}
+            samples = tuple(found.get(name) or self._report_nothing(name) for name in self.names)
             self._modelled = samples if with_models else ()
         selections = [series.select() for series in self._series.values()]
         return SessionResults(

@@ -92,7 +92,7 @@ def _estimate_each(name: str, series: Sequence[tuple[str, SampleEstimate]]) -> S
         for row, result in enumerate(SCALED)
         if row > 0
     }
-    times = [sample.contact_time.value for _, sample in series]
+    times = [sample.paper.contact_time.value for _, sample in series]
     covariances = [_find_covariances(sample) for _, sample in series]
     contact_time = _fit_exponent(bodies, speeds, times, covariances)
     return SpeedExponents(name, len(series), contact_time, **found)
@@ -104,7 +104,7 @@ def _find_covariances(sample: SampleEstimate) -> Covariances:
         (source, own[0, 0] * np.diag([1.0, 0.0]))
         for source, own in sample.contact_law.own_covariances
     ]
-    time = sample.contact_time
+    time = sample.paper.contact_time
     scatter = [line for line in time.budget if line.kind == "A"]
     freedom = sample.impacts_accepted - 1.0
     return found + [

@@ -217,7 +217,7 @@ class EstimatorNode(RigNode):
 
     def _publish_estimate(self, session: Session, estimate: SampleEstimate) -> None:
         """Publish a sample's estimate and, of the control sample, the hammer's with it."""
-        if not estimate.contact_time.is_known:
+        if not estimate.paper.contact_time.is_known:
             return
         stamp, identity = self.get_clock().now().to_msg(), self.membership.identity
         self._estimate.publish(estimate_to_msg(estimate, stamp, identity))

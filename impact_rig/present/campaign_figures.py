@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Body:
-    """What Figs. 4 and 6 show of hammer or samples; fields of `SampleEstimate`."""
+    """What Figs. 4 and 6 show of hammer or samples; fields of its parts."""
 
     title: str
     peak: str
@@ -85,7 +85,7 @@ def make_figure_rows(results: Results) -> list[FigureRow]:
 
 def make_contact_pictures(results: Results) -> list[Picture]:
     """Return Figs. 3 and 4; without data, neither."""
-    rows = [row for row in make_figure_rows(results) if row.estimate.contact_time.is_known]
+    rows = [row for row in make_figure_rows(results) if row.estimate.paper.contact_time.is_known]
     weighed = [row for row in rows if math.isfinite(row.relative_mass)]
     found = []
     if weighed:
@@ -120,7 +120,9 @@ def make_model_pictures(results: Results, samples: Sequence[SampleTraces]) -> li
     names = [*(name for name in CASES if name in modelled), *modelled]
     cases = [modelled[name] for name in dict.fromkeys(names)][: len(CASES)]
     rows = [
-        row for row in make_figure_rows(results) if math.isfinite(row.estimate.mse_hammer_percent)
+        row
+        for row in make_figure_rows(results)
+        if math.isfinite(row.estimate.errors.mse_hammer_percent)
     ]
     found = []
     if cases:
@@ -158,8 +160,8 @@ def draw_widths(rows: Sequence[FigureRow]) -> "Figure":
         axes,
         rows,
         x=[row.relative_mass * GRAM for row in rows],
-        y=[row.estimate.contact_time.value * MICRO for row in rows],
-        expanded=[row.estimate.contact_time.expanded * MICRO for row in rows],
+        y=[row.estimate.paper.contact_time.value * MICRO for row in rows],
+        expanded=[row.estimate.paper.contact_time.expanded * MICRO for row in rows],
     )
     expected = [row for row in rows if math.isfinite(row.reference.contact_time)]
     if expected:
@@ -185,8 +187,8 @@ def draw_peaks(rows: Sequence[FigureRow], body: Body) -> "Figure":
     _plot_materials(
         axes,
         rows,
-        x=[row.estimate.contact_time.value * MICRO for row in rows],
-        y=[getattr(row.estimate, body.peak) for row in rows],
+        x=[row.estimate.paper.contact_time.value * MICRO for row in rows],
+        y=[getattr(row.estimate.paper, body.peak) for row in rows],
     )
     axes.set_ylim(bottom=0.0)
     axes.set(title=body.title, xlabel="pulse width τp [µs]", ylabel="maximum amplitude [m/s²]")
@@ -254,7 +256,7 @@ def draw_errors(rows: Sequence[FigureRow], body: Body) -> "Figure":
     """Draw the mean square error of the force-driven model, and the paper's largest."""
     panel = make_panel(1.4 + 0.22 * len(rows), left=1.5)
     (axes,) = panel.axes
-    values = [getattr(row.estimate, body.error) for row in rows]
+    values = [getattr(row.estimate.errors, body.error) for row in rows]
     bars = axes.barh(range(len(rows)), values, color=format_hex(VERMILION))
     axes.bar_label(bars, [f" {format_error(value)} %" for value in values], fontsize="small")
     axes.set_yticks(range(len(rows)), [shorten_name(row.estimate.name) for row in rows])

@@ -12,15 +12,16 @@ from typing import Any, TypeVar
 
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.hits import JudgedHit
+from impact_rig.core.paper_estimate import PEAK, TIME, PaperEstimate
 from impact_rig.core.paper_method import CONTACT_TIME, HammerEstimate
 from impact_rig.core.quantity import INLINE, UNKNOWN, Comparable, Quantity, drop_internals
 from impact_rig.core.records import UNSTATED, Origin, join_origins
-from impact_rig.core.sample import PEAK, TIME, SampleEstimate
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import SessionResults
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.speed_exponents import SpeedExponents
 
-Peaks = TypeVar("Peaks", SampleEstimate, "HitResults", "FileResults")
+Peaks = TypeVar("Peaks", PaperEstimate, "HitResults", "FileResults")
 
 
 @dataclass(frozen=True)
@@ -140,8 +141,12 @@ def drop_scale(results: Results) -> Results:
     Widths do not depend on it: a channel of unknown gain is good for contact times.
     """
     samples = (
-        replace(sample, peak_force=UNKNOWN, contact_law=_drop_scale_of_law(sample.contact_law))
-        for sample in map(_drop_peaks, results.samples)
+        replace(
+            sample,
+            paper=replace(_drop_peaks(sample.paper), peak_force=UNKNOWN),
+            contact_law=_drop_scale_of_law(sample.contact_law),
+        )
+        for sample in results.samples
     )
     return replace(
         results,

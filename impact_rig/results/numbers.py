@@ -120,8 +120,8 @@ class Measurand:
         return self.symbol if self.field == "contact_time" else f"{self.symbol}2"
 
     def read(self, body: Any) -> Quantity:
-        """Return what was found of it in a sample or the hammer, or by one method."""
-        found: Quantity = getattr(body, self.field)
+        """Return what was found of it in a sample or the hammer, by the paper or one method."""
+        found: Quantity = getattr(getattr(body, "paper", body), self.field)
         return found
 
     def read_reference(self, reference: Any) -> float:

@@ -80,15 +80,15 @@ def _compare_with_law(sample: SampleEstimate) -> float:
         return math.nan
     is_contact = law.restitution.value - law.restitution.expanded <= 1.0
     is_better = law.residual_percent < versed.residual_percent
-    difference = abs(sample.contact_time.value - law.duration.value)
+    difference = abs(sample.paper.contact_time.value - law.duration.value)
     if not (is_contact and is_better and difference > law.duration.expanded):
         return math.nan
-    return (sample.contact_time.value / law.duration.value) ** 2 - 1.0
+    return (sample.paper.contact_time.value / law.duration.value) ** 2 - 1.0
 
 
 def _compare_dampings(sample: SampleEstimate) -> float:
     """Return how much damping by the log decrement exceeds that of the free decay."""
-    ratio, decay = sample.damping_ratio, sample.free_decay.damping_ratio
+    ratio, decay = sample.paper.damping_ratio, sample.free_decay.damping_ratio
     difference = ratio.value - decay.value
     # Both come from the same hits: the sum is more than the uncertainty of the difference.
     is_beyond = abs(difference) > ratio.expanded + decay.expanded
@@ -208,8 +208,8 @@ def _list_notes(
     needed: list[tuple[str, str]] = []
     others: list[tuple[str, str]] = []
     for sample in samples:
-        is_complete = sample.stiffness.is_known and (
-            sample.damping_coefficient.is_known or not has_damping
+        is_complete = sample.paper.stiffness.is_known and (
+            sample.paper.damping_coefficient.is_known or not has_damping
         )
         for note in dict.fromkeys(sample.notes):
             is_other = (

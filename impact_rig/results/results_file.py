@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig.core.errors import FileError
+from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.records import Origin
-from impact_rig.core.sample import FittedModel, SampleEstimate
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.speed_exponents import SpeedExponents
 from impact_rig.results.campaign import Results
 from impact_rig.results.remarks import gather_remarks

@@ -6,10 +6,13 @@ from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any
 
+from impact_rig.core.fitted_model import FittedModel
+from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import ShapeFit
 from impact_rig.core.quantity import UNKNOWN, BudgetLine, Quantity, list_fields
-from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
+from impact_rig.core.ringing import FreeDecayEstimate
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PULSE_NAME
 from impact_rig.core.speed_exponents import (
     ALL_SAMPLES,
@@ -219,15 +222,20 @@ def tabulate_contact_times(results: Results) -> Table:
     peaks = "Peaks: scatter of the hammer's peaks."
     rise = "Rise: of the hammer's pulse, from a tenth to nine tenths."
     columns = [
-        read_column("w10/w50", samples, "width_ratio", 3, is_optional=True),
-        read_column("Spread [µs]", samples, "contact_time_spread", 2, is_optional=True),
+        read_column("w10/w50", samples, "paper.width_ratio", 3, is_optional=True),
+        read_column("Spread [µs]", samples, "paper.contact_time_spread", 2, is_optional=True),
         make_optional("Hits", [str(item.impacts_accepted) for item in samples]),
         make_optional("Rejected", [str(item.impacts_rejected) for item in samples]),
-        read_column("Fmax [N]", samples, "peak_force", 1, is_optional=True, note=force),
+        read_column("Fmax [N]", samples, "paper.peak_force", 1, is_optional=True, note=force),
         read_column(
-            "Peaks [%]", samples, "hammer_peak_spread_percent", 2, is_optional=True, note=peaks
+            "Peaks [%]",
+            samples,
+            "paper.hammer_peak_spread_percent",
+            2,
+            is_optional=True,
+            note=peaks,
         ),
-        read_column("Rise [µs]", samples, "rise_time", 1, is_optional=True, note=rise),
+        read_column("Rise [µs]", samples, "paper.rise_time", 1, is_optional=True, note=rise),
     ]
     note = (
         "w10/w50: width at a tenth of the peak over that at half of it, which differs between"
@@ -241,7 +249,9 @@ def tabulate_stiffness(results: Results) -> list[Table]:
     """Return Table 3, the hammer below the samples; nothing if no stiffness is known."""
     if not _is_known(results, STIFFNESS):
         return []
-    equivalent = [format_quantity(item.equivalent_stiffness, 3, MEGA) for item in results.samples]
+    equivalent = [
+        format_quantity(item.paper.equivalent_stiffness, 3, MEGA) for item in results.samples
+    ]
     notes = []
     if results.hammer.control_sample:
         control = results.hammer.control_sample
@@ -259,7 +269,7 @@ def tabulate_damping(results: Results) -> list[Table]:
     """
     if not _is_known(results, DAMPING_COEFFICIENT):
         return []
-    bodies = (*results.samples, results.hammer)
+    bodies = (*(sample.paper for sample in results.samples), results.hammer)
     columns = [
         read_column("ζ", bodies, "damping_ratio", 3, is_optional=True),
         read_column("Δ", bodies, "log_decrement", 3, is_optional=True),
@@ -379,11 +389,11 @@ def tabulate_errors(samples: Sequence[SampleEstimate]) -> list[Table]:
     columns = [
         make_text_column("Sample", [sample.name for sample in samples]),
         *(
-            Column(header, [format_error(getattr(sample, name)) for sample in samples])
+            Column(header, [format_error(getattr(sample.errors, name)) for sample in samples])
             for header, name in errors.items()
         ),
-        read_column("Shift hammer [µs]", samples, "shift_hammer", 1),
-        read_column("Shift sample [µs]", samples, "shift_sample", 1),
+        read_column("Shift hammer [µs]", samples, "errors.shift_hammer", 1),
+        read_column("Shift sample [µs]", samples, "errors.shift_sample", 1),
     ]
     note = (
         "MSE: mean square error over the record, with the force of equation (4) alone driving the"
@@ -407,9 +417,9 @@ def tabulate_pulse_shapes(samples: Sequence[SampleEstimate]) -> list[Table]:
         ),
         read_column("It leaves [%]", shapes, "best_fit.residual_percent", 2),
         read_column("Versed-sine leaves [%]", versed, "residual_percent", 2),
-        read_column("τp, paper [µs]", known, "contact_time", 2, is_optional=True),
+        read_column("τp, paper [µs]", known, "paper.contact_time", 2, is_optional=True),
         read_column("τp, shape [µs]", shapes, "best_fit.contact_time", 2),
-        read_column("k2, paper [MN/m]", known, "stiffness", 2, is_optional=True),
+        read_column("k2, paper [MN/m]", known, "paper.stiffness", 2, is_optional=True),
         read_column("k2, shape [MN/m]", shapes, "best_fit.stiffness", 2),
         read_column("Fall/rise", shapes, "fall_over_rise", 3, is_optional=True),
     ]
@@ -495,9 +505,9 @@ def tabulate_free_decays(samples: Sequence[SampleEstimate]) -> list[Table]:
     decays = [sample.free_decay for sample in known]
     columns = [
         make_text_column("Sample", [sample.name for sample in known]),
-        read_column("c2, paper [N s/m]", known, "damping_coefficient", 1, is_optional=True),
+        read_column("c2, paper [N s/m]", known, "paper.damping_coefficient", 1, is_optional=True),
         read_column("c2, free decay [N s/m]", decays, "damping_coefficient", 1),
-        read_column("ζ, paper", known, "damping_ratio", 3, is_optional=True),
+        read_column("ζ, paper", known, "paper.damping_ratio", 3, is_optional=True),
         read_column("ζ, free decay", decays, "damping_ratio", 3),
         read_column("f [kHz]", decays, "frequency", 3, is_optional=True),
         read_column("Periods", decays, "periods", 1, is_optional=True),
@@ -518,7 +528,7 @@ def tabulate_identifications(samples: Sequence[SampleEstimate]) -> list[Table]:
     columns = [make_text_column("Sample", [sample.name for sample in fitted])]
     for measurand, fit_column in zip(SAMPLE_MEASURANDS, _make_fit_columns(fits), strict=True):
         header = f"{measurand.sample_symbol}, paper [{measurand.unit}]"
-        found, digits = measurand.field, measurand.digits
+        found, digits = f"paper.{measurand.field}", measurand.digits
         columns += [read_column(header, fitted, found, digits, is_optional=True), fit_column]
     columns += [
         read_column("Residual/noise", fits, "residual_over_noise", 1, is_optional=True),
@@ -537,7 +547,7 @@ def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
     """Return what each method says of one sample, beside what is expected."""
     decay, fitted = sample.free_decay, sample.identification or FittedModel("")
 
-    def column(header: str, body: SampleEstimate | FreeDecayEstimate | FittedModel) -> Column:
+    def column(header: str, body: PaperEstimate | FreeDecayEstimate | FittedModel) -> Column:
         found = [
             item.format(item.read(body)) if hasattr(body, item.field) else ""
             for item in SAMPLE_MEASURANDS
@@ -551,7 +561,7 @@ def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
     names = [f"{item.symbol} [{item.unit}]" for item in SAMPLE_MEASURANDS]
     columns = [
         make_text_column("", [*names, "ζ"]),
-        column("paper's method", sample),
+        column("paper's method", sample.paper),
         column("free decay", decay),
         column(f"fit ({fitted.model or 'none'})", fitted),
         Column("expected", [*expected, ""]),
@@ -585,8 +595,9 @@ def _make_fit_columns(fits: Sequence[FittedModel]) -> list[Column]:
 
 def tabulate_budgets(name: str, body: SampleEstimate | HammerEstimate) -> Iterator[Table]:
     """Yield the uncertainty budgets of a sample or of the hammer, as far as there are any."""
-    for field in list_fields(type(body)):
-        quantity = getattr(body, field.name)
+    stated = body.paper if isinstance(body, SampleEstimate) else body
+    for field in list_fields(type(stated)):
+        quantity = getattr(stated, field.name)
         if not isinstance(quantity, Quantity) or not quantity.budget:
             continue
         unit = field.description.shown or field.description.unit

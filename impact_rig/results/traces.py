@@ -235,7 +235,7 @@ def sample_traces_from_estimate(estimate: SampleEstimate, mean: MeanHit) -> Samp
     SampleTraces or None
         None: the contact was not determined.
     """
-    if not estimate.contact_time.is_known:
+    if not estimate.paper.contact_time.is_known:
         return None
     models = [
         ModelTraces(
@@ -258,10 +258,10 @@ def sample_traces_from_estimate(estimate: SampleEstimate, mean: MeanHit) -> Samp
         sampling_rate=mean.sampling_rate,
         start_time=-mean.origin / mean.sampling_rate,
         mean=mean.traces,
-        contact_time=estimate.contact_time.value,
-        half_amplitude_width=estimate.half_amplitude_width,
-        first_peak_time=estimate.first_peak_time,
-        second_peak_time=estimate.second_peak_time,
+        contact_time=estimate.paper.contact_time.value,
+        half_amplitude_width=estimate.paper.half_amplitude_width,
+        first_peak_time=estimate.paper.first_peak_time,
+        second_peak_time=estimate.paper.second_peak_time,
         models=tuple(models),
     )
 

@@ -53,7 +53,7 @@ def test_neither_traces_nor_models_change_what_is_found(path, campaign):
     pairs = zip(campaign.results.samples, analyzed.results.samples, strict=True)
     for sample, other in pairs:
         assert sample.identifications == ()
-        assert repr(sample.stiffness) == repr(other.stiffness)
+        assert repr(sample.paper.stiffness) == repr(other.paper.stiffness)
 
 
 def test_every_hit_is_there_as_recorded_and_in_its_sample_s_time(campaign):

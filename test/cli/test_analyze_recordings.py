@@ -44,7 +44,7 @@ def test_settings_of_a_file_replace_the_recorded_ones(run, campaign, channels):
     words = channels("[analysis]\npulse_factor = 1.5\ncontact_exponent = 1.5")
     content = json.loads(run("analyze", campaign.path, "--json", *words).stdout)
     for sample, recorded in zip(content["samples"], campaign.results.samples, strict=True):
-        assert sample["contact_time_s"] == pytest.approx(0.75 * recorded.contact_time.value)
+        assert sample["contact_time_s"] == pytest.approx(0.75 * recorded.paper.contact_time.value)
     outcome = run("analyze", campaign.path, *channels("[analysis]\ncontact_exponent = 7"))
     assert outcome.exit_code == 2
     assert "contact_exponent is 7" in outcome.stderr
@@ -76,7 +76,7 @@ def path(tmp_path, results):
 def test_the_tables_of_a_results_file_are_shown(run, path, results):
     outcome = run("analyze", path, "--full")
     assert outcome.exit_code == 0
-    value = results.samples[0].contact_time.value * 1e6
+    value = results.samples[0].paper.contact_time.value * 1e6
     for words in ("Table 2", "Table 4", results.samples[0].name, f"{value:.1f}"):
         assert words in outcome.stdout
     assert "below 0.05 %" not in outcome.stdout

@@ -78,11 +78,11 @@ def test_the_means_are_those_that_the_results_were_estimated_from(run, recorded,
     hammer, specimen = read_measurement(output).channels
     assert (hammer.name, hammer.unit) == ("steel small/mean hammer", "m/s^2")
     (sample,) = (item for item in recorded.results.samples if item.name == "steel small")
-    assert np.abs(hammer.values).max() == sample.hammer_peak
-    assert np.abs(specimen.values).max() == sample.specimen_peak
+    assert np.abs(hammer.values).max() == sample.paper.hammer_peak
+    assert np.abs(specimen.values).max() == sample.paper.specimen_peak
     # Time 0 is the middle of the pulse, near which its peak lies.
     time = hammer.start + np.arange(hammer.values.size) / hammer.sampling_rate
-    assert abs(time[np.abs(hammer.values).argmax()]) < 0.1 * sample.contact_time.value
+    assert abs(time[np.abs(hammer.values).argmax()]) < 0.1 * sample.paper.contact_time.value
 
 
 def test_hits_are_exported_as_recorded_or_filtered(run, recorded, tmp_path):

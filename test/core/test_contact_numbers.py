@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
+from impact_rig.core.paper_estimate import estimate_paper
 from impact_rig.core.paper_method import (
     BodyEstimate,
     HammerEstimate,
@@ -21,7 +22,6 @@ from impact_rig.core.paper_method import (
 )
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.sample import estimate_numbers
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.core.uncertainty import RigInputs
 
@@ -208,7 +208,7 @@ def test_one_hit_determines_no_uncertainty_and_says_so():
 def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact():
     given = BodyEstimate(Quantity(22e6))
     reading = read(None, SETUP, "steel medium", RigInputs(SETUP))
-    found = estimate_numbers("steel medium", reading, math.nan, 0, given, SETUP)
+    found = estimate_paper("steel medium", reading, math.nan, given, SETUP)
     assert found.contact_time.is_known
     part = found.equivalent_stiffness.standard
     gain = (found.stiffness.value / found.equivalent_stiffness.value) ** 2

@@ -12,6 +12,7 @@ from scipy.signal import lsim
 
 from impact_rig.core.errors import NotDeterminedError, SignalError
 from impact_rig.core.filtering import low_pass
+from impact_rig.core.fitted_model import fit_model
 from impact_rig.core.hits import FilteredHit, MeanHit, average_hits, judge_hit
 from impact_rig.core.identification import (
     NAMES,
@@ -19,7 +20,6 @@ from impact_rig.core.identification import (
     identify_model,
 )
 from impact_rig.core.model import Body, ImpactModel, ModelVariant, simulate_impact
-from impact_rig.core.sample import fit_model
 from impact_rig.core.sensors import CHANNELS, Sensor, SensorResponse
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.plants import make_nominal_model

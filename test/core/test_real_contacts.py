@@ -114,10 +114,15 @@ def test_a_row_of_the_table(row):
         law = estimate.contact_law.duration
         assert law.value * 1e6 == pytest.approx(TRUE, rel=3e-3)
         # tau_p stays the paper's number; its interval takes in the contact's real duration.
-        assert estimate.contact_time.value == pytest.approx(2.0 * estimate.half_amplitude_width)
-        assert abs(estimate.contact_time.value * 1e6 - TRUE) < estimate.contact_time.expanded * 1e6
+        assert estimate.paper.contact_time.value == pytest.approx(
+            2.0 * estimate.paper.half_amplitude_width
+        )
+        assert (
+            abs(estimate.paper.contact_time.value * 1e6 - TRUE)
+            < estimate.paper.contact_time.expanded * 1e6
+        )
         assert not any("versed-sine" in warning for warning in estimate.warnings)
-        assert not estimate.damping_coefficient.is_known
+        assert not estimate.paper.damping_coefficient.is_known
 
 
 @pytest.mark.parametrize(
@@ -133,12 +138,13 @@ def test_contact_time_and_stiffness_hold_what_the_shape_of_the_pulse_leaves_open
     estimate = judge(repeat(replace(FILE, **change), 10))[0].estimate_sample("struck")
     assert estimate.impacts_accepted
     assert (
-        abs(estimate.contact_time.value * 1e6 - TRUE) < 1.5 * estimate.contact_time.expanded * 1e6
+        abs(estimate.paper.contact_time.value * 1e6 - TRUE)
+        < 1.5 * estimate.paper.contact_time.expanded * 1e6
     )
-    assert estimate.contact_time.budget[0].source == "shape of the pulse"
+    assert estimate.paper.contact_time.budget[0].source == "shape of the pulse"
     # Of the linear spring with this duration.
     true = 2.0 * HAMMER * SAMPLE / (HAMMER + SAMPLE) * (np.pi / TRUE * 1e6) ** 2
-    assert abs(estimate.stiffness.value - true) < 1.5 * estimate.stiffness.expanded
+    assert abs(estimate.paper.stiffness.value - true) < 1.5 * estimate.paper.stiffness.expanded
 
 
 @pytest.mark.parametrize("late", [-15e-6, 15e-6])
@@ -237,10 +243,10 @@ def test_a_tail_that_rings_is_ringing():
 
 def test_where_in_the_shock_the_step_came_is_in_the_budgets():
     estimate = judge(repeat(replace(STILL, zero_shift=0.03)))[0].estimate_sample("struck")
-    for quantity in (estimate.contact_law.duration, estimate.contact_time):
+    for quantity in (estimate.contact_law.duration, estimate.paper.contact_time):
         assert "zero after the impact" in {line.source for line in quantity.budget}
     sound = judge(repeat(STILL))[0].estimate_sample("struck")
-    assert "zero after the impact" not in {line.source for line in sound.contact_time.budget}
+    assert "zero after the impact" not in {line.source for line in sound.paper.contact_time.budget}
 
 
 def test_of_the_hammer_alone_some_hits_may_be_corrected():
@@ -252,7 +258,7 @@ def test_of_the_hammer_alone_some_hits_may_be_corrected():
         nothing = replace(block.specimen, output=block.specimen.output[:0])
         (hit,) = session.feed(replace(block, specimen=nothing))
         assert hit.accepted
-    assert session.estimate_sample("struck").contact_time.is_known
+    assert session.estimate_sample("struck").paper.contact_time.is_known
 
 
 def test_a_step_too_large_to_be_sure_of_rejects_the_hit():

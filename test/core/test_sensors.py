@@ -1,5 +1,6 @@
 """Sensors: calibrations, units, plans, responses, and what they do to results."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -7,14 +8,12 @@ import pytest
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.filtering import respond, restore_level
+from impact_rig.core.hits import MeanHit
+from impact_rig.core.paper_estimate import PaperEstimate
+from impact_rig.core.paper_method import UNSEEN, HammerEstimate
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.sample import (
-    FreeDecayEstimate,
-    SampleEstimate,
-    check_sensors,
-    explain_ringing,
-    withdraw_shared_ringing,
-)
+from impact_rig.core.ringing import FreeDecayEstimate, explain_ringing, find_shared_ringing
+from impact_rig.core.sample import SampleParts, TraceEstimates, check_sensors
 from impact_rig.core.sensors import (
     Sensitivity,
     Sensor,
@@ -178,30 +177,36 @@ def test_which_ringing_is_a_sensors(frequency, resonance, told):
     assert told in text if told else text is None
 
 
-def ring(name: str, frequency: float) -> SampleEstimate:
-    decay = FreeDecayEstimate(
-        stiffness=Quantity(1e9), damping_ratio=Quantity(0.02), frequency=frequency
-    )
-    return SampleEstimate(
-        name, 5, 0, damping_ratio=Quantity(0.03), log_decrement=0.2, first_peak_time=0.0,
-        second_peak_time=1.0 / frequency, free_decay=decay,
-    )  # fmt: skip
+def ring(frequencies: Sequence[float]) -> dict[str, FreeDecayEstimate]:
+    return {
+        name: FreeDecayEstimate(damping_ratio=Quantity(0.02), frequency=frequency)
+        for name, frequency in zip(NAMES, frequencies, strict=False)
+    }
 
 
 def test_what_rings_alike_on_samples_of_other_masses_is_no_samples():
-    found = withdraw_shared_ringing(
-        [ring(name, 20e3 * factor) for name, factor in zip(NAMES, (1.0, 1.01, 0.99), strict=True)],
-        PAPER_SETUP,
-    )
-    for sample in found:
-        assert not sample.free_decay.is_known
-        assert not sample.damping_ratio.is_known
-        assert "20 kHz does so on all samples, though their masses differ" in sample.notes[-1]
+    frequencies = [20e3 * factor for factor in (1.0, 1.01, 0.99)]
+    assert find_shared_ringing(ring(frequencies), PAPER_SETUP) == 20e3
 
 
 def test_samples_that_ring_each_in_its_own_way_keep_what_they_have():
-    own = [ring(name, frequency) for name, frequency in zip(NAMES, (4e3, 2.6e3, 2e3), strict=True)]
-    assert withdraw_shared_ringing(own, PAPER_SETUP) == tuple(own)
+    assert find_shared_ringing(ring((4e3, 2.6e3, 2e3)), PAPER_SETUP) is None
     # Two may well be alike by chance.
-    two = [ring(name, 4e3) for name in NAMES[:2]]
-    assert withdraw_shared_ringing(two, PAPER_SETUP) == tuple(two)
+    assert find_shared_ringing(ring((4e3, 4e3)), PAPER_SETUP) is None
+
+
+def test_what_is_a_sensors_is_taken_from_every_part():
+    traces, nothing = np.ones((2, 9)), np.zeros(2)
+    mean = MeanHit(traces, 1e6, 3, nothing, nothing, (), 5, 1, nothing, nothing, nothing, nothing)
+    paper = PaperEstimate(
+        damping_ratio=Quantity(0.03), log_decrement=0.2, first_peak_time=0.0,
+        second_peak_time=1.0 / 20e3,
+    )  # fmt: skip
+    (decay,) = ring([20e3]).values()
+    traces = TraceEstimates(UNSEEN, decay, ())
+    parts = SampleParts(NAMES[0], 0, mean, paper, HammerEstimate(), traces=traces)
+    found = parts.without_ringing(20e3, PAPER_SETUP)
+    assert not found.paper.damping_ratio.is_known
+    assert found.traces is not None
+    assert not found.traces.free_decay.is_known
+    assert "20 kHz does so on all samples, though their masses differ" in found.traces.notes[-1]

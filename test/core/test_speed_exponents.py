@@ -79,7 +79,9 @@ def test_each_angle_has_its_own_control_experiment():
     for sample in results.samples:
         assert sample.impacts_accepted == HITS
         # Alike to the hammer: k1 = k2, whatever the speed makes of the contact's stiffness.
-        assert sample.stiffness.value == pytest.approx(2.0 * sample.equivalent_stiffness.value)
+        assert sample.paper.stiffness.value == pytest.approx(
+            2.0 * sample.paper.equivalent_stiffness.value
+        )
     slow, _, fast = results.samples
-    assert fast.stiffness.value > 1.5 * slow.stiffness.value
-    assert results.hammer.stiffness.value == pytest.approx(slow.stiffness.value)
+    assert fast.paper.stiffness.value > 1.5 * slow.paper.stiffness.value
+    assert results.hammer.stiffness.value == pytest.approx(slow.paper.stiffness.value)

@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 from impact_rig_msgs import msg
 
 from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
 from impact_rig.core.quantity import BudgetLine, Quantity, list_fields
-from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
+from impact_rig.core.ringing import FreeDecayEstimate
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample
 from impact_rig.core.speed_exponents import SpeedExponents

@@ -2,15 +2,17 @@
 
 import io
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 from rich.console import Console
 
+from impact_rig.core.fitted_model import FittedModel
+from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import IMPORTED, Origin
-from impact_rig.core.sample import FittedModel, SampleEstimate
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
 from impact_rig.present.screen import print_full, print_screen
 from impact_rig.results.campaign import FileResults, HitResults, Results
@@ -36,7 +38,10 @@ def make_results(*found: SampleEstimate, hammer: HammerEstimate = NO_HAMMER) -> 
 
 
 def make_sample(name: str, **values: object) -> SampleEstimate:
-    return SampleEstimate(name, 10, 2, **values)
+    names = {item.name for item in fields(PaperEstimate)} - {"warnings", "notes"}
+    numbers = names & values.keys()
+    paper = PaperEstimate(**{name: values.pop(name) for name in numbers})
+    return SampleEstimate(name, 10, 2, paper=paper, **values)
 
 
 def test_eighty_columns_are_enough_and_every_name_keeps_its_line(results):

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.sample import SampleEstimate
@@ -33,8 +34,10 @@ def make_campaign(
         "aluminium small",
         10,
         2,
-        contact_time=Quantity(contact_time, expanded=expanded),
-        stiffness=Quantity(stiffness, expanded=0.4e6),
+        paper=PaperEstimate(
+            contact_time=Quantity(contact_time, expanded=expanded),
+            stiffness=Quantity(stiffness, expanded=0.4e6),
+        ),
     )
     return BatchCampaign(Path(name), number, Results(PAPER_SETUP, HammerEstimate(), (sample,), ()))
 

@@ -1,15 +1,18 @@
 """What needs attention is said once, with its subject, the largest effect on a result first."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 
 from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.fitted_model import FittedModel
+from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import SIMULATED, Origin
-from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
+from impact_rig.core.ringing import FreeDecayEstimate
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRigSettings
@@ -36,7 +39,11 @@ CONTACT = {"contact_time": Quantity(220e-6), "contact_law": LAW, "pulse_shape": 
 
 
 def make_sample(name: str = "tin", *warnings: str, **values: object) -> SampleEstimate:
-    return SampleEstimate(name, 2, 0, warnings=warnings, **{**KNOWN, **values})
+    values = {**KNOWN, **values}
+    names = {item.name for item in fields(PaperEstimate)} - {"warnings", "notes"}
+    numbers = names & values.keys()
+    paper = PaperEstimate(**{name: values.pop(name) for name in numbers})
+    return SampleEstimate(name, 2, 0, warnings=warnings, paper=paper, **values)
 
 
 def gather(*samples: SampleEstimate, hammer: HammerEstimate = HAMMER, **values: object):
@@ -144,9 +151,8 @@ def test_the_origin_says_what_is_true_of_each_plant(plant):
 
 def test_a_plant_without_damping_lacks_nothing():
     origin = Origin(SIMULATED, "virtual rig, plant contact")
-    sample = replace(
-        make_sample(notes=("c2: no second peak",)), damping_coefficient=Quantity(float("nan"))
-    )
+    unknown = Quantity(float("nan"))
+    sample = make_sample(notes=("c2: no second peak",), damping_coefficient=unknown)
     hit = HitResults("tin", 1, 1, 1, accepted=True, origin=origin)
     assert not select_attention(gather(sample, hits=(hit,)))
     assert select_attention(gather(sample))

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import FileError
+from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import SIMULATED, Origin
@@ -26,7 +27,9 @@ from impact_rig.results.results_file import (
     write_results,
 )
 
-SAMPLE = SampleEstimate("tin", 3, 1, contact_time=Quantity(2e-4), notes=("k2: unknown",))
+SAMPLE = SampleEstimate(
+    "tin", 3, 1, paper=PaperEstimate(contact_time=Quantity(2e-4)), notes=("k2: unknown",)
+)
 REJECTED = HitResults(
     "tin", 2, 1, 5, False, ("weak: too weak",),
     injected_faults=("weak_hit",), origin=Origin(SIMULATED, "virtual rig"),
@@ -46,7 +49,8 @@ def test_what_is_written_is_read_again(tmp_path, results):
 
 @given(value=st.floats(allow_nan=False, allow_infinity=False))
 def test_every_number_comes_back_bit_by_bit(value):
-    results = replace(RESULTS, samples=(replace(SAMPLE, stiffness=Quantity(value)),))
+    paper = PaperEstimate(stiffness=Quantity(value))
+    results = replace(RESULTS, samples=(replace(SAMPLE, paper=paper),))
     content = json.loads(format_json(results_to_json(results)))
     back = content["samples"][0]["stiffness_n_per_m"]
     assert (back, math.copysign(1, back)) == (value, math.copysign(1, value))

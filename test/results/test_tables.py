@@ -11,11 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.fitted_model import FittedModel
+from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
 from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.records import IMPORTED, SIMULATED, Origin
-from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
+from impact_rig.core.ringing import FreeDecayEstimate
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
 from impact_rig.results import tables
 from impact_rig.results.campaign import FileResults, HitResults, Results
@@ -60,7 +63,7 @@ SAMPLE = SampleEstimate(
     "steel medium",
     10,
     0,
-    stiffness=Quantity(45.0e6, expanded=1.2e6, budget=BUDGET),
+    paper=PaperEstimate(stiffness=Quantity(45.0e6, expanded=1.2e6, budget=BUDGET)),
     pulse_shape=SHAPE,
     free_decay=DECAY,
     identifications=(replace(DRIVEN, model="printed", is_preferred=False), DRIVEN),
@@ -89,9 +92,11 @@ def test_paper_and_measured_stand_side_by_side_with_their_difference():
         "steel medium",
         10,
         2,
-        contact_time=Quantity(204.2e-6, expanded=2e-6),
-        stiffness=Quantity(45.0e6, expanded=1e6),
-        damping_coefficient=Quantity(1200.0, expanded=10.0),
+        paper=PaperEstimate(
+            contact_time=Quantity(204.2e-6, expanded=2e-6),
+            stiffness=Quantity(45.0e6, expanded=1e6),
+            damping_coefficient=Quantity(1200.0, expanded=10.0),
+        ),
     )
     hammer = HammerEstimate(Quantity(22.0e6), damping_coefficient=Quantity(1900.0))
     results = make_results(sample, hammer=hammer)
@@ -111,10 +116,12 @@ def test_paper_and_measured_stand_side_by_side_with_their_difference():
 
 
 def test_the_summary_has_every_result_and_how_far_it_is_from_what_is_expected():
-    sample = SampleEstimate(
-        "steel medium", 10, 0, Quantity(204.2e-6, expanded=0.5e-6),
-        stiffness=Quantity(45.0e6, expanded=1.16e6), damping_coefficient=Quantity(1200.0),
-    )  # fmt: skip
+    paper = PaperEstimate(
+        Quantity(204.2e-6, expanded=0.5e-6),
+        stiffness=Quantity(45.0e6, expanded=1.16e6),
+        damping_coefficient=Quantity(1200.0),
+    )
+    sample = SampleEstimate("steel medium", 10, 0, paper)
     hammer = HammerEstimate(stiffness=Quantity(22.0e6, expanded=1.08e6))
     (table,) = tables.tabulate_summary(make_results(sample, hammer=hammer))
     # By hand: (204.2 - 203.2) / 0.5, (45.0 - 45.29) / 1.16, (22.0 - 22.54) / 1.08.
@@ -128,7 +135,9 @@ def test_the_summary_has_every_result_and_how_far_it_is_from_what_is_expected():
 @pytest.mark.parametrize("plant", ["contact", "published"])
 def test_only_a_plant_with_values_of_its_own_is_held_against_them(plant):
     origin = Origin(SIMULATED, f"virtual rig, plant {plant}")
-    sample = SampleEstimate("steel medium", 1, 0, Quantity(204.2e-6, expanded=0.5e-6))
+    sample = SampleEstimate(
+        "steel medium", 1, 0, PaperEstimate(Quantity(204.2e-6, expanded=0.5e-6))
+    )
     hit = HitResults("steel medium", 1, 1, 1, accepted=True, origin=origin)
     (table,) = tables.tabulate_summary(replace(make_results(sample), hits=(hit,)))
     headers = [column.header for column in table.columns]
@@ -147,7 +156,7 @@ def test_samples_of_ones_own_are_held_against_their_references():
         (Sample("brass medium", 0.2, reference_contact_time=2e-4), Sample("zinc", 0.1)), ""
     )
     samples = [
-        SampleEstimate(name, 1, 0, Quantity(2.1e-4, expanded=5e-6))
+        SampleEstimate(name, 1, 0, PaperEstimate(Quantity(2.1e-4, expanded=5e-6)))
         for name in ("brass medium", "zinc")
     ]
     table = tables.tabulate_contact_times(make_results(*samples, known=known))
@@ -273,7 +282,9 @@ def test_folders_are_shown_where_the_names_are_the_same():
 @pytest.mark.parametrize("name", ['=HYPERLINK("x")', "+1+2", "-cmd", "@sum", "'tis"])
 def test_no_cell_is_a_formula_and_the_name_is_behind_an_apostrophe(name):
     samples = SampleSet((Sample(name, 0.1),), "")
-    estimate = SampleEstimate(name, 1, 0, hammer_peak=-2.5, specimen_peak=math.nan)
+    estimate = SampleEstimate(
+        name, 1, 0, paper=PaperEstimate(hammer_peak=-2.5, specimen_peak=math.nan)
+    )
     results = Results(replace(PAPER_SETUP, samples=samples), HammerEstimate(), (estimate,), ())
     (row,) = csv.DictReader(io.StringIO(format_results_table([results])))
     assert row["name"] == f"'{name}"

@@ -5,10 +5,13 @@ from dataclasses import replace
 
 import pytest
 
+from impact_rig.core.fitted_model import FittedModel
+from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
 from impact_rig.core.quantity import BudgetLine, Quantity
-from impact_rig.core.sample import FittedModel, FreeDecayEstimate, SampleEstimate
+from impact_rig.core.ringing import FreeDecayEstimate
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.results.wire import WireError, from_json, to_json
@@ -18,8 +21,7 @@ ESTIMATE = SampleEstimate(
     "tin",
     3,
     1,
-    contact_time=Quantity(2e-4),
-    stiffness=STIFFNESS,
+    paper=PaperEstimate(contact_time=Quantity(2e-4), stiffness=STIFFNESS),
     pulse_shape=PulseShapeEstimate("Hertz", True, 1.1, (ShapeFit("Hertz", 0.2, 2e-4),)),
     free_decay=FreeDecayEstimate(stiffness=STIFFNESS, frequency=2500.0),
     identifications=(FittedModel("driven", True, stiffness=STIFFNESS, values=(1.0, 2.0)),),

@@ -35,7 +35,7 @@ CHANCE = 1e-3
 """Probability that a figure without fault misses its goal [-], our choice."""
 
 ESTIMATES: Mapping[str, Callable[[SampleEstimate], object]] = {
-    "paper": lambda estimate: estimate,
+    "paper": attrgetter("paper"),
     "free decay": attrgetter("free_decay"),
     "identification": attrgetter("identification"),
     "contact law": attrgetter("contact_law"),

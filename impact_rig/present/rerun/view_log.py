@@ -215,7 +215,7 @@ class ViewLog:
         self.log_setup(
             results.setup.name,
             [sample.name for sample in results.samples or results.setup.samples.samples],
-            [sample.contact_time.value for sample in results.samples],
+            [sample.paper.contact_time.value for sample in results.samples],
             results.setup.hammer_reading,
         )
         if hits:

@@ -74,7 +74,7 @@ def test_figure_3_has_every_hit_the_means_and_the_paper_s_points_the_misprint_co
     means = np.concatenate([lines[name] for name in ("aluminium", "steel", "bronze", "brass")])
     assert means[:, 0] == pytest.approx(expected)
     assert means[:, 1] == pytest.approx(
-        [1e6 * item.contact_time.value for item in results.samples]
+        [1e6 * item.paper.contact_time.value for item in results.samples]
     )
     table_2 = [144.8, 196.8, 212, 170, 203.2, 219.2, 188, 226.4, 239.2, 189, 228, 244]
     assert lines["expected"][:, 1] == pytest.approx(table_2)

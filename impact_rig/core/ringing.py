@@ -1,0 +1,105 @@
+"""What rings in a sample's tail: its free decay, and whether it is the sample's."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from impact_rig.core.damping import estimate_free_decay
+from impact_rig.core.errors import NotDeterminedError
+from impact_rig.core.hits import MeanHit
+from impact_rig.core.paper_method import DAMPING_COEFFICIENT, DAMPING_RATIO, NAN, STIFFNESS
+from impact_rig.core.quantity import UNKNOWN, Comparable, Quantity, describe
+from impact_rig.core.setup import RigSetup
+from impact_rig.core.uncertainty import find_decaying_body, make_rig_numbers, propagate_fit
+
+SAME_FREQUENCY = 0.05
+"""Difference of two frequencies that are one [-]: a mount's moves so far."""
+FEWEST_SAMPLES = 3
+"""That ring at one frequency [-]; two samples may well have the same k/m."""
+
+
+def explain_ringing(frequency: float, setup: RigSetup) -> str | None:
+    """Say why what rings at a frequency [Hz] is the sensor's and no body's; None: it may be."""
+    sensor, cutoff = setup.find_sensor("specimen"), setup.analysis.cutoff_frequency
+    rings = f"what rings at {frequency * 1e-3:.3g} kHz"
+    if abs(frequency - sensor.resonance) < SAME_FREQUENCY * sensor.resonance:
+        return f"{rings} is the sensor, by the resonance that is stated of it, and no body"
+    if cutoff and frequency > 0.5 * cutoff:
+        return (
+            f"{rings}, above half the low-pass of {cutoff * 1e-3:.4g} kHz, is a sensor or its"
+            " mount, and no body"
+        )
+    return None
+
+
+@dataclass(frozen=True)
+class FreeDecayEstimate(Comparable):
+    """What the decay after the contact says of a sample; NaN: not determined."""
+
+    # m2 times the natural angular frequency squared
+    stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
+    damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
+    damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
+    frequency: float = field(default=NAN, metadata=describe("Hz", "f", "frequency", shown="kHz"))
+    periods: float = NAN  # that stand out of the noise
+    r_squared: float = NAN
+    residual_over_noise: float = NAN  # RMS; 1: nothing but noise
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it is determined."""
+        return self.damping_ratio.is_known
+
+
+NO_DECAY = FreeDecayEstimate()
+"""Where it is not determined."""
+
+
+def estimate_decay(
+    mean: MeanHit, setup: RigSetup, sample: str, contact_end: float
+) -> FreeDecayEstimate:
+    """Estimate stiffness and damping of a sample from the decay after the contact.
+
+    Raises
+    ------
+    NotDeterminedError
+        If the tail does not show the sample's oscillation.
+    """
+    cutoff = setup.analysis.cutoff_frequency
+    decay = estimate_free_decay(mean, 1, contact_end, cutoff)
+    if ringing := explain_ringing(decay.frequency, setup):
+        raise NotDeterminedError(f"free decay: {ringing}")
+    body = propagate_fit(
+        f"scatter of the hits on {sample}",
+        decay.hit_values,
+        find_decaying_body,
+        make_rig_numbers(setup, sample),
+        estimates=(decay.decay_rate, decay.angular_frequency),
+        averaged=mean.count,
+    )
+    return FreeDecayEstimate(
+        **body,
+        frequency=decay.frequency,
+        periods=decay.periods,
+        r_squared=decay.r_squared,
+        residual_over_noise=decay.residual_over_noise,
+    )
+
+
+def find_shared_ringing(decays: Mapping[str, FreeDecayEstimate], setup: RigSetup) -> float | None:
+    """Return the frequency [Hz] at which all samples that ring do so, though they differ in mass.
+
+    It is a sensor's or its mount's. None: there is none.
+    """
+    rings = {name: decay.frequency for name, decay in decays.items() if decay.is_known}
+    masses = [setup.samples.get_moving_mass(name) for name in rings]
+    if len(rings) < FEWEST_SAMPLES or not max(masses) >= 1.5 * min(masses):
+        return None
+    shared = float(np.median(list(rings.values())))
+    return shared if all(is_same(each, shared) for each in rings.values()) else None
+
+
+def is_same(frequency: float, shared: float) -> bool:
+    """Tell whether two frequencies are one."""
+    return abs(frequency - shared) < SAME_FREQUENCY * shared
