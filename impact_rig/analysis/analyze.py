@@ -53,11 +53,15 @@ class HitSource(Protocol):
     """What yields hits, one campaign after another; it can be read more than once."""
 
     path: Path  # what a person named
-    warnings: tuple[str, ...]  # what the user should know of it
     size: int  # of all that is read [byte]
     has_scale: bool  # the hammer's numbers make accelerations
     hammer_unit: str | None  # in plain files; None: of a recording, whose set-up has it
-    faults: dict[HitLabel, tuple[str, ...]]  # injected, by hit, as far as `events` was read
+    # Injected into the hits of the campaign that `events` has come to, a new mapping for each.
+    faults: dict[HitLabel, tuple[str, ...]]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know of it, once it was read."""
 
     def events(self, report: Callable[[int], None]) -> Iterator[RigSetup | Block]:
         """Yield set-ups, each of which begins a campaign, and its blocks."""
@@ -76,6 +80,7 @@ class _JudgedCampaign:
     """One campaign as it is read: its session, and what is kept of its hits."""
 
     session: Session
+    faults: Mapping[HitLabel, tuple[str, ...]]
     traces: list[HitTraces] = field(default_factory=list)
     aligned: dict[HitLabel, AlignedHit] = field(default_factory=dict)
     # What the hit of a file says by itself.
@@ -139,7 +144,7 @@ def analyze(
     reading = _bind(report, "reading", source.size)
     for session, block, found in judge(source, settings, overrules, reading):
         if not judged or judged[-1].session is not session:
-            judged.append(_JudgedCampaign(session))
+            judged.append(_JudgedCampaign(session, source.faults))
         campaign = judged[-1]
         for _, hit in found:
             if source.hammer_unit is not None:
@@ -152,9 +157,8 @@ def analyze(
                 campaign.aligned[hit.label] = align_hit(hit.label, hit.filtered)
         if keep_traces and (joined := assembler.feed(block)) is not None:
             campaign.traces.append(joined)
-    faults = {label.record: names for label, names in source.faults.items()}
     campaigns = tuple(
-        _finish(campaign, source, faults, report, with_models=with_models)
+        _finish(campaign, source, report, with_models=with_models)
         for campaign in judged
         if campaign.session.names
     )
@@ -225,12 +229,12 @@ def _find_labels(name: str, files: Mapping[HitLabel, str]) -> list[HitLabel]:
 def _finish(
     campaign: _JudgedCampaign,
     source: HitSource,
-    faults: Mapping[int, tuple[str, ...]],
     report: Report,
     *,
     with_models: bool,
 ) -> TracedCampaign:
     session = campaign.session
+    faults = {label.record: names for label, names in campaign.faults.items()}
     tell = _bind(report, "estimating", len(session.names))
     tell(0)
     found = session.estimate_all(tell, with_models=with_models)

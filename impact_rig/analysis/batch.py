@@ -7,13 +7,12 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from multiprocessing import resource_tracker
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from impact_rig import __version__
 from impact_rig.analysis.analyze import Analysis, Settings, analyze
 from impact_rig.core.errors import RigError
-from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.run import Run
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -29,18 +28,18 @@ _ANALYZING = threading.Lock()
 """One recording at a time in a process: GTC is not safe in threads, and a worker of a
 cluster may have several."""
 
-Report = Callable[[Path], None]
-"""Called with each recording as it is finished, in any order."""
+Report = Callable[[], None]
+"""Called after each run."""
 
 
 def analyze_batch(
-    paths: Sequence[Path],
+    runs: Sequence[Run],
     settings: Settings,
     workers: int | None,
     scheduler: str | None,
     report: Report,
 ) -> list[Analysis | RigError]:
-    """Analyze recordings, in processes side by side where that is faster.
+    """Analyze runs, in processes side by side where that is faster.
 
     Parameters
     ----------
@@ -51,29 +50,29 @@ def analyze_batch(
     scheduler : str or None
         Address of a Dask cluster to use instead.
     report : callable
-        Called with each recording as it is finished.
+        Called after each run.
 
     Returns
     -------
     list of Analysis or RigError
-        What came of each, in the order of `paths`.
+        What came of each, in the order of `runs`.
 
     Raises
     ------
     RigError
         If the cluster cannot be used.
     """
-    size = sum(path.stat().st_size for path in paths if path.is_file())
+    size = sum(run.size for run in runs)
     cores = len(os.sched_getaffinity(0)) if size >= WORTH_WORKERS else 1
-    count = min(workers or cores, len(paths))
+    count = min(workers or cores, len(runs))
     if scheduler is None and count == 1:
         outcomes = []
-        for path in paths:
-            outcomes.append(_analyze(path, settings))
-            report(path)
+        for run in runs:
+            outcomes.append(_analyze(run, settings))
+            report()
         return outcomes
     with connect_to_workers(scheduler) if scheduler else start_workers(count) as client:
-        return run_on_workers(client, paths, settings, report)
+        return run_on_workers(client, runs, settings, report)
 
 
 @contextlib.contextmanager
@@ -136,29 +135,29 @@ def connect_to_workers(address: str) -> "Iterator[Client]":
 
 
 def run_on_workers(
-    client: "Client", paths: Sequence[Path], settings: Settings, report: Report
+    client: "Client", runs: Sequence[Run], settings: Settings, report: Report
 ) -> list[Analysis | RigError]:
-    """Analyze recordings on workers; return what came of them, in their order."""
+    """Analyze runs on workers; return what came of them, in their order."""
     from distributed import as_completed
 
-    futures = {client.submit(_analyze, path, settings, pure=False): path for path in paths}
-    found: dict[Path, Analysis | RigError] = {}
+    futures = {client.submit(_analyze, run, settings, pure=False): run for run in runs}
+    found: dict[Run, Analysis | RigError] = {}
     for future in as_completed(futures, loop=client.loop):
-        path = futures[future]
+        run = futures[future]
         try:
-            found[path] = future.result()
+            found[run] = future.result()
         except Exception as error:  # noqa: BLE001 - of Dask, for example of a worker that was killed
-            found[path] = RigError(f"{path}: {type(error).__name__}: {error}")
-        report(path)
-    return [found[path] for path in paths]
+            found[run] = RigError(f"{run.path}: {type(error).__name__}: {error}")
+        report()
+    return [found[run] for run in runs]
 
 
-def _analyze(path: Path, settings: Settings) -> Analysis | RigError:
-    """Analyze one recording; return its error if it cannot be analyzed."""
+def _analyze(run: Run, settings: Settings) -> Analysis | RigError:
+    """Analyze one run; return its error if it cannot be analyzed."""
     try:
         with _ANALYZING:
-            return analyze(read_recording(path), settings)
+            return analyze(run, settings)
     except RigError as error:
         return error
     except MemoryError:
-        return RigError(f"{path} needs more memory than there is")
+        return RigError(f"{run.path} needs more memory than there is")

@@ -9,7 +9,7 @@ from impact_rig.core.hits import JudgedHit, MeanHit
 from impact_rig.core.records import FloatArray, HitLabel, Origin, Record, join_origins
 from impact_rig.core.session import Session
 from impact_rig.files.measurement import MeasuredChannel
-from impact_rig.recordings.reader import Recording
+from impact_rig.recordings.run import Run
 
 UNIT = "m/s^2"
 BODIES = ("hammer", "specimen")
@@ -84,8 +84,8 @@ class ExportedCampaign:
         return _make_channels(f"{self.prefix}{name}/mean", mean.traces, rate, origin, start)
 
 
-def read_campaigns(recording: Recording) -> tuple[ExportedCampaign, ...]:
-    """Judge every hit of a recording.
+def read_campaigns(run: Run) -> tuple[ExportedCampaign, ...]:
+    """Judge every hit of a run.
 
     Returns
     -------
@@ -100,7 +100,7 @@ def read_campaigns(recording: Recording) -> tuple[ExportedCampaign, ...]:
         If its settings cannot be used.
     """
     found: list[ExportedCampaign] = []
-    for session, _, hits in judge(recording):
+    for session, _, hits in judge(run):
         if hits and (not found or found[-1].session is not session):
             found.append(ExportedCampaign(session))
         if hits:

@@ -1,16 +1,15 @@
 """What a person names: the runs that a report is made of, and files that are named twice."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.recordings.provenance import compute_sha256
-from impact_rig.recordings.reader import read_recording
-from impact_rig.recordings.source import RUN_NAME, find_recording
+from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import read_results
-from impact_rig.results.traces import Run, TracedCampaign
+from impact_rig.results.traces import ReportedCampaign, TracedCampaign
 
 RESULTS_SUFFIX = ".json"
 """Of a results file."""
@@ -23,38 +22,39 @@ class RunSource:
     """Where a run is to be read from."""
 
     named: Path  # as a person named it
-    path: Path  # the recording, or the results file
-
-    @property
-    def is_recording(self) -> bool:
-        """Whether there are traces in it."""
-        return self.path.suffix != RESULTS_SUFFIX
+    run: Run | None  # its recordings; None: results alone
+    results: Path  # what its results are called
 
     @property
     def folder(self) -> Path:
         """Where a report of it belongs."""
-        return self.path.parent
+        return self.results.parent
 
     @property
     def title(self) -> str:
         """What to call it: the folder of a run, else the file."""
-        is_run = self.path.name == RESULTS_NAME or self.path.stem == RUN_NAME
-        return self.path.absolute().parent.name if is_run else self.path.stem
+        if self.run is not None:
+            return self.run.title
+        is_run = self.results.name == RESULTS_NAME
+        return self.results.absolute().parent.name if is_run else self.results.stem
 
     @property
     def place(self) -> str:
         """File and its folder, without where on this machine that is."""
-        return str(Path(*self.path.absolute().parts[-2:]))
+        path = self.results if self.run is None else self.run.files[0]
+        return str(Path(*path.absolute().parts[-2:]))
 
 
-def find_run(named: Path) -> RunSource:
+def find_run(named: Path, namespace: str | None = None) -> RunSource:
     """Find what a person means by a run.
 
     Parameters
     ----------
     named : Path
-        A recording, a results file, or the folder of a run: its recording if there is one, else
+        A recording, a results file, or the folder of a run: its recordings if there are any, else
         its results.json.
+    namespace : str, optional
+        Of the rig, where the recordings hold several.
 
     Raises
     ------
@@ -62,21 +62,22 @@ def find_run(named: Path) -> RunSource:
         If there is nothing of that name, or nothing of a run in the folder.
     """
     if named.suffix == RESULTS_SUFFIX and not named.is_dir():
-        return RunSource(named, named)
+        return RunSource(named, None, named)
     try:
-        return RunSource(named, find_recording(named))
+        run = Run(named, namespace)
     except FileError:
         results = named / RESULTS_NAME
         if not results.is_file():
             raise
-        return RunSource(named, results)
+        return RunSource(named, None, results)
+    return RunSource(named, run, run.folder / RESULTS_NAME)
 
 
-def read_runs(source: RunSource) -> tuple[Run, ...]:
+def read_runs(source: RunSource) -> tuple[ReportedCampaign, ...]:
     """Read every campaign of a source.
 
-    A recording that cannot be evaluated is described by the results beside it, if they are there,
-    with a warning.
+    A run that cannot be evaluated is described by the results beside it, if they are there, with a
+    warning.
 
     Parameters
     ----------
@@ -86,37 +87,36 @@ def read_runs(source: RunSource) -> tuple[Run, ...]:
     Raises
     ------
     FileError
-        If neither recording nor results can be read.
+        If neither recordings nor results can be read.
     """
-    if not source.is_recording:
+    if source.run is None:
         return (_read_results_alone(source),)
     try:
-        return _read_recorded(source)
+        return _read_recorded(source, source.run)
     except FileError as error:
-        beside = source.folder / RESULTS_NAME
-        if source.path.stem != RUN_NAME or not beside.is_file():
+        if not source.run.is_of_recorder or not source.results.is_file():
             raise
         warning = f"{error}: this is the {RESULTS_NAME} beside it"
-        return (_read_results_alone(RunSource(source.named, beside), (warning,)),)
+        return (_read_results_alone(replace(source, run=None), (warning,)),)
 
 
-def _read_results_alone(source: RunSource, warnings: tuple[str, ...] = ()) -> Run:
-    results = read_results(source.path)
+def _read_results_alone(source: RunSource, warnings: tuple[str, ...] = ()) -> ReportedCampaign:
+    results = read_results(source.results)
     try:
         samples = results.setup.samples
         for sample in results.samples:
             samples.find(sample.name)
     except ParameterError as error:
-        raise FileError(f"results {source.path}: {error}") from None
+        raise FileError(f"results {source.results}: {error}") from None
     campaign = TracedCampaign(results)
-    return Run(source.title, source.place, campaign, warnings=warnings)
+    return ReportedCampaign(source.title, source.place, campaign, warnings=warnings)
 
 
-def _read_recorded(source: RunSource) -> tuple[Run, ...]:
-    traced = analyze(read_recording(source.named), keep_traces=True)
+def _read_recorded(source: RunSource, run: Run) -> tuple[ReportedCampaign, ...]:
+    traced = analyze(run, keep_traces=True)
     many = len(traced.campaigns) > 1
     return tuple(
-        Run(
+        ReportedCampaign(
             name=f"{source.title}, campaign {number}" if many else source.title,
             source=source.place,
             campaign=campaign,
@@ -124,6 +124,25 @@ def _read_recorded(source: RunSource) -> tuple[Run, ...]:
         )
         for number, campaign in enumerate(traced.campaigns, start=1)
     )
+
+
+def find_runs(paths: Iterable[Path], namespace: str | None = None) -> tuple[list[Run], list[str]]:
+    """Return the runs that paths mean, each once, and the errors of the others.
+
+    Several recordings of a run, as `runs/*/*.mcap` names them, are that run.
+    """
+    runs: dict[Path, Run] = {}
+    errors: list[str] = []
+    for path in paths:
+        try:
+            run = Run(path, namespace)
+        except FileError as error:
+            errors.append(str(error))
+            continue
+        known = runs.setdefault(run.files[0].absolute(), run)
+        if known is not run and path in (run.folder, run.files[0]):
+            errors.append(f"{path} is named twice: it is used once")
+    return list(runs.values()), errors
 
 
 def find_repeated_files(paths: Sequence[Path]) -> dict[int, str]:

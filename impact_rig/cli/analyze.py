@@ -13,7 +13,7 @@ from impact_rig.analysis.measured_files import (
     make_recorded_settings,
     make_series,
 )
-from impact_rig.analysis.sources import RESULTS_SUFFIX, find_repeated_files
+from impact_rig.analysis.sources import RESULTS_SUFFIX, find_repeated_files, find_runs
 from impact_rig.cli import options
 from impact_rig.cli.output import (
     print_json,
@@ -22,53 +22,51 @@ from impact_rig.cli.output import (
     show_progress,
     show_results,
 )
-from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.present.console import make_console, print_warning
 from impact_rig.present.screen import print_batch
-from impact_rig.recordings.reader import read_recording
-from impact_rig.recordings.source import find_recordings, is_recording
+from impact_rig.recordings.run import Run
+from impact_rig.recordings.source import is_recording
 from impact_rig.results.batch import BatchCampaign
 from impact_rig.results.results_file import read_results, results_to_json
 
 
 def report_batch(
-    paths: Sequence[Path],
+    runs: Sequence[Run],
     settings: Mapping[str, Any],
     workers: int | None,
     scheduler: str | None,
     *,
     as_json: bool,
 ) -> list[str]:
-    """Analyze many recordings and print them in one table, or as one JSON list.
+    """Analyze many runs and print them in one table, or as one JSON list.
 
-    Returns the errors of recordings that could not be analyzed.
+    Returns the errors of those that could not be analyzed.
 
     Raises
     ------
     RigError
         If the Dask cluster cannot be used.
     """
-    # The workers of a cluster have other working folders.
-    named = [path.absolute() if scheduler else path for path in paths]
     done = itertools.count(1)
     with show_progress() as follow:
         outcomes = analyze_batch(
-            named,
+            runs,
             settings,
             workers,
             scheduler,
-            lambda _: follow("analyzing recordings", next(done), len(named)),
+            lambda: follow("analyzing recordings", next(done), len(runs)),
         )
     campaigns: list[BatchCampaign] = []
     errors: list[str] = []
-    for path, outcome in zip(paths, outcomes, strict=True):
+    for run, outcome in zip(runs, outcomes, strict=True):
         if isinstance(outcome, RigError):
             errors.append(str(outcome))
             continue
         for warning in outcome.warnings:
             print_warning(warning)
         campaigns += [
-            BatchCampaign(path, number, campaign.results)
+            BatchCampaign(run.name, number, campaign.results)
             for number, campaign in enumerate(outcome.campaigns, start=1)
         ]
     if as_json:
@@ -95,6 +93,7 @@ def run(
     reject: tuple[str, ...],
     workers: int | None,
     scheduler: str | None,
+    namespace: str | None,
     **measured: Any,
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
@@ -110,28 +109,34 @@ def run(
         show(results[0], [read_results(results[0])])
         return
     measured = options.drop_missing(measured)
-    paths, errors = _find_files(files)
-    recordings = [path for path in paths if is_recording(path)]
-    others = [path for path in paths if not is_recording(path)]
-    if recordings and others:
+    recorded, plain = _sort_files(files)
+    # The workers of a cluster have other working folders.
+    runs, errors = find_runs(
+        [path.absolute() if scheduler else path for path in recorded], namespace
+    )
+    repeated = find_repeated_files([*(run.files[0] for run in runs), *plain])
+    errors += repeated.values()
+    runs = [run for place, run in enumerate(runs) if place not in repeated]
+    others = [path for place, path in enumerate(plain, len(runs)) if place not in repeated]
+    if runs and others:
         raise ParameterError(
-            f"{recordings[0]} is a recording and {others[0]} a plain trace: analyze them apart"
+            f"{runs[0].path} is a recording and {others[0]} a plain trace: analyze them apart"
         )
-    if recordings and len(files) > 1:
+    if runs and len(files) > 1:
         if accept or reject:
             raise ParameterError(
                 "--accept and --reject name hits of one recording: analyze recordings one by one"
             )
         settings = make_recorded_settings(measured)
-        errors += report_batch(recordings, settings, workers, scheduler, as_json=as_json)
-    elif recordings:
-        (path,) = recordings
+        errors += report_batch(runs, settings, workers, scheduler, as_json=as_json)
+    elif runs:
+        (run,) = runs
         settings = make_recorded_settings(measured)
         with show_progress() as follow:
-            analysis = analyze(read_recording(path), settings, accept, reject, report=follow)
-        show(path, [campaign.results for campaign in analysis.campaigns], analysis.warnings)
+            analysis = analyze(run, settings, accept, reject, report=follow)
+        show(run.name, [campaign.results for campaign in analysis.campaigns], analysis.warnings)
         if not as_json:
-            print_places(recording=path)
+            print_places(recording=run.name)
     elif others:
         if workers is not None or scheduler is not None:
             raise ParameterError("--workers and --scheduler are for recordings")
@@ -156,19 +161,15 @@ def _report_traces(
     return files.errors
 
 
-def _find_files(named: Sequence[Path]) -> tuple[list[Path], list[str]]:
-    """Return the files and recordings to analyze, each once, and the errors of others."""
-    found: list[Path] = []
-    errors: list[str] = []
-    for path in named:
-        try:
-            parts = find_recordings(path) if path.is_dir() else [path]
-            # A resumed run is one recording in several files.
-            found.append(parts[0] if len(parts) == 1 else path)
-        except FileError as error:
-            errors.append(f"{error}; name other files one by one")
-        except OSError as error:
-            errors.append(f"{path} cannot be read: {error.strerror}")
-    repeated = find_repeated_files(found)
-    paths = [path for place, path in enumerate(found) if place not in repeated]
-    return paths, errors + list(repeated.values())
+def _sort_files(named: Sequence[Path]) -> tuple[list[Path], list[Path]]:
+    """Return what means recordings, as any folder does, and the plain files."""
+    recorded = [path for path in named if _is_folder(path) or is_recording(path)]
+    return recorded, [path for path in named if path not in recorded]
+
+
+def _is_folder(path: Path) -> bool:
+    """Return whether a path means a folder, or something whose reader says why it is nothing."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return True

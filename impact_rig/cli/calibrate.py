@@ -36,7 +36,7 @@ from impact_rig.present.console import (
     print_text,
     print_warning,
 )
-from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.run import Run
 from impact_rig.results.numbers import is_dated
 from impact_rig.results.tables import tabulate_budget
 
@@ -62,7 +62,7 @@ def read_hits(path: Path, sample: str = "") -> HitSeries:
     """
     setups: set[RigSetup] = set()
     hits: list[JudgedHit] = []
-    for session, _, found in judge(read_recording(path)):
+    for session, _, found in judge(Run(path)):
         setups.add(session.setup)
         hits += [hit for _, hit in found if not sample or hit.label.sample == sample]
     if not hits:

@@ -255,6 +255,7 @@ def hammer() -> None:
 )
 @options.make_list_option("--reject", "HIT", "Leave a hit out of the mean")
 @options.measurement_options
+@options.recorded_rig_option
 @click.option(
     "--workers",
     type=click.IntRange(1),
@@ -292,6 +293,7 @@ def analyze() -> None:
     metavar="FOLDER",
     help="Write the files that are attached to the recordings into a folder.",
 )
+@options.recorded_rig_option
 @options.json_option
 def info() -> None:
     """See what a recording holds, and whether it is sound.
@@ -400,6 +402,7 @@ def import_() -> None:
     metavar="FORMAT",
     help="One file per hit or mean, in folder OUT: uff, tdms, mat, h5 or csv.",
 )
+@options.recorded_rig_option
 @click.option(
     "--for",
     "engine",
@@ -426,6 +429,7 @@ def export() -> None:
 @click.option(
     "--web", is_flag=True, help="Serve a page for browsers of this computer, until Ctrl-C."
 )
+@options.recorded_rig_option
 @click.option("--fit", is_flag=True, help="Fit the model too: 0.1 s for each sample.")
 def view() -> None:
     """See model and measurement in Rerun.
@@ -445,6 +449,7 @@ def view() -> None:
     """)
 @click.argument("path", metavar="RUN", type=FILE)
 @options.make_output_option("The HTML file. [report.html in RUN]")
+@options.recorded_rig_option
 def report() -> None:
     """Write a report: one HTML file that needs no other file.
 

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from impact_rig.analysis.exporting import ExportedCampaign, ExportedHit, read_campaigns
-from impact_rig.analysis.sources import find_run, read_runs
+from impact_rig.analysis.sources import RunSource, find_run, read_runs
 from impact_rig.cli.info import EXIT_DAMAGED, describe_hits
 from impact_rig.cli.options import refuse_given
 from impact_rig.cli.output import show_progress
@@ -18,10 +18,10 @@ from impact_rig.core.hits import find_label
 from impact_rig.files.formats.registry import WRITABLE, write_measurement
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.present.console import print_warning
-from impact_rig.recordings.contents import recover_recording
+from impact_rig.recordings.contents import recover_run
 from impact_rig.recordings.new_file import write_new_file
-from impact_rig.recordings.reader import read_recording
-from impact_rig.recordings.source import SUFFIX, find_recording
+from impact_rig.recordings.run import Run
+from impact_rig.recordings.source import SUFFIX
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import format_count
 from impact_rig.results.results_file import (
@@ -78,8 +78,8 @@ class ExportTask:
         return {"hits"} if self.hits else DEFAULT_PARTS.get(self.kind, TRACES)
 
 
-def export_recording(path: Path, task: ExportTask) -> str:
-    """Export a recording; return a sentence on what was written.
+def export_run(source: RunSource, task: ExportTask) -> str:
+    """Export a run; return a sentence on what was written.
 
     Raises
     ------
@@ -90,12 +90,14 @@ def export_recording(path: Path, task: ExportTask) -> str:
         If there is no such sample or hit.
     """
     if "results" in task.parts:
-        results = [_select(item, task.samples) for item in _read_results(path)]
+        results = [_select(item, task.samples) for item in _read_results(source)]
         return _write_results(task.output, results)
-    recording = read_recording(path)
-    for warning in recording.warnings:
+    path, recorded = source.named, source.run
+    if recorded is None:
+        raise FileError(f"{path} holds results alone: hits and means are in a recording")
+    campaigns = read_campaigns(recorded)
+    for warning in recorded.warnings:
         print_warning(warning)
-    campaigns = read_campaigns(recording)
     groups = _make_groups(campaigns, task)
     if not groups:
         raise FileError(f"{path} holds no such {' or '.join(sorted(task.parts))}")
@@ -115,13 +117,13 @@ def export_recording(path: Path, task: ExportTask) -> str:
     return f"{task.output}: {len(groups)} traces in as many files"
 
 
-def export_contact(path: Path, name: str, output: Path, samples: Sequence[str]) -> str:
+def export_contact(source: RunSource, name: str, output: Path, samples: Sequence[str]) -> str:
     """Write the contact of one sample for a simulator; return a sentence on what was written.
 
     Parameters
     ----------
-    path : Path
-        A recording, a results file or the folder of a run.
+    source : RunSource
+        See `find_run`.
     name : str
         Of the simulator, of `ENGINES`.
     output : Path
@@ -137,9 +139,9 @@ def export_contact(path: Path, name: str, output: Path, samples: Sequence[str]) 
     engine = ENGINES[name]
     if output.suffix.lower() != engine.suffix:
         raise ParameterError(f"{output} is not a file of {engine.title}: it has {engine.suffix}")
-    results, *others = _read_results(path)
+    results, *others = _read_results(source)
     if others:
-        raise FileError(f"{path} holds {1 + len(others)} campaigns: --for is for one")
+        raise FileError(f"{source.named} holds {1 + len(others)} campaigns: --for is for one")
     names = samples or [item.name for item in results.samples]
     if len(names) != 1:
         choice = ", ".join(map(repr, names)) or "none"
@@ -150,9 +152,9 @@ def export_contact(path: Path, name: str, output: Path, samples: Sequence[str]) 
     return f"{output}: {names[0]} for {engine.title}"
 
 
-def _read_results(path: Path) -> list[Results]:
+def _read_results(source: RunSource) -> list[Results]:
     """Return the results of each campaign, and print warnings."""
-    runs = read_runs(find_run(path))
+    runs = read_runs(source)
     for warning in runs[0].warnings:
         print_warning(warning)
     return [run.campaign.results for run in runs]
@@ -215,19 +217,20 @@ def _is_wanted(hit: ExportedHit, task: ExportTask) -> bool:
     return not task.samples or hit.record.label.sample in task.samples
 
 
-def save_sound_copy(path: Path, output: Path) -> None:
-    """Write the sound part of a recording to a new one, and print what is lost.
+def save_sound_copy(run: Run, output: Path) -> None:
+    """Write the sound part of a run to a new recording, and print what is lost.
 
-    Raises as `recover_recording`.
+    Raises as `recover_run`.
     """
-    found = find_recording(path)
     with show_progress() as follow:
-        total = 2 * found.stat().st_size  # it is read twice
-        contents = recover_recording(
-            found, output, report=lambda done: follow(f"reading {found}", done, total)
+        total = 2 * run.size  # it is read twice
+        contents = recover_run(
+            run, output, report=lambda done: follow(f"reading {run.path}", done, total)
         )
+    if (part := run.describe_part()) is not None:
+        print_warning(part)
     for problem in contents.problems:
-        print_warning(f"{found}: {problem}")
+        print_warning(f"{run.path}: {problem}")
     lost = [f"{contents.unread} bytes"] if contents.unread else []
     if contents.lost:
         lost.append(f"at least {format_count(contents.lost, 'message')}")
@@ -241,14 +244,16 @@ def run(
     engine: str | None,
     output: Path,
     samples: tuple[str, ...],
+    namespace: str | None,
     **options: Any,
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
     if engine:
         refuse_given(TRACE_OPTIONS, "is not for simulators")
-        click.echo(export_contact(recording, engine, output, samples))
+        click.echo(export_contact(find_run(recording, namespace), engine, output, samples))
     elif output.suffix == SUFFIX:
         refuse_given(TRACE_OPTIONS | {"samples"}, f"is not for {SUFFIX}: all is copied")
-        save_sound_copy(recording, output)
+        save_sound_copy(Run(recording, namespace), output)
     else:
-        click.echo(export_recording(recording, ExportTask(output, samples=samples, **options)))
+        task = ExportTask(output, samples=samples, **options)
+        click.echo(export_run(find_run(recording, namespace), task))

@@ -12,6 +12,7 @@ import click
 from rich.console import Console
 from rich.text import Text
 
+from impact_rig.analysis.sources import find_runs
 from impact_rig.cli.output import print_json, process_each, raise_errors, show_progress
 from impact_rig.core.errors import RigError
 from impact_rig.core.hits import describe_label
@@ -24,17 +25,18 @@ from impact_rig.present.console import (
     print_facts,
     print_item,
     print_table,
+    print_warning,
 )
 from impact_rig.recordings.contents import (
     RECOVERY_RECORD,
     Contents,
     extract_attachments,
-    inspect_recording,
+    inspect_run,
 )
 from impact_rig.recordings.hits import HitState
 from impact_rig.recordings.messages import setup_from_msg
 from impact_rig.recordings.provenance import PROVENANCE_RECORD
-from impact_rig.recordings.source import find_recording, find_recordings
+from impact_rig.recordings.run import Run
 from impact_rig.recordings.writer import HEALTH_RECORD
 from impact_rig.results.numbers import MISSING, format_count, format_number, format_time, is_dated
 from impact_rig.results.results_file import origin_to_json
@@ -121,12 +123,11 @@ def read_versions(contents: Contents) -> dict[str, str]:
     return {name: text for name, text in versions.items() if text}
 
 
-def inspect_with_progress(path: Path) -> Contents:
-    """Find and read a recording, with a progress bar; errors as `inspect_recording`."""
-    found = find_recording(path)
+def inspect_with_progress(run: Run) -> Contents:
+    """Read a run, with a progress bar; errors as `inspect_run`."""
     with show_progress() as follow:
-        stage, size = f"reading {path}", found.stat().st_size
-        return inspect_recording(found, report=lambda done: follow(stage, done, size))
+        stage = f"reading {run.path}"
+        return inspect_run(run, report=lambda done: follow(stage, done, run.size))
 
 
 def describe_verdict(contents: Contents) -> str:
@@ -135,7 +136,7 @@ def describe_verdict(contents: Contents) -> str:
     if contents.problems:
         return (
             f"damaged: {'; '.join(contents.problems)}. Left of it: {found}."
-            f" `impact-rig export {contents.scan.path} -o sound.mcap` saves that"
+            f" `impact-rig export {contents.run.path} -o sound.mcap` saves that"
         )
     recovery = read_fields(contents, RECOVERY_RECORD)
     return f"sound: {found}" + (
@@ -148,7 +149,7 @@ def describe_verdict(contents: Contents) -> str:
 def contents_to_json(contents: Contents) -> dict[str, Any]:
     """Return what a recording holds as plain values."""
     return {
-        "path": str(contents.scan.path),
+        "path": str(contents.run.path),
         "sound": contents.is_sound,
         "verdict": describe_verdict(contents),
         "problems": contents.problems,
@@ -165,14 +166,18 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
         },
         "topics": [
             {**vars(topic), "rate_hz": topic.rate if math.isfinite(topic.rate) else None}
-            for topic in contents.topics
+            for topic in contents.topics.values()
         ],
-        "file": {
-            "size_bytes": contents.scan.size,
-            "closed": contents.scan.is_closed,
-            "has_index": contents.scan.summary is not None,
-            "unread_bytes": contents.unread,
-        },
+        "files": [
+            {
+                "path": str(scan.path),
+                "size_bytes": scan.size,
+                "closed": scan.is_closed,
+                "has_index": scan.summary is not None,
+                "unread_bytes": sum(damage.size for damage in scan.damages),
+            }
+            for scan in contents.scans
+        ],
         "sensors": [to_json(sensor) for sensor in read_sensors(contents)],
         "versions": read_versions(contents),
         "metadata": {record.name: record.fields for record in contents.metadata},
@@ -188,7 +193,7 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
     duration = (contents.end_time - contents.start_time) * 1e-9
     notes = read_fields(contents, PROVENANCE_RECORD).get("notes", "")
     facts = [
-        ("recording", f"{contents.scan.path}, {contents.scan.size / 1e6:.4g} MB"),
+        *(("recording", f"{scan.path}, {scan.size / 1e6:.4g} MB") for scan in contents.scans),
         ("when", f"{format_time(contents.start_time)}, {duration:.1f} s"),
         ("campaigns", str(len({(hit.rig, hit.campaign) for hit in contents.hits}) or "")),
         ("origin", str(join_origins(hit.origin for hit in contents.hits)) * bool(contents.hits)),
@@ -241,7 +246,7 @@ def _print_incomplete_hits(console: Console, contents: Contents) -> None:
 
 def _print_topics(console: Console, contents: Contents) -> None:
     """Print the topics with their messages, found and lost."""
-    topics = contents.topics
+    topics = list(contents.topics.values())
     if not topics:
         return
     columns = [
@@ -255,11 +260,13 @@ def _print_topics(console: Console, contents: Contents) -> None:
     print_table(console, make_table(f"Topics: {len(topics)}", columns, marked=marked))
 
 
-def run(files: tuple[Path, ...], extract: Path | None, as_json: bool) -> None:
+def run(
+    files: tuple[Path, ...], extract: Path | None, namespace: str | None, as_json: bool
+) -> None:
     """Run the command; its options are declared in `commands.py`."""
 
-    def process(file: Path) -> Contents:
-        contents = inspect_with_progress(file)
+    def process(run: Run) -> Contents:
+        contents = inspect_with_progress(run)
         if not as_json:
             _print(contents)
         if extract is not None:
@@ -267,13 +274,11 @@ def run(files: tuple[Path, ...], extract: Path | None, as_json: bool) -> None:
                 click.echo(f"extracted: {path}", err=True)
         return contents
 
-    named, errors = process_each(files, find_recordings)
-    parts = [part for run in named for part in run]
-    found, unreadable = process_each(parts, process)
+    runs, errors = find_runs(files, namespace)
+    found, unreadable = process_each(runs, process)
     if as_json and found:
-        is_list = len(files) > 1 or len(parts) > 1
         listed = [contents_to_json(contents) for contents in found]
-        print_json(listed if is_list else listed[0])
+        print_json(listed if len(files) > 1 else listed[0])
     raise_errors([*errors, *unreadable])
     if not all(contents.is_sound for contents in found):
         raise SystemExit(EXIT_DAMAGED)
@@ -282,6 +287,8 @@ def run(files: tuple[Path, ...], extract: Path | None, as_json: bool) -> None:
 def _print(contents: Contents) -> None:
     """Print the verdict first, then facts and tables."""
     console = make_console()
+    if (part := contents.run.describe_part()) is not None:
+        print_warning(part)
     style = GOOD if contents.is_sound else ALARM
     console.print(Text(describe_verdict(contents), style=style))
     console.print()

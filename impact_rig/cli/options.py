@@ -163,6 +163,11 @@ rig_options = _combine(
     ),
 )
 """Of the commands that find a rig."""
+recorded_rig_option = click.option(
+    "--namespace",
+    metavar="NAME",
+    help="Which rig, where a recording holds several. [the only one]",
+)
 
 
 def load_rig(path: Path | None) -> "RigFile":

@@ -6,10 +6,11 @@ from impact_rig.cli import options
 from impact_rig.cli.output import show_progress, show_results
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes.replay_client import ReplayClient
-from impact_rig.nodes.replayer import RecordingToReplay, run_replayer
+from impact_rig.nodes.replayer import RunToReplay, run_replayer
 from impact_rig.present.console import print_warning
+from impact_rig.recordings.run import Run
 
-PLAYER_ONLY = ("rate", "loop", "namespace", "network")  # options of the player alone
+PLAYER_ONLY = ("rate", "loop", "network")  # options of the player alone
 
 
 def run(
@@ -26,13 +27,18 @@ def run(
         options.refuse_given(PLAYER_ONLY, "is not for --estimate")
     elif as_json:
         raise ParameterError("--json prints results: it needs --estimate")
-    recording = RecordingToReplay(file)  # an error comes before a node is up
+    run = Run(file)
+    # Of one rig, the namespace says where it is replayed; of several also which.
+    chosen = namespace if namespace and (estimate or len(run.namespaces) > 1) else ""
+    run = Run(file, chosen or None)
     options.set_discovery(network=network)
     if estimate:
-        _estimate(file, recording, as_json=as_json)
+        _estimate(run, as_json=as_json)
         return
+    RunToReplay(run)  # an error comes before a node is up
     parameters = {
         "file": str(file),
+        "rig_namespace": chosen,
         "rate": rate,
         "loop": loop,
         "required_subscribers": "",
@@ -41,20 +47,17 @@ def run(
     raise SystemExit(run_replayer(parameters, namespace))
 
 
-def _estimate(file: Path, recording: RecordingToReplay, *, as_json: bool) -> None:
-    """Replay a recording to a fresh estimator, and print the results."""
-    for warning in recording.warnings:
-        print_warning(warning)
+def _estimate(run: Run, *, as_json: bool) -> None:
+    """Feed the hits of a run to a fresh estimator, and print the results."""
     with (
         options.use_private_domain(),
         ReplayClient() as client,
         show_progress() as follow,
     ):
-        found = list(
-            client.estimate(
-                recording, lambda done: follow(f"replaying {file}", done, recording.duration)
-            )
-        )
+        stage = f"replaying {run.path}"
+        found = list(client.estimate(run, lambda done: follow(stage, done, run.size)))
     if not found:
-        raise FileError(f"{file} holds no complete hit to estimate from")
-    show_results(file, found, is_full=False, as_json=as_json)
+        raise FileError(f"{run.path} holds no complete hit to estimate from")
+    for warning in run.warnings:
+        print_warning(warning)
+    show_results(run.path, found, is_full=False, as_json=as_json)

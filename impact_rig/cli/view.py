@@ -24,14 +24,13 @@ from impact_rig.present.rerun.viewers import (
     open_window,
 )
 from impact_rig.recordings.new_file import write_new_file
-from impact_rig.recordings.reader import read_recording
 from impact_rig.results.results_file import read_results
 from impact_rig.results.traces import TracedCampaign
 
 VIEW_SUFFIX = ".rrd"  # of Rerun's files
 
 
-def read_campaigns(path: Path, *, fit: bool) -> tuple[TracedCampaign, ...]:
+def read_campaigns(path: Path, namespace: str | None, *, fit: bool) -> tuple[TracedCampaign, ...]:
     """Return the campaigns of a recording, results or the folder of a run.
 
     Warnings go to standard error.
@@ -41,25 +40,25 @@ def read_campaigns(path: Path, *, fit: bool) -> tuple[TracedCampaign, ...]:
     FileError
         If there is no such file, or it cannot be read.
     """
-    source = find_run(path)
-    if not source.is_recording:
+    source = find_run(path, namespace)
+    if source.run is None:
         print_warning(f"{path}: results hold no traces: only tables and figures are shown")
-        return (TracedCampaign(read_results(source.path)),)
+        return (TracedCampaign(read_results(source.results)),)
     with show_progress() as follow:
-        traced = analyze(
-            read_recording(source.named), keep_traces=True, with_models=fit, report=follow
-        )
+        traced = analyze(source.run, keep_traces=True, with_models=fit, report=follow)
     for warning in traced.warnings:
         print_warning(f"{path}: {warning}")
     return traced.campaigns
 
 
-def run(paths: tuple[Path, ...], output: Path | None, web: bool, fit: bool) -> None:
+def run(
+    paths: tuple[Path, ...], output: Path | None, web: bool, fit: bool, namespace: str | None
+) -> None:
     """Run the command; its options are declared in `commands.py`."""
     _check_place(output, web=web)
     # Half a second to load, in which the recording is read.
     threading.Thread(target=_load_rerun, daemon=True).start()
-    found, errors = process_each(paths, lambda path: read_campaigns(path, fit=fit))
+    found, errors = process_each(paths, lambda path: read_campaigns(path, namespace, fit=fit))
     with tempfile.TemporaryDirectory(prefix="impact-rig-view-") as folder:
         files: list[Path] = []
         for campaign in itertools.chain.from_iterable(found):

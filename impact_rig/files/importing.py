@@ -37,6 +37,8 @@ FIRST_STAMP = NANOSECONDS
 ROS 2."""
 PAUSE = NANOSECONDS
 """Between two hits whose times are not known [ns], our choice: rigs are not struck faster."""
+LIBRARY = "impact_rig-import"
+"""What a recording names as its writer: it is a run by itself, whatever it is called."""
 AROUND_CUE, BEFORE_CUE = 0.1, 0.4
 """A hit lies so near a cue [s], less where cues are nearer; this part before it [-]. Our choice:
 people and recorders mark it that well."""
@@ -174,7 +176,7 @@ def write_imported(output: Path, setup: RigSetup, hits: Sequence[MeasuredHit]) -
         installed. Nothing is left then.
     """
     encoder = MessageEncoder()
-    with write_new_file(output) as part, RecordingWriter(part) as writer:
+    with write_new_file(output) as part, RecordingWriter(part, library=LIBRARY) as writer:
         writer.add_metadata(PROVENANCE_RECORD, {"software_version": __version__})
         writer.add_metadata(
             "impact_rig/import", {str(hit.block.label.record): _describe(hit) for hit in hits}

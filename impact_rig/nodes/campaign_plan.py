@@ -13,8 +13,7 @@ from impact_rig.core.setup import RigSetup
 from impact_rig.nodes.identity import id_to_msg, make_id
 from impact_rig.nodes.messages import setup_to_msg
 from impact_rig.recordings.messages import SETUP_TYPE, setup_from_msg
-from impact_rig.recordings.scan import Scan
-from impact_rig.recordings.source import find_recordings
+from impact_rig.recordings.run import Run
 
 
 def plan_campaign(
@@ -71,11 +70,10 @@ def read_newest_campaign(folder: Path) -> msg.RigSetup:
         If there is none.
     """
     newest: msg.RigSetup | None = None
-    for path in find_recordings(folder):
-        for raw in Scan(path).read_messages(lambda channel: channel.type_name == SETUP_TYPE):
-            message = deserialize_message(raw.data, msg.RigSetup)
-            if message.plan.impacts:
-                newest = message
+    for raw in Run(folder).read_messages({SETUP_TYPE}):
+        message = deserialize_message(raw.data, msg.RigSetup)
+        if message.plan.impacts:
+            newest = message
     if newest is None:
         raise FileError(f"{folder} holds no campaign that could go on")
     return newest

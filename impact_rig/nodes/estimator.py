@@ -25,12 +25,8 @@ from impact_rig.nodes.result_messages import (
     record_to_msg,
 )
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.recordings.messages import (
-    NO_ID,
-    block_from_msg,
-    setup_from_msg,
-    stamp_from_msg,
-)
+from impact_rig.recordings.campaigns import begins_campaign
+from impact_rig.recordings.messages import block_from_msg, setup_from_msg
 
 LIBRARIES = (
     "GTC",
@@ -144,15 +140,10 @@ class EstimatorNode(RigNode):
 
     def _on_setup(self, message: RigSetup) -> None:
         """Follow the set-ups of a replay."""
-        is_begun = stamp_from_msg(message.header.stamp) > 0
-        campaign = id_from_msg(message.campaign_id)
-        is_same = self._ledger is not None and campaign == self.membership.identity.campaign_id
-        # A campaign node publishes one without a stamp before any campaign; a loop repeats one.
-        if self.membership.is_joined or (
-            self._setup is not None and (not is_begun or (is_same and campaign != NO_ID))
-        ):
+        current = None if self._setup is None else self.membership.identity.campaign_id
+        if self.membership.is_joined or not begins_campaign(message, current):
             return
-        self.membership.identity = Identity(campaign)
+        self.membership.identity = Identity(id_from_msg(message.campaign_id))
         self._begin(message, "")
         early = tuple(self._early)
         self._early.clear()

@@ -12,9 +12,9 @@ from impact_rig.core.records import Block
 from impact_rig.core.session import Session
 from impact_rig.nodes.identity import id_from_msg
 from impact_rig.recordings.messages import BLOCK_TYPE, block_from_msg
-from impact_rig.recordings.new_file import list_parts
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import decode_message
+from impact_rig.recordings.source import list_parts
 
 Key = tuple[bytes, int]
 """The stream and the number of a record: no other record of a campaign has both."""

@@ -1,20 +1,23 @@
 """A recording, estimated again: by an estimator node in this process, one message at a time."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
 
-from impact_rig_msgs.msg import RigSetup, VirtualImpact
 from impact_rig_msgs.srv import GetResults
 from rclpy.logging import LoggingSeverity, set_logger_level
-from rclpy.serialization import deserialize_message
 
 from impact_rig.core.errors import RigError
+from impact_rig.core.records import Block, HitLabel
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
 from impact_rig.nodes.estimator import EstimatorNode
-from impact_rig.nodes.replayer import RecordingToReplay
+from impact_rig.nodes.identity import NO_IDENTITY, make_id
+from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
 from impact_rig.nodes.result_messages import results_from_msg
-from impact_rig.recordings.messages import stamp_from_msg
+from impact_rig.recordings.run import Run
+from impact_rig.recordings.scan import Report
 from impact_rig.results.campaign import Results
 
 BLOCK_TIMEOUT = 60.0
@@ -41,7 +44,6 @@ class ReplayClient(RigClient):
             topic.name: self.advertise(topic)
             for topic in (interfaces.SETUP, interfaces.ACCELERATION)
         }
-        self._faults: dict[int, tuple[str, ...]] = {}
         self._sent = 0
 
     def __exit__(self, *_: object) -> None:
@@ -51,65 +53,55 @@ class ReplayClient(RigClient):
         self._estimator.destroy_node()
         super().__exit__()
 
-    def estimate(
-        self, recording: RecordingToReplay, report: Callable[[float], None]
-    ) -> Iterator[Results]:
+    def estimate(self, run: Run, report: Report) -> Iterator[Results]:
         """Yield the results of each campaign with hits.
 
         Parameters
         ----------
-        recording : RecordingToReplay
+        run : Run
             What is published.
         report : callable
-            Gets how far the recording was replayed, in its own time [ns].
+            Gets how much of it was read [byte].
 
         Raises
         ------
         RigError
-            If the recording is damaged, or the estimator cannot use it.
+            If a recording is damaged, or the estimator cannot use it.
         """
         self.spin_until(
             lambda: all(item.get_subscription_count() for item in self._outputs.values()),
             20.0,
         )
-        has_setup = has_blocks = False
-        for message in recording.read_messages():
-            report(message.time)
-            if message.topic is interfaces.VIRTUAL_IMPACT:
-                truth = deserialize_message(message.data, VirtualImpact)
-                self._faults[truth.record] = truth.faults
-            elif message.topic is interfaces.ACCELERATION:
-                has_blocks = True
-                self._send(message.topic, message.data)
-            elif message.topic is interfaces.SETUP:
-                setup = deserialize_message(message.data, RigSetup)
-                # One without a stamp is of a campaign node that has begun no campaign.
-                if has_setup and not stamp_from_msg(setup.header.stamp):
-                    continue
-                # What comes before the first set-up belongs to its campaign.
-                if has_setup and has_blocks:
-                    yield from self._collect()
-                    has_blocks = False
-                has_setup = True
-                self._send(message.topic, message.data)
-        if has_blocks:
-            yield from self._collect()
+        stamp, identity = stamp_to_msg(1), NO_IDENTITY
+        faults: Mapping[HitLabel, tuple[str, ...]] | None = None  # None: no block of a campaign
+        for event in run.events(report):
+            if isinstance(event, Block):
+                faults = run.faults
+                self._send(interfaces.ACCELERATION, block_to_msg(event, identity))
+                if event.last:
+                    # No record is taken for another of the same number.
+                    identity = replace(identity, stream_id=make_id())
+                continue
+            if faults is not None:
+                yield from self._collect(faults)
+            faults = None
+            self._send(interfaces.SETUP, setup_to_msg(event, stamp))
+        if faults is not None:
+            yield from self._collect(faults)
 
-    def _send(self, topic: interfaces.Topic, data: bytes) -> None:
-        self._outputs[topic.name].publish(data)
+    def _send(self, topic: interfaces.Topic, message: Any) -> None:
+        self._outputs[topic.name].publish(message)
         self._sent += 1
         if not self.spin_until(
             lambda: self._estimator.messages_handled >= self._sent, BLOCK_TIMEOUT
         ):
             raise RigError(f"the estimator took no message of {topic.name} for {BLOCK_TIMEOUT} s")
 
-    def _collect(self) -> Iterator[Results]:
+    def _collect(self, faults: Mapping[HitLabel, tuple[str, ...]]) -> Iterator[Results]:
         if self._estimator.fault:
             raise RigError(self._estimator.fault)
         request = GetResults.Request()
         answer = self.call(GetResults, interfaces.GET_RESULTS, request, RESULTS_TIMEOUT)
-        if not answer.setup.samples:
-            raise RigError("the recording has no set-up of the rig: nothing can be estimated")
-        results = results_from_msg(answer, self._faults)
+        results = results_from_msg(answer, {label.record: faults[label] for label in faults})
         if results.hits:
             yield results

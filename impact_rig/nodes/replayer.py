@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,17 +17,10 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.recordings.messages import (
-    NANOSECONDS,
-    NO_ID,
-    SETUP_TYPE,
-    campaign_id_from_msg,
-)
-from impact_rig.recordings.reader import list_namespaces
+from impact_rig.recordings.messages import NANOSECONDS
 from impact_rig.recordings.records import Channel
-from impact_rig.recordings.scan import Scan
-from impact_rig.recordings.schemas import check_interfaces, decode_message, find_message_definition
-from impact_rig.recordings.source import find_recordings
+from impact_rig.recordings.run import Run
+from impact_rig.recordings.schemas import check_interfaces, find_message_definition
 
 INPUTS = (
     interfaces.SETUP,
@@ -47,78 +39,56 @@ class RecordedMessage(NamedTuple):
     data: bytes  # serialised
 
 
-class RecordingToReplay:
-    """The inputs in the recording of one rig; of a run that was resumed, all its files in turn.
+class RunToReplay:
+    """The inputs in the recordings of one rig, one recording after the other without a pause.
 
     Parameters
     ----------
-    path : Path
-        See `find_recordings`.
+    run : Run
+        What is replayed.
 
     Raises
     ------
     FileError
-        If there is none, it is damaged, holds nothing to replay or several rigs, or is of another
-        version of the interfaces. So does every method that reads.
+        If it is damaged, holds nothing to replay, or is of another version of the interfaces. So
+        does every method that reads.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        files = [Scan(part) for part in find_recordings(path)]
-        namespaces = list_namespaces(files[0])
-        if len(namespaces) > 1:
-            raise FileError(
-                f"{path} holds several rigs, in the namespaces {', '.join(namespaces)}:"
-                " `ros2 bag play` plays the topics of one"
-            )
-        prefix = namespaces[0].rstrip("/") + "/" if namespaces else "/"
-        self._files = [(file, _find_topics(file, prefix)) for file in files]
-        self.topics = {topic.name: topic for _, found in self._files for topic in found.values()}
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        self._types = {topic.type_name: topic for topic in INPUTS}
+        self.topics = {
+            self._types[channel.type_name].name: self._types[channel.type_name]
+            for channel in self._list_channels()
+        }
         if interfaces.ACCELERATION.name not in self.topics:
             raise FileError(
-                f"{path} holds nothing to replay, no hits of a rig: `impact-rig analyze` finds"
+                f"{run.path} holds nothing to replay, no hits of a rig: `impact-rig analyze` finds"
                 " those of a running stream"
             )
-        self.warnings = tuple(warning for file in files for warning in file.warnings)
-        ranges = [file.read_time_range() for file in files]
+        ranges = [scan.read_time_range() for scan in run.scans]
         self.duration = sum(last - first for first, last in ranges)  # [ns], of all files
+
+    def _list_channels(self) -> Iterator[Channel]:
+        for scan in self.run.scans:
+            for channel in scan.read_channels():
+                if not self.run.is_wanted(self._types, channel):
+                    continue
+                try:
+                    check_interfaces(channel, find_message_definition(channel.type_name))
+                except FileError as error:
+                    raise FileError(f"{scan.path}: {error}") from None
+                yield channel
 
     def read_messages(self) -> Iterator[RecordedMessage]:
         """Yield the messages in file order."""
-        campaign = NO_ID
         elapsed = 0
-        for file, topics in self._files:
-            first, last = file.read_time_range()
-            for message in file.read_messages(partial(_is_replayed, topics)):
-                channel, time = message.channel, elapsed + message.log_time - first
-                if channel.type_name == SETUP_TYPE:
-                    setup = decode_message(message)
-                    before, campaign = campaign, campaign_id_from_msg(setup)
-                    # A run that was resumed has the set-up of its campaign in each file.
-                    if campaign == before != NO_ID:
-                        continue
-                yield RecordedMessage(topics[channel.id], time, message.data)
+        for scan, messages in self.run.read_files(lambda _: self._types):
+            first, last = scan.read_time_range()
+            for raw in messages:
+                topic = self._types[raw.channel.type_name]
+                yield RecordedMessage(topic, elapsed + raw.log_time - first, raw.data)
             elapsed += last - first
-
-
-def _is_replayed(topics: dict[int, Topic], channel: Channel) -> bool:
-    return channel.id in topics
-
-
-def _find_topics(file: Scan, prefix: str) -> dict[int, Topic]:
-    """Return what is replayed of a file, by the numbers of its channels."""
-    by_type = {topic.type_name: topic for topic in INPUTS}
-    topics: dict[int, Topic] = {}
-    for channel in file.read_channels():
-        topic = by_type.get(channel.type_name)
-        if topic is None or not channel.topic.startswith(prefix):
-            continue
-        try:
-            check_interfaces(channel, find_message_definition(channel.type_name))
-        except FileError as error:
-            raise FileError(f"{file.path}: {error}") from None
-        topics[channel.id] = topic
-    return topics
 
 
 class ReplayerNode(RigNode):
@@ -127,6 +97,9 @@ class ReplayerNode(RigNode):
     def __init__(self, **options: Any) -> None:
         super().__init__("replayer", **options)
         self.declare("file", "", "path of the recording: an .mcap file, or the folder of a run")
+        self.declare(
+            "rig_namespace", "", "of the rig to replay, where the recording holds several"
+        )
         self.declare(
             "rate", 1.0,
             "speed, part of the original's [-]; may be changed at any time; what comes faster than"
@@ -142,7 +115,7 @@ class ReplayerNode(RigNode):
         self.declare(
             "exit_when_done", False, "end the process at the end of the recording", live=True
         )
-        self._recording: RecordingToReplay | None = None
+        self._recording: RunToReplay | None = None
         self._outputs: dict[str, Any] = {}
         self._timer: Any = None
         self._messages: Iterator[RecordedMessage] = iter(())
@@ -164,8 +137,10 @@ class ReplayerNode(RigNode):
         check_free(join_names(self.get_namespace(), ("accelerometer", "campaign", "hammer")))
         if not self.get_value("file"):
             raise ParameterError("file is empty: it must be the path of a recording")
-        self._recording = recording = RecordingToReplay(Path(self.get_value("file")).expanduser())
-        for warning in recording.warnings:
+        self._recording = recording = RunToReplay(
+            Run(Path(self.get_value("file")).expanduser(), self.get_value("rig_namespace") or None)
+        )
+        for warning in recording.run.warnings:
             self.get_logger().warning(warning)
         self._outputs = {
             # Without a lease: a rig ignores what is replayed.
@@ -213,7 +188,7 @@ class ReplayerNode(RigNode):
         recording = self._recording
         return {
             "state": self._phase,
-            "uri": str(recording.path) if recording else "",
+            "uri": str(recording.run.path) if recording else "",
             "duration": recording.duration / NANOSECONDS if recording else 0.0,
             "position": self._position / NANOSECONDS,
             "messages": self._count,
@@ -243,12 +218,12 @@ class ReplayerNode(RigNode):
         missing = self.find_missing_subscriber(blocks.topic_name, required)
         return not missing and self.is_connected(blocks)
 
-    def _begin_pass(self, recording: RecordingToReplay) -> None:
+    def _begin_pass(self, recording: RunToReplay) -> None:
         self._position = 0
         self._messages = recording.read_messages()
         self._next = next(self._messages, None)
 
-    def _publish_due(self, recording: RecordingToReplay) -> None:
+    def _publish_due(self, recording: RunToReplay) -> None:
         while self._next is not None and self._next.time <= self._position:
             self._outputs[self._next.topic.name].publish(self._next.data)
             self._count += 1

@@ -41,8 +41,8 @@ from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RigNode
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.health import Level, NodeHealth
 from impact_rig.present.rerun.view_log import ViewLog
+from impact_rig.recordings.campaigns import begins_campaign
 from impact_rig.recordings.messages import (
-    NO_ID,
     block_from_msg,
     from_message,
     label_from_msg,
@@ -346,15 +346,12 @@ class VisualizerNode(RigNode):
             self._is_behind = not self._view.flush()
 
     def _on_setup(self, message: RigSetupMessage) -> None:
-        setup = setup_from_msg(message)
-        stamp = stamp_from_msg(message.header.stamp)
-        campaign_id = id_from_msg(message.campaign_id)
-        # As for the estimator: each set-up with a stamp begins a campaign, or goes on with it.
         shown = self._campaign
-        if shown is not None and (not stamp or campaign_id == shown.campaign_id != NO_ID):
+        if not begins_campaign(message, None if shown is None else shown.campaign_id):
             return
         self._log_latest()
-        campaign = self._campaign = ShownCampaign(setup, campaign_id)
+        setup = setup_from_msg(message)
+        campaign = self._campaign = ShownCampaign(setup, id_from_msg(message.campaign_id))
         contact_times = [sample.reference_contact_time for sample in setup.samples.samples]
         self._log(
             lambda log: log.log_setup(

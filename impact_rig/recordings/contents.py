@@ -1,11 +1,11 @@
-"""What a recording holds, sound or damaged, and what was lost; its sound part in a new one."""
+"""What a run holds, sound or damaged, and what was lost; its sound part in one new recording."""
 
 import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from operator import attrgetter
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,8 @@ from impact_rig.recordings.hits import (
 from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, count_points
 from impact_rig.recordings.new_file import list_successors, write_new_file
 from impact_rig.recordings.records import Attachment, Channel, MetadataRecord, RawMessage
-from impact_rig.recordings.scan import PROFILE, Report, Scan
+from impact_rig.recordings.run import Run, choose_namespace, find_owner, list_namespaces
+from impact_rig.recordings.scan import PROFILE, Report, Scan, Wanted
 from impact_rig.recordings.schemas import decode_message
 from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 
@@ -30,7 +31,7 @@ RECOVERY_RECORD = "impact_rig/recovery"
 
 @dataclass
 class TopicContents:
-    """One topic of a recording: its sound messages, received from when to when."""
+    """One topic of a run: its sound messages, received from when to when."""
 
     name: str
     type_name: str
@@ -38,14 +39,11 @@ class TopicContents:
     lost: int = 0  # further messages that are known to have been written
     start_time: int = 0  # [ns since the epoch]
     end_time: int = 0  # [ns since the epoch]
-    first_sequence: int = 0
-    last_sequence: int = 0
 
     def take(self, message: RawMessage) -> None:
         """Count a message."""
         if not self.messages:
-            self.first_sequence, self.start_time = message.sequence, message.log_time
-        self.last_sequence = message.sequence
+            self.start_time = message.log_time
         self.start_time = min(self.start_time, message.log_time)
         self.end_time = max(self.end_time, message.log_time)
         self.messages += 1
@@ -67,11 +65,13 @@ class Note:
 
 @dataclass
 class Contents:
-    """What a recording holds, and what is wrong with it."""
+    """What a run holds, and what is wrong with it."""
 
-    scan: Scan  # of all of the file
-    topics: list[TopicContents] = field(default_factory=list)  # by name
+    run: Run
+    scans: tuple[Scan, ...]  # of all of its files
+    topics: dict[str, TopicContents] = field(default_factory=dict)  # by name
     hits: tuple[RecordedHit, ...] = ()  # in the order in which they happened
+    repeated: int = 0  # blocks that are there twice, byte by byte
     streams: dict[str, BlockCount] = field(default_factory=dict)  # running streams, by topic
     metadata: list[MetadataRecord] = field(default_factory=list)
     attachments: list[Attachment] = field(default_factory=list)  # each content once
@@ -83,7 +83,7 @@ class Contents:
     @property
     def problems(self) -> tuple[str, ...]:
         """What is wrong with it, in words; empty: it is sound."""
-        return tuple(_list_problems(self.scan, sum(topic.lost for topic in self.topics)))
+        return tuple(_list_problems(self))
 
     @property
     def is_sound(self) -> bool:
@@ -94,32 +94,41 @@ class Contents:
     def is_whole(self) -> bool:
         """Whether all messages that were written are there, as far as that can be told."""
         is_original = all(record.name != RECOVERY_RECORD for record in self.metadata)
-        return is_original and self.scan.is_closed and not self.lost
+        return is_original and all(scan.is_closed for scan in self.scans) and not self.lost
+
+    @property
+    def size(self) -> int:
+        """Of all files [byte]."""
+        return sum(scan.size for scan in self.scans)
 
     @property
     def unread(self) -> int:
         """Bytes that could not be read."""
-        return sum(damage.size for damage in self.scan.damages)
+        return sum(damage.size for scan in self.scans for damage in scan.damages)
 
     @property
     def messages(self) -> int:
         """Those that are sound [-]."""
-        return sum(topic.messages for topic in self.topics)
+        return sum(topic.messages for topic in self.topics.values())
 
     @property
     def lost(self) -> int:
         """Further ones that are known to have been written [-]."""
-        return sum(topic.lost for topic in self.topics) + self.scan.unknown
+        return sum(topic.lost for topic in self.topics.values()) + sum(
+            scan.unknown for scan in self.scans
+        )
 
     @property
     def start_time(self) -> int:
         """Of the first message, nanoseconds since the epoch; 0: there is none."""
-        return min((topic.start_time for topic in self.topics if topic.messages), default=0)
+        times = (topic.start_time for topic in self.topics.values() if topic.messages)
+        return min(times, default=0)
 
     @property
     def end_time(self) -> int:
         """Of the last message, nanoseconds since the epoch; 0: there is none."""
-        return max((topic.end_time for topic in self.topics if topic.messages), default=0)
+        times = (topic.end_time for topic in self.topics.values() if topic.messages)
+        return max(times, default=0)
 
 
 MOST_PLACES = 10
@@ -129,13 +138,13 @@ STATE_TYPE = "impact_rig_msgs/msg/RecorderState"
 _DECODED = HIT_TYPES | {STREAM_TYPE, NOTE_TYPE, STATE_TYPE}
 
 
-def inspect_recording(path: Path, *, report: Report = lambda _: None) -> Contents:
-    """Read all of a recording, checksums included, and say what it holds.
+def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
+    """Read all of a run, checksums included, and say what it holds.
 
     Parameters
     ----------
-    path : Path
-        Of the file.
+    run : Run
+        Its files may be damaged. Where a rig was chosen, it alone is looked at.
     report : callable, optional
         Called now and then with how much was read [byte].
 
@@ -144,35 +153,71 @@ def inspect_recording(path: Path, *, report: Report = lambda _: None) -> Content
     FileError
         If there is no such file, or nothing in it is of MCAP and ROS 2.
     """
-    contents = Contents(scan := Scan(path, is_strict=False))
-    watch = HitWatch()
-    topics: dict[int, TopicContents] = {}
-
-    def find_topic(channel: Channel) -> TopicContents:
-        if channel.id not in topics:
-            topics[channel.id] = TopicContents(channel.topic, channel.type_name)
-        return topics[channel.id]
-
-    for item in scan.read(report=report):
-        if isinstance(item, RawMessage):
-            find_topic(item.channel).take(item)
-            if item.channel.type_name in _DECODED:
-                _add_message(contents, watch, item)
-        elif isinstance(item, Attachment):
-            known = [(other.name, other.data) for other in contents.attachments]
-            if (item.name, item.data) not in known:
-                contents.attachments.append(item)
-        elif item not in contents.metadata:
-            contents.metadata.append(item)
-            lost = item.fields.get("messages_lost", "") if item.name == HEALTH_RECORD else ""
-            if lost.isdecimal():
-                # A state is published when it changes; this was written at the very end.
-                contents.messages_lost = max(contents.messages_lost, int(lost))
-    _check_kind(scan)
-    contents.topics = sorted(map(find_topic, scan.channels.values()), key=attrgetter("name"))
-    _count_lost(scan, topics)
+    contents = Contents(run, tuple(Scan(path, is_strict=False) for path in run.files))
+    wanted, watch, before = _choose_topics(contents), HitWatch(), 0
+    for scan in contents.scans:
+        counts: dict[int, _ChannelCount] = {}
+        for item in scan.read(wanted, partial(_report_from, report, before)):
+            if isinstance(item, RawMessage):
+                _find_topic(contents, item.channel).take(item)
+                counts.setdefault(item.channel.id, _ChannelCount(item.sequence)).take(item)
+                if item.channel.type_name in _DECODED:
+                    _add_message(contents, watch, item)
+            else:
+                _add_file_item(contents, item)
+        _check_kind(scan)
+        _count_lost(contents, scan, counts, wanted)
+        before += scan.size
+    contents.topics = dict(sorted(contents.topics.items()))
     contents.hits = watch.list_hits(is_whole=contents.is_whole)
+    contents.repeated = watch.repeated
     return contents
+
+
+def _choose_topics(contents: Contents) -> Wanted:
+    """Return which topics are looked at: all, or those of the rig that was chosen."""
+    if contents.run.wanted is None:
+        return lambda _: True
+    channels = [channel for scan in contents.scans for channel in scan.read_channels()]
+    found = list_namespaces(channels)
+    chosen = choose_namespace(contents.run.path, found, contents.run.wanted)
+    return lambda channel: find_owner(channel.topic, found) == chosen
+
+
+def _find_topic(contents: Contents, channel: Channel) -> TopicContents:
+    if channel.topic not in contents.topics:
+        contents.topics[channel.topic] = TopicContents(channel.topic, channel.type_name)
+    return contents.topics[channel.topic]
+
+
+@dataclass
+class _ChannelCount:
+    """How many messages of a channel there are in one file, and by their numbers should be."""
+
+    first: int
+    last: int = 0
+    messages: int = 0
+
+    def take(self, message: RawMessage) -> None:
+        self.last = message.sequence
+        self.messages += 1
+
+    @property
+    def missing(self) -> int:
+        return max(self.last - self.first + 1 - self.messages, 0)
+
+
+def _add_file_item(contents: Contents, item: Attachment | MetadataRecord) -> None:
+    if isinstance(item, Attachment):
+        known = [(other.name, other.data) for other in contents.attachments]
+        if (item.name, item.data) not in known:
+            contents.attachments.append(item)
+    elif item not in contents.metadata:
+        contents.metadata.append(item)
+        lost = item.fields.get("messages_lost", "") if item.name == HEALTH_RECORD else ""
+        if lost.isdecimal():
+            # A state is published when it changes; this was written at the very end.
+            contents.messages_lost = max(contents.messages_lost, int(lost))
 
 
 def _add_message(contents: Contents, watch: HitWatch, message: RawMessage) -> None:
@@ -199,19 +244,30 @@ def _add_message(contents: Contents, watch: HitWatch, message: RawMessage) -> No
         ] = None
 
 
-def _count_lost(scan: Scan, topics: Mapping[int, TopicContents]) -> None:
-    """Count the further messages of each topic that are known to have been written."""
+def _count_lost(
+    contents: Contents, scan: Scan, counts: Mapping[int, _ChannelCount], wanted: Wanted
+) -> None:
+    """Count the further messages of each topic that are known to have been written to a file."""
     written: Counter[int] = Counter()
     if scan.summary is not None and scan.summary.statistics is not None:
         written |= Counter(scan.summary.statistics.channel_message_counts)
-    # Our recorder numbers messages without gaps.
-    is_ours = scan.header is not None and scan.header.library.split(" ")[0] == "impact_rig"
-    for number, topic in topics.items():
-        span = topic.last_sequence - topic.first_sequence + 1 if is_ours and topic.messages else 0
-        topic.lost = max(written[number] - topic.messages, span - topic.messages, 0)
+    for channel in filter(wanted, scan.channels.values()):
+        count = counts.get(channel.id, _ChannelCount(0, -1))
+        numbered = count.missing if scan.is_of_recorder else 0
+        lost = max(written[channel.id] - count.messages, numbered, 0)
+        _find_topic(contents, channel).lost += lost
 
 
-def _list_problems(scan: Scan, lost: int) -> Iterator[str]:
+def _list_problems(contents: Contents) -> Iterator[str]:
+    for scan in contents.scans:
+        name = f"{scan.path.name}: " if len(contents.scans) > 1 else ""
+        yield from (f"{name}{problem}" for problem in _list_file_problems(scan))
+    lost = sum(topic.lost for topic in contents.topics.values())
+    if lost and not any(scan.damages for scan in contents.scans):
+        yield f"{lost} messages are missing: their numbers, or the index, tell"
+
+
+def _list_file_problems(scan: Scan) -> Iterator[str]:
     if not scan.is_closed:
         yield "it was never closed, its end is missing"
     elif scan.summary is None:
@@ -221,8 +277,6 @@ def _list_problems(scan: Scan, lost: int) -> Iterator[str]:
     yield from map(str, scan.damages[:MOST_PLACES])
     if len(scan.damages) > MOST_PLACES:
         yield f"{len(scan.damages) - MOST_PLACES} further places cannot be read"
-    if not scan.damages and lost:
-        yield f"{lost} messages are missing: their numbers, or the index, tell"
     if scan.unknown:
         yield f"the topic of {scan.unknown} messages is not described any more"
 
@@ -246,62 +300,70 @@ LIBRARY = f"impact_rig-recover {__version__}"
 """What the new file says wrote it: its messages may not be numbered without gaps."""
 
 
-def recover_recording(path: Path, output: Path, *, report: Report = lambda _: None) -> Contents:
-    """Write everything that is sound in a recording to a new one, which any reader opens.
+def recover_run(run: Run, output: Path, *, report: Report = lambda _: None) -> Contents:
+    """Write everything that is sound in a run to one new recording, which any reader opens.
 
     Topics, offered QoS, hashes, messages, their order, times and numbers, metadata and
     attachments are taken over as they are; what no checksum vouches for is left out.
 
     Parameters
     ----------
-    path : Path
-        Of the recording; it is only read.
+    run : Run
+        Its files are only read. Where a rig was chosen, it alone is copied.
     output : Path
         Of the new file.
     report : callable, optional
-        Called now and then with how much of the recording was read [byte]; it is read twice.
+        Called now and then with how much was read [byte]; the files are read twice.
 
     Returns
     -------
     Contents
-        What was found in the recording; its problems are what is left out.
+        What was found in the run; its problems are what is left out.
 
     Raises
     ------
     FileError
         If nothing can be recovered, or the output exists already or cannot be written.
     """
-    contents = inspect_recording(path, report=report)
+    contents = inspect_run(run, report=report)
     if not contents.messages:
-        raise FileError(f"nothing of {path} can be recovered: {'; '.join(contents.problems)}")
-    scan = contents.scan
+        raise FileError(f"nothing of {run.path} can be recovered: {'; '.join(contents.problems)}")
     with write_new_file(output) as part, RecordingWriter(part, library=LIBRARY) as writer:
-        _copy(scan, writer, lambda place: report(scan.size + place))
+        _copy(contents, writer, report)
         if not contents.is_sound:
             problems = json.dumps(contents.problems, ensure_ascii=False)
-            fields = {"recovered_from": path.name, "problems": problems}
+            fields = {"recovered_from": run.path.name, "problems": problems}
             writer.add_metadata(RECOVERY_RECORD, fields)
     return contents
 
 
-def _copy(scan: Scan, writer: RecordingWriter, report: Report) -> None:
-    numbers: dict[int, int] = {}
+def _copy(contents: Contents, writer: RecordingWriter, report: Report) -> None:
+    wanted, before = _choose_topics(contents), contents.size
+    numbers: dict[Any, int] = {}
 
     def announce(channel: Channel) -> int:
-        if channel.id not in numbers:
-            numbers[channel.id] = writer.announce(channel)
-        return numbers[channel.id]
+        """Return the number of a topic, which all files share that describe it alike."""
+        described = (*channel[1:4], *sorted(channel.metadata.items()), channel.encoding)
+        if described not in numbers:
+            numbers[described] = writer.announce(channel)
+        return numbers[described]
 
-    for item in scan.read(report=report):
-        if isinstance(item, RawMessage):
-            times = (item.log_time, item.publish_time)
-            writer.add_message(announce(item.channel), item.data, *times, item.sequence)
-        elif isinstance(item, Attachment):
-            writer.add_attachment(item.name, item.media_type, item.data, item.log_time)
-        elif item.name != "rosbag2":  # has the counts of the file, which may no longer be true
-            writer.add_metadata(item.name, item.fields)
-    for channel in scan.channels.values():
-        announce(channel)
+    for scan in contents.scans:
+        for item in scan.read(wanted, partial(_report_from, report, before)):
+            if isinstance(item, RawMessage):
+                times = (item.log_time, item.publish_time)
+                writer.add_message(announce(item.channel), item.data, *times, item.sequence)
+            elif isinstance(item, Attachment):
+                writer.add_attachment(item.name, item.media_type, item.data, item.log_time)
+            elif item.name != "rosbag2":  # has the counts of the file, which may no longer be true
+                writer.add_metadata(item.name, item.fields)
+        for channel in filter(wanted, scan.channels.values()):
+            announce(channel)
+        before += scan.size
+
+
+def _report_from(report: Report, before: int, done: int) -> None:
+    report(before + done)
 
 
 def extract_attachments(contents: Contents, folder: Path) -> list[Path]:

@@ -6,6 +6,7 @@ from itertools import islice, pairwise
 from typing import Any
 
 from impact_rig.core.records import UNSTATED, HitLabel, Origin
+from impact_rig.recordings.campaigns import CampaignWatch
 from impact_rig.recordings.messages import (
     BLOCK_TYPE,
     SETUP_TYPE,
@@ -107,7 +108,7 @@ class RecordedHit(BlockCount):
     """One hit as far as a recording has it."""
 
     rig: str  # its namespace
-    campaign: int  # from 1; each set-up begins one, the first with what came before it
+    campaign: int  # from 1, of those that have hits
     record: int  # number of its arming
     label: HitLabel | None  # None: nothing of it is left
     state: HitState = HitState.LOST
@@ -146,8 +147,9 @@ class RecordedHit(BlockCount):
 class _Rig:
     """What was found of one rig so far."""
 
-    setup: bytes = b""
+    watch: CampaignWatch = field(default_factory=CampaignWatch)
     campaign: int = 1
+    is_struck: bool = False  # the campaign has hits
     hits: dict[tuple[int, HitLabel], RecordedHit] = field(default_factory=dict)
 
 
@@ -169,11 +171,14 @@ class HitWatch:
         name = place.rpartition("/")[0] or "/"
         rig = self._rigs.setdefault(name, _Rig())
         if type_name == SETUP_TYPE:
-            # The recorder may have received the first one after the first hit.
-            if data != rig.setup:
-                rig.campaign += bool(rig.setup)
-                rig.setup = data
+            is_first = rig.watch.campaign is None
+            # As for the analysis, a campaign without hits is none.
+            if rig.watch.add_setup(message) and rig.is_struck and not is_first:
+                rig.campaign, rig.is_struck = rig.campaign + 1, False
             return
+        if type_name == BLOCK_TYPE and not rig.watch.add_block(data):
+            return
+        rig.is_struck = True
         label = label_from_msg(message)
         key = rig.campaign, label
         if key not in rig.hits:
@@ -190,6 +195,11 @@ class HitWatch:
         elif type_name == VERDICT_TYPE:
             hit.rejections = tuple(str(text) for text in message.reasons)
             hit.is_accepted = bool(message.accepted)
+
+    @property
+    def repeated(self) -> int:
+        """How many blocks have come a second time."""
+        return sum(rig.watch.repeated for rig in self._rigs.values())
 
     def list_hits(self, *, is_whole: bool) -> tuple[RecordedHit, ...]:
         """Return the hits in the order in which they happened.

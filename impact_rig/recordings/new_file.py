@@ -4,7 +4,6 @@ import contextlib
 import errno
 import itertools
 import os
-import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -33,15 +32,6 @@ def list_successors(path: Path) -> Iterator[Path]:
 def choose_free(path: Path) -> Path:
     """Return the first of the `list_successors` of a path that is not taken."""
     return next(item for item in list_successors(path) if not os.path.lexists(item))
-
-
-def list_parts(path: Path) -> list[Path]:
-    """Return what was written before a path to the same place, and the path."""
-    first = path.with_name(re.sub(r"-\d+$", "", path.stem) + path.suffix)
-    return [
-        *itertools.takewhile(lambda item: item != path and item.exists(), list_successors(first)),
-        path,
-    ]
 
 
 class DiskFullError(FileError):

@@ -5,6 +5,9 @@ from typing import NamedTuple
 
 import yaml
 
+RECORDER = "impact_rig"
+"""Library that a recording of the rig's recorder names as its writer."""
+
 
 class Channel(NamedTuple):
     """One topic of a recording."""

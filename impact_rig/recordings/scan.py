@@ -21,6 +21,7 @@ from mcap.summary import Summary
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.records import (
+    RECORDER,
     Attachment,
     Channel,
     Item,
@@ -118,6 +119,11 @@ class Scan:
         self.chunks = 0
         self._unpacker = Unpacker(self.size)
         self._search_room = MAX_SEARCH * self.size
+
+    @property
+    def is_of_recorder(self) -> bool:
+        """Whether the rig's recorder wrote it, which numbers messages without gaps."""
+        return self.header is not None and self.header.library.split(" ")[0] == RECORDER
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -1,12 +1,13 @@
-"""Finds the recording that a person names."""
+"""Finds the recordings that a person names."""
 
 import itertools
+import re
 import shlex
 from pathlib import Path
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.new_file import list_successors
-from impact_rig.recordings.scan import MAGIC
+from impact_rig.recordings.scan import MAGIC, Scan
 
 SUFFIX = ".mcap"
 """What a recording's name ends with."""
@@ -18,25 +19,20 @@ OTHER_FORMS = (".db3", ".mcap.zstd")
 """Ends of the names of recordings in SQLite, and of those that rosbag2 compressed as a whole."""
 
 
-def find_recording(path: Path) -> Path:
-    """Return the recording that a path means.
+def find_recordings(path: Path) -> tuple[Path, ...]:
+    """Return the recordings of the run that a path means, in the order of their recording.
 
     Parameters
     ----------
     path : Path
-        An `.mcap` file, a run's folder with `session.mcap`, or any folder with one `.mcap` file,
-        as `ros2 bag record` makes it.
-
-    Returns
-    -------
-    Path
-        The file.
+        An `.mcap` file, which stands for all recordings of its run, a run's folder with
+        `session.mcap`, or any folder with one `.mcap` file, as `ros2 bag record` makes it.
 
     Raises
     ------
     FileError
-        If there is nothing of that name, it is a folder without a recording, or with several
-        files, or the recording has to be converted first.
+        If there is nothing of that name, it is a folder without a recording, or with those of
+        several runs, or the recording has to be converted first.
     """
     try:
         if not path.is_dir():
@@ -47,11 +43,13 @@ def find_recording(path: Path) -> Path:
             if path.is_file():
                 with path.open("rb") as file:
                     refuse_pointer(path, file.read(len(POINTER)))
-            return path
+            return _drop_empty(list_parts(path), path)
         run = path / f"{RUN_NAME}{SUFFIX}"
-        files = [run] if run.is_file() else sorted(path.glob(f"*{SUFFIX}"))
-        if len(files) == 1:
-            return files[0]
+        files = sorted(path.glob(f"*{SUFFIX}"))
+        if run.is_file():
+            return _drop_empty(list_parts(run), run)
+        if files and set(files) == set(parts := list_parts(files[0])):
+            return parts
         if files:
             raise FileError(
                 f"{path} is a folder with {len(files)} recordings: name one of them; if they are"
@@ -64,25 +62,42 @@ def find_recording(path: Path) -> Path:
     raise FileError(f"{path} is a folder without a recording: there is no {SUFFIX} file in it")
 
 
+def _drop_empty(parts: tuple[Path, ...], named: Path) -> tuple[Path, ...]:
+    """Return the parts that hold something: of a recorder that was killed at once nothing is left.
+
+    Where all are empty it is the one that was named, which its reader refuses.
+    """
+    return tuple(part for part in parts if part.stat().st_size) or (named,)
+
+
+def list_parts(path: Path) -> tuple[Path, ...]:
+    """Return all recordings of the run to which one belongs: NAME.mcap, NAME-2.mcap ...
+
+    The recorder names them so. What another program wrote under such a name is no part, nor has
+    it parts.
+    """
+    first = path.with_name(re.sub(r"-\d+$", "", path.stem) + path.suffix)
+    named = tuple(itertools.takewhile(Path.is_file, list_successors(first)))
+    if len(named) < 2 or path not in named:  # noqa: PLR2004 - itself
+        return (path,)
+    parts = tuple(filter(_is_of_recorder, named))
+    return parts if path in parts else (path,)
+
+
+def _is_of_recorder(path: Path) -> bool:
+    """Return whether the recorder wrote a file, as far as its beginning can be read."""
+    if not path.stat().st_size:
+        return True
+    scan = Scan(path, is_strict=False)
+    return scan.header is None or scan.is_of_recorder
+
+
 def refuse_pointer(path: Path, beginning: bytes) -> None:
     """Raise `FileError` if a file begins like what git-lfs leaves in place of it."""
     if beginning == POINTER:
         raise FileError(
             f"{path} is what git-lfs leaves in place of the file: `git lfs pull` brings the file"
         )
-
-
-def find_recordings(path: Path) -> list[Path]:
-    """Return the recordings that a path means; of a run that was resumed, all of its folder.
-
-    Raises as `find_recording`.
-    """
-    first = find_recording(path)
-    if not path.is_dir() or first.stem != RUN_NAME:
-        return [first]
-    parts = itertools.takewhile(Path.is_file, list_successors(first))
-    # Of a recorder that was killed at once nothing is left to read.
-    return [part for part in parts if part == first or part.stat().st_size]
 
 
 def is_recording(path: Path) -> bool:
@@ -94,7 +109,7 @@ def is_recording(path: Path) -> bool:
         return True
     try:
         if path.is_dir():
-            find_recording(path)
+            find_recordings(path)
             return True
         with path.open("rb") as file:
             return file.read(len(MAGIC)) == MAGIC

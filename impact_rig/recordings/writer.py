@@ -8,7 +8,7 @@ from typing import Self
 from mcap.writer import CompressionType, Writer
 
 from impact_rig.recordings.new_file import DiskFile, make_folders
-from impact_rig.recordings.records import Channel, OfferedQos, format_offered_qos
+from impact_rig.recordings.records import RECORDER, Channel, OfferedQos, format_offered_qos
 from impact_rig.recordings.schemas import MessageDefinition
 
 COMPRESSIONS = ("zstd", "lz4", "none")
@@ -50,7 +50,7 @@ class RecordingWriter:
         *,
         compression: str = "zstd",
         chunk_size: int = DEFAULT_CHUNK_SIZE,
-        library: str = "impact_rig",
+        library: str = RECORDER,
     ) -> None:
         self.path = path
         self._schemas: dict[tuple[str, str], int] = {}

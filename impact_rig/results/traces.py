@@ -363,13 +363,21 @@ class TracedCampaign:
 
 
 @dataclass(frozen=True)
+class RecordedFile:
+    """A file of a run."""
+
+    name: str
+    size: int  # [byte]
+    sha256: str  # of its content
+
+
+@dataclass(frozen=True)
 class Provenance:
     """When, by what and how a run was recorded."""
 
     start_time: int  # of the first message [ns since the epoch]; 0: there is none
     end_time: int  # of the last message [ns since the epoch]; 0: there is none
-    size: int  # of the file [byte]
-    sha256: str  # of its content
+    files: tuple[RecordedFile, ...]  # one, or all of a run that was resumed
     problems: tuple[str, ...] = ()  # what is damaged or missing; empty: every checksum is right
     losses: str = ""  # what was lost while it was recorded; empty: nothing
     ended: str = ""  # why the recording ended, by the recorder
@@ -380,7 +388,7 @@ class Provenance:
 
 
 @dataclass(frozen=True)
-class Run:
+class ReportedCampaign:
     """One campaign of a report."""
 
     name: str  # unique in the report

@@ -12,7 +12,7 @@ from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
 from impact_rig.files.channels import MeasuredHit
 from impact_rig.files.importing import write_imported
-from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.run import Run
 from impact_rig.results.remarks import tabulate_accepted
 from impact_rig.results.traces import TracedCampaign
 
@@ -42,12 +42,12 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def campaign(path: Path) -> TracedCampaign:
     """Return all that there is to see of it."""
-    (found,) = analyze(read_recording(path), keep_traces=True, with_models=False).campaigns
+    (found,) = analyze(Run(path), keep_traces=True, with_models=False).campaigns
     return found
 
 
 def test_neither_traces_nor_models_change_what_is_found(path, campaign):
-    (analyzed,) = analyze(read_recording(path)).campaigns
+    (analyzed,) = analyze(Run(path)).campaigns
     assert (analyzed.samples, analyzed.hits) == ((), ())
     assert repr(campaign.results.hits) == repr(analyzed.results.hits)
     pairs = zip(campaign.results.samples, analyzed.results.samples, strict=True)
@@ -85,7 +85,7 @@ def test_a_person_s_word_and_other_settings_hold(path, campaign):
     first = next(hit.result for hit in campaign.hits if hit.result.accepted)
     changes = {"pulse_factor": 1.5}
     (after,) = analyze(
-        read_recording(path),
+        Run(path),
         changes,
         reject=[str(first.record)],
         keep_traces=True,
@@ -107,7 +107,7 @@ def test_a_simulated_hit_among_measured_ones_is_told(tmp_path):
     blocks[1:] = [replace(block, origin=measured) for block in blocks[1:]]
     hits = [import_block(block) for block in blocks]
     write_imported(tmp_path / "mixed.mcap", PAPER_SETUP, hits)
-    (found,) = analyze(read_recording(tmp_path / "mixed.mcap")).campaigns
+    (found,) = analyze(Run(tmp_path / "mixed.mcap")).campaigns
     results = found.results
     assert [hit.origin.kind for hit in results.hits] == ["simulated", "measured", "measured"]
     assert results.origin.kind == "mixed"

@@ -67,11 +67,12 @@ def make_files(folder: Path, *names: str) -> None:
 def test_a_run_is_its_recording_and_else_its_results(tmp_path):
     make_files(tmp_path, "a/session.mcap", "a/results.json", "b/results.json", "c/notes.txt")
     found = find_run(tmp_path / "a")
-    assert (found.path, found.is_recording) == (tmp_path / "a" / "session.mcap", True)
+    assert found.run is not None
+    assert found.run.files == (tmp_path / "a" / "session.mcap",)
     assert found.folder == tmp_path / "a"
-    assert not find_run(tmp_path / "a" / "results.json").is_recording
+    assert find_run(tmp_path / "a" / "results.json").run is None
     found = find_run(tmp_path / "b")
-    assert (found.path, found.is_recording) == (tmp_path / "b" / "results.json", False)
+    assert (found.results, found.run) == (tmp_path / "b" / "results.json", None)
     with pytest.raises(FileError, match="a folder without a recording"):
         find_run(tmp_path / "c")
 

@@ -31,10 +31,10 @@ from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.files.formats.registry import WRITABLE, write_measurement
 from impact_rig.files.measurement import MeasuredChannel, Measurement
-from impact_rig.recordings.contents import inspect_recording
+from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.messages import MessageEncoder
-from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.records import OfferedQos
+from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import MAGIC
 from impact_rig.recordings.source import SUFFIX
 from impact_rig.recordings.writer import RecordingWriter
@@ -153,14 +153,14 @@ def try_to_read(read: Callable[[Path], object], path: Path) -> str | None:
 def choose_ways(suffix: str) -> list[Callable[[Path], object]]:
     """Return the ways of reading a file."""
     if suffix == SUFFIX:
-        return [judge_recording, inspect_recording]
+        return [judge_recording, lambda path: inspect_run(Run(path))]
     return [{".json": read_results, ".toml": read_rig_file}.get(suffix, analyze_file)]
 
 
 def judge_recording(path: Path) -> None:
     """Find and judge the hits; what is estimated from them afterwards knows no files."""
     session: Session | None = None
-    for event in read_recording(path).events():
+    for event in Run(path).events():
         if isinstance(event, RigSetup):
             session = Session(event)
         elif session is not None:

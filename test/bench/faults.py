@@ -14,7 +14,7 @@ from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses, use_own_domain
 from impact_rig.analysis.analyze import analyze
 from impact_rig.recordings.new_file import choose_free
-from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import format_json, results_to_json
 
 SAMPLES = ("steel small", "brass small")
@@ -118,7 +118,7 @@ class FaultyRig:
         records = Counter(hit["record"] for hit in hits)
         if max(records.values()) > 1:
             return f"a record counts twice: {records}"
-        analyzed = analyze(read_recording(self._folder)).campaigns[-1].results
+        analyzed = analyze(Run(self._folder)).campaigns[-1].results
         if format_json(results_to_json(analyzed)) != written:
             return "analyze does not say the same of the run"
         return ""

@@ -11,8 +11,8 @@ from mcap.writer import CompressionType, Writer
 
 from bench.measure import Bench, Figure, compare_times, divide
 from bench.rig_processes import run_campaign
-from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.records import OfferedQos
+from impact_rig.recordings.run import Run
 from impact_rig.recordings.schemas import MessageDefinition
 from impact_rig.recordings.writer import DEFAULT_CHUNK_SIZE, RecordingWriter
 
@@ -100,7 +100,7 @@ def measure_read(bench: Bench) -> Iterator[Figure]:
 
 def read_events(path: Path) -> int:
     """Read as `impact-rig analyze` does, with the estimation switched off; return how many."""
-    return sum(1 for _ in read_recording(path).events())
+    return sum(1 for _ in Run(path).events())
 
 
 def read_messages(path: Path) -> int:

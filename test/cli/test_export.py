@@ -11,7 +11,7 @@ from impact_rig.core.records import Block
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings, scheduled_fault_from_text
 from impact_rig.files.formats.registry import WRITABLE, read_measurement
-from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import format_json, results_to_json, write_results
 
 REAL_HITS = sorted((Path(__file__).parents[1] / "data" / "pyfrf_hammer").glob("*.npy"))
@@ -30,7 +30,7 @@ def recorded(record, tmp_path_factory):
 def read_accelerations(path):
     """Return rate and both channels of each hit of a recording [m/s^2]."""
     found = []
-    for block in read_recording(path).events():
+    for block in Run(path).events():
         if isinstance(block, Block):
             hammer, specimen = (
                 channel.scale * channel.output.astype(np.float64) + channel.offset
@@ -150,9 +150,7 @@ def test_what_was_simulated_stays_so_through_export_and_import(run, recorded, tm
     }
     assert run("import", file, "-o", tmp_path / "again.mcap").exit_code == 0
     (block, *_) = [
-        event
-        for event in read_recording(tmp_path / "again.mcap").events()
-        if isinstance(event, Block)
+        event for event in Run(tmp_path / "again.mcap").events() if isinstance(event, Block)
     ]
     assert (block.origin.kind, block.origin.file) == ("simulated", str(file))
 
@@ -209,7 +207,7 @@ def test_what_is_sound_of_a_damaged_recording_is_saved_and_the_loss_is_told(run,
     assert "lost: " in outcome.stdout
     assert damaged.read_bytes() == before
     assert run("info", sound).exit_code == 0
-    assert sum(isinstance(event, Block) for event in read_recording(sound).events()) > 40
+    assert sum(isinstance(event, Block) for event in Run(sound).events()) > 40
     again = run("export", sound, "-o", damaged.with_name("again.mcap"))
     assert (again.exit_code, "lost: nothing" in again.stdout) == (0, True)
     assert run("export", damaged, "-o", sound).exit_code == 2

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from impact_rig.core.records import Block
-from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.run import Run
 
 DATA = Path(__file__).parents[1] / "data"
 REAL_HITS = sorted((DATA / "pyfrf_hammer").glob("*.npy"))
@@ -33,7 +33,7 @@ def save(tmp_path):
 
 
 def read_blocks(path):
-    return [event for event in read_recording(path).events() if isinstance(event, Block)]
+    return [event for event in Run(path).events() if isinstance(event, Block)]
 
 
 def read_json(outcome):

@@ -14,7 +14,8 @@ from impact_rig.configuration.rig_file import RigFile, read_template
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.nodes.discovery import reserve_domain
-from impact_rig.recordings.contents import inspect_recording
+from impact_rig.recordings.contents import inspect_run
+from impact_rig.recordings.run import Run
 
 from .conftest import PATIENCE, start_command
 
@@ -88,7 +89,7 @@ def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
     results = json.loads(done.stdout)
     assert results["samples"][0]["impacts_accepted"] == 2
     assert json.loads((start.folder / "run" / "results.json").read_text("utf-8")) == results
-    notes = inspect_recording(start.folder / RECORDING).notes
+    notes = inspect_run(Run(start.folder / RECORDING)).notes
     assert [note.text for note in notes] == ["21 °C"]
 
 

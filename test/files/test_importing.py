@@ -26,8 +26,8 @@ from impact_rig.files.importing import (
 )
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.files.plan import ChannelPlan, ChannelUse
-from impact_rig.recordings.reader import read_recording
 from impact_rig.recordings.records import MetadataRecord, RawMessage
+from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import Scan
 
 COUNT = 40
@@ -318,7 +318,7 @@ def imported(tmp_path):
 
 
 def test_every_number_of_the_files_comes_back_with_its_calibration(imported):
-    events = list(read_recording(imported).events())
+    events = list(Run(imported).events())
     blocks = [event for event in events if isinstance(event, Block)]
     assert isinstance(events[0], RigSetup)
     for number, path in enumerate(REAL_HITS, 1):
@@ -337,7 +337,7 @@ def test_long_files_are_split_into_blocks_that_join_without_a_gap(tmp_path):
     plan = ChannelPlan(hammer=ChannelUse(unit="g"), sampling_rate=1e6)
     hit = read_one(tmp_path / "long.npy", HitLabel("beam"), plan)
     write_imported(tmp_path / "long.mcap", make_setup([hit]), [hit])
-    _, *blocks = read_recording(tmp_path / "long.mcap").events()
+    _, *blocks = Run(tmp_path / "long.mcap").events()
     assert [block.first_sample for block in blocks] == [0, 10_000, 20_000]
     assert {block.hammer.output.dtype for block in blocks} == {np.dtype(np.int32)}
     assert np.array_equal(np.concatenate([block.hammer.output for block in blocks]), counts)
@@ -409,7 +409,7 @@ def test_a_hit_was_when_its_file_says_unless_times_would_not_grow(tmp_path, stat
         for n, stamp in enumerate(stated, 1)
     ]
     write_imported(tmp_path / "hits.mcap", make_setup(hits), hits)
-    _, *blocks = read_recording(tmp_path / "hits.mcap").events()
+    _, *blocks = Run(tmp_path / "hits.mcap").events()
     assert [block.stamp for block in blocks] == expected
     items = list(Scan(tmp_path / "hits.mcap").read())
     log_times = [item.log_time for item in items if isinstance(item, RawMessage)]

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import pytest
 from terminal import Terminal
 
-from impact_rig.recordings.contents import inspect_recording
+from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.hits import HitState
+from impact_rig.recordings.run import Run
 
 RIG = (sys.executable, "-m", "impact_rig.cli.main")
 TRIES = 20
@@ -70,7 +71,7 @@ def test_a_campaign_outlasts_a_cable_that_is_pulled_and_loses_no_hit(
     assert {item["name"]: item["impacts_accepted"] for item in results["samples"]} == {
         "steel small": IMPACTS,
     }
-    stored = inspect_recording(run / "session.mcap").hits
+    stored = inspect_run(Run(run / "session.mcap")).hits
     whole = {hit.record for hit in stored if hit.state is HitState.SAVED}
     assert {hit["record"] for hit in results["hits"] if hit["accepted"]} <= whole
 

@@ -16,8 +16,8 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.recorder import RecorderNode
-from impact_rig.nodes.replayer import RecordingToReplay
-from impact_rig.recordings.reader import read_recording
+from impact_rig.nodes.replayer import RunToReplay
+from impact_rig.recordings.run import Run
 from impact_rig.recordings.schemas import MessageDefinition
 from impact_rig.recordings.writer import RecordingWriter
 
@@ -135,7 +135,7 @@ def leave_out(path, copy, left_out):
 
 def replay(path):
     """Return the blocks of hits that a replay publishes."""
-    messages = RecordingToReplay(path).read_messages()
+    messages = RunToReplay(Run(path)).read_messages()
     # Not compared as bytes: what pads a message is any.
     return [
         deserialize_message(message.data, AccelerationBlock)
@@ -147,7 +147,7 @@ def replay(path):
 def judge(path):
     """Return the hits of a recording."""
     session, hits = Session(PAPER_SETUP), []
-    for event in read_recording(path).events():
+    for event in Run(path).events():
         if not isinstance(event, RigSetup):
             hits += session.feed(event)
     return hits

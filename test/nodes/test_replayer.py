@@ -16,7 +16,8 @@ from impact_rig.core.errors import FileError
 from impact_rig.core.setup import CONTROL_SAMPLE
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
-from impact_rig.nodes.replayer import RecordingToReplay, ReplayerNode
+from impact_rig.nodes.replayer import ReplayerNode, RunToReplay
+from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import MessageDefinition, find_message_definition
 from impact_rig.recordings.writer import RecordingWriter
@@ -108,7 +109,7 @@ def test_a_recording_of_another_version_is_refused(tmp_path):
         )
         writer.add_message(channel, serialize_message(AccelerationBlock()), 1, 1)
     with pytest.raises(FileError, match="another version of impact_rig_msgs/msg/Acceleration"):
-        RecordingToReplay(path)
+        RunToReplay(Run(path))
 
 
 def test_a_run_that_was_resumed_is_replayed_with_all_its_files(tmp_path):
@@ -118,7 +119,7 @@ def test_a_run_that_was_resumed_is_replayed_with_all_its_files(tmp_path):
         write_recording(tmp_path / f"{name}.mcap", part)
     replayed = [
         (item.topic, deserialize_message(item.data, item.topic.type))
-        for item in RecordingToReplay(tmp_path).read_messages()
+        for item in RunToReplay(Run(tmp_path)).read_messages()
     ]
     assert [(topic, getattr(message, "record", 0)) for topic, message in replayed] == [
         (topic, getattr(message, "record", 0)) for _, topic, message in hits

@@ -10,7 +10,7 @@ from impact_rig.analysis.analyze import analyze
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.nodes.campaign_plan import read_newest_campaign
-from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import format_json, results_to_json
 
 from .campaigns import begin, start_rig
@@ -123,6 +123,6 @@ def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
     accepted = [(hit.sample, hit.impact) for hit in hits if hit.accepted]
     assert accepted == [(name, number) for name in SAMPLES for number in range(1, IMPACTS + 1)]
     assert len(list(tmp_path.glob("session*.mcap"))) == 2
-    (campaign,) = analyze(read_recording(tmp_path)).campaigns
+    (campaign,) = analyze(Run(tmp_path)).campaigns
     live = format_json(results_to_json(outcome.results))
     assert format_json(results_to_json(campaign.results)) == live

@@ -10,7 +10,8 @@ import mcap.stream_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 
-from impact_rig.recordings.contents import Contents, inspect_recording, recover_recording
+from impact_rig.recordings.contents import Contents, inspect_run, recover_run
+from impact_rig.recordings.run import Run
 
 OURS = "impact_rig_msgs/msg/"
 HITS = 4
@@ -125,17 +126,17 @@ class Recovered(NamedTuple):
     def is_complete(self) -> bool:
         """Whether all that was in it is in the sound one."""
         contents = self.contents
-        return not (contents.lost or any(damage.size for damage in contents.scan.damages))
+        return not (contents.lost or any(damage.size for damage in contents.scans[0].damages))
 
 
 def recover(damaged: Path) -> Recovered:
     """Recover to a new file, whatever was there before."""
     output = damaged.with_name("good.mcap")
     output.unlink(missing_ok=True)
-    return Recovered(recover_recording(damaged, output), output)
+    return Recovered(recover_run(Run(damaged), output), output)
 
 
 def read_recovered(recovered: Recovered) -> list[Raw]:
     """Return the messages of a recovered recording, which must be sound."""
-    assert inspect_recording(recovered.output).problems == ()
+    assert inspect_run(Run(recovered.output)).problems == ()
     return read_raw(recovered.output)

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from impact_rig.core.records import HitLabel
-from impact_rig.recordings.contents import inspect_recording
+from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.hits import RecordWatch
 from impact_rig.recordings.messages import NO_ID
+from impact_rig.recordings.run import Run
 
 from .conftest import block_fields
 
@@ -58,7 +59,7 @@ def test_gaps_of_a_stream_are_no_damage_of_the_file(make_recording):
     maker = make_recording()
     # A stream that begins again leaves no gap.
     add_blocks(maker, 700, 0, 100, 150, 500)
-    contents = inspect_recording(maker.close())
+    contents = inspect_run(Run(maker.close()))
     (stream,) = contents.streams.values()
     assert (stream.gaps, stream.missing_points) == (2, 50 + 300)
     assert contents.is_sound

@@ -12,9 +12,9 @@ import pytest
 from bench.damage import mutate
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.contents import inspect_recording
+from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.hits import HitState
-from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import Scan
 
 from .damaged import (
@@ -76,7 +76,7 @@ def test_of_an_altered_chunk_nothing_is_taken_and_its_messages_are_counted(
     assert read_recovered(recovery) == rest
     assert not recovery.is_complete
     assert recovery.contents.lost == len(place.messages)
-    (damage,) = recovery.contents.scan.damages
+    (damage,) = recovery.contents.scans[0].damages
     assert (damage.start, damage.start + damage.size) == (place.start, place.end)
 
 
@@ -122,7 +122,7 @@ def test_whatever_was_done_to_it_it_is_read_or_refused_and_what_comes_of_it_is_s
     for seed in range(30):
         damaged = spoil(original, mutate(original.read_bytes(), seed))
         with contextlib.suppress(FileError):
-            list(read_recording(damaged).events())
+            list(Run(damaged).events())
         try:
             recovery = recover(damaged)
         except FileError as error:
@@ -136,7 +136,7 @@ def test_topics_of_a_lost_first_chunk_are_known_from_the_index(original):
     content, place = bytearray(original.read_bytes()), find_chunks(original)[1]
     content[place.data_start + 40 : place.end] = bytes(place.end - place.data_start - 40)
     recovery = recover(spoil(original, content))
-    topics = {topic.name: topic.lost for topic in recovery.contents.topics}
+    topics = {topic.name: topic.lost for topic in recovery.contents.topics.values()}
     assert topics["/lab/acceleration"] == 2
     assert recovery.contents.hits[1].state is HitState.SAVED
 
@@ -176,7 +176,7 @@ def test_a_set_up_that_was_heard_late_holds_for_the_hits_before_it(make_recordin
     add_hit(maker, 2)
     maker.add_setup(name="another")
     add_hit(maker, 3)
-    hits = inspect_recording(Path(maker.close())).hits
+    hits = inspect_run(Run(maker.close())).hits
     assert [(hit.record, hit.campaign, hit.state.value) for hit in hits] == [
         (1, 1, "saved"),
         (2, 1, "saved"),
@@ -189,7 +189,7 @@ def test_a_release_that_was_called_off_is_no_lost_hit(make_recording):
     maker.add_setup()
     add_hit(maker, 1)
     maker.add("release", OURS + "HammerRelease", {**label(2), "swing_time": 0.2})
-    hits = inspect_recording(Path(maker.close())).hits
+    hits = inspect_run(Run(maker.close())).hits
     assert [(hit.record, hit.state.value) for hit in hits] == [(1, "saved")]
 
 

@@ -8,9 +8,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import Scan
-from impact_rig.recordings.source import find_recording, is_recording
+from impact_rig.recordings.source import find_recordings, is_recording
 
 
 @pytest.fixture
@@ -39,9 +39,43 @@ def test_what_is_named_is_found_and_read(make_run, tmp_path, recorded, named, fo
     (tmp_path / "run").mkdir()
     make_run(recorded)
     path = tmp_path / named
-    assert find_recording(path) == tmp_path / found
+    assert find_recordings(path) == (tmp_path / found,)
     assert is_recording(path)
-    assert len(list(read_recording(path).events())) == 2
+    assert len(list(Run(path).events())) == 2
+
+
+@pytest.mark.parametrize("named", ["", "session.mcap", "session-2.mcap", "session-3.mcap"])
+def test_a_file_of_a_run_that_was_resumed_stands_for_all_of_it(make_run, tmp_path, named):
+    (tmp_path / "run").mkdir()
+    names = ["session.mcap", "session-2.mcap", "session-3.mcap"]
+    files = tuple(make_run(f"run/{name}") for name in names)
+    run = Run(tmp_path / "run" / named)
+    assert run.files == files
+    assert (run.title, run.folder) == ("run", tmp_path / "run")
+    told = [f"part of a run that was resumed: all of it is read, {', '.join(names)}"]
+    assert [warning.partition(" is ")[2] for warning in run.warnings] == told * bool(named)
+
+
+def test_what_the_recorder_did_not_write_is_no_part_of_a_run(make_recording, make_run, tmp_path):
+    first, third = make_run("session.mcap"), make_run("session-3.mcap")
+    maker = make_recording("session-2.mcap", library="impact_rig-recover 1.0")
+    maker.add_setup()
+    copy = maker.close()
+    assert Run(first).files == Run(third).files == (first, third)
+    assert Run(copy).files == (copy,)
+    alone = make_run("other-2.mcap")
+    assert Run(alone).files == (alone,)
+
+
+def test_of_a_recorder_that_was_killed_at_once_nothing_is_read(make_run, tmp_path):
+    second = make_run("session-2.mcap")
+    (tmp_path / "session.mcap").touch()
+    (tmp_path / "session-3.mcap").touch()
+    assert Run(tmp_path).files == Run(second).files == (second,)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / "session.mcap").touch()
+    with pytest.raises(FileError, match=r"session\.mcap is empty"):
+        _ = Run(tmp_path / "empty").setup
 
 
 def test_of_several_in_a_folder_one_must_be_named_and_a_split_one_converted(make_run, tmp_path):
@@ -49,7 +83,7 @@ def test_of_several_in_a_folder_one_must_be_named_and_a_split_one_converted(make
     make_run("run/hall_1.mcap")
     make_run("run/hall_2.mcap")
     with pytest.raises(FileError, match="run is a folder with 2 recordings: name one") as error:
-        find_recording(tmp_path / "run")
+        find_recordings(tmp_path / "run")
     assert not is_recording(tmp_path / "run")
     assert list_conversion(error) == [str(tmp_path / "run"), f"{tmp_path / 'run'}.converted"]
 
@@ -69,7 +103,7 @@ def test_what_has_to_be_converted_is_refused_with_the_command(tmp_path, name):
     (folder / name).write_bytes(b"SQLite format 3")
     for path in (folder, folder / name):
         with pytest.raises(FileError, match="cannot be read: rosbags makes one") as error:
-            find_recording(path)
+            find_recordings(path)
         assert list_conversion(error) == [str(folder), f"{folder}.converted"]
 
 
@@ -81,7 +115,7 @@ def test_a_folder_by_another_recorder_is_read(tmp_path):
         for time in (5, 7):
             writer.write(text, time, data)
     assert sorted(path.name for path in folder.iterdir()) == ["bag.mcap", "metadata.yaml"]
-    messages = list(Scan(find_recording(folder)).read_messages())
+    messages = list(Scan(*find_recordings(folder)).read_messages())
     assert [(item.channel.topic, item.log_time, item.data) for item in messages] == [
         ("/text", 5, data),
         ("/text", 7, data),
@@ -90,10 +124,10 @@ def test_a_folder_by_another_recorder_is_read(tmp_path):
 
 def test_where_there_is_no_recording_it_is_said(tmp_path):
     with pytest.raises(FileError, match=r"there is no file .*lost\.mcap"):
-        find_recording(tmp_path / "lost.mcap")
+        find_recordings(tmp_path / "lost.mcap")
     (tmp_path / "empty").mkdir()
     with pytest.raises(FileError, match="empty is a folder without a recording"):
-        find_recording(tmp_path / "empty")
+        find_recordings(tmp_path / "empty")
 
 
 def test_traces_are_no_recording_and_a_recording_is_one_under_any_name(make_run, tmp_path):
@@ -109,4 +143,4 @@ def test_what_git_lfs_leaves_in_place_of_a_recording_is_called_so(tmp_path):
     path = tmp_path / "session.mcap"
     path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
     with pytest.raises(FileError, match=r"session\.mcap is what git-lfs leaves.*git lfs pull"):
-        read_recording(path)
+        Run(path)

@@ -36,10 +36,10 @@ from impact_rig.results.remarks import (
     tabulate_accepted,
     tabulate_rejections,
 )
-from impact_rig.results.traces import Run, compute_law_curves
+from impact_rig.results.traces import ReportedCampaign, compute_law_curves
 
 
-def make_run_sections(run: Run) -> tuple[Section, ...]:
+def make_run_sections(run: ReportedCampaign) -> tuple[Section, ...]:
     """Return the sections on one run: results, samples, tables, hits, set-up."""
     results = run.campaign.results
     remarks = gather_run_remarks(run)
@@ -68,7 +68,7 @@ def _make_results_section(results: Results, remarks: Sequence[Remark]) -> Sectio
     return Section("Results", tuple(parts))
 
 
-def _make_table_sections(run: Run) -> tuple[Section, ...]:
+def _make_table_sections(run: ReportedCampaign) -> tuple[Section, ...]:
     """Return the tables and figures of all samples; empty without an accepted hit."""
     results = run.campaign.results
     samples = results.samples
@@ -97,7 +97,7 @@ def _make_speed_section(results: Results) -> Section | None:
     return Section("Contact over impact speed", (*found, make_speed_picture(results)))
 
 
-def _make_sample_section(run: Run, sample: SampleEstimate) -> Section:
+def _make_sample_section(run: ReportedCampaign, sample: SampleEstimate) -> Section:
     """Return the page of one sample: its traces with the models, its law, its remarks."""
     results = run.campaign.results
     traces = next((item for item in run.campaign.samples if item.name == sample.name), None)
@@ -148,7 +148,7 @@ def _make_hits_section(results: Results) -> Section:
     return Section("Hits", (Paragraph(f"{text}."), *tabulate_rejections(results), *folded))
 
 
-def gather_run_remarks(run: Run) -> list[Remark]:
+def gather_run_remarks(run: ReportedCampaign) -> list[Remark]:
     """Return the remarks on the results of a run and on its recording."""
     results, provenance = run.campaign.results, run.provenance
     texts = list(run.warnings)
@@ -200,12 +200,14 @@ GUIDE = {
 """How to read the report: signs, methods and words."""
 
 
-def make_report(runs: Sequence[Run], report: Callable[[int], None] = lambda _: None) -> Document:
+def make_report(
+    runs: Sequence[ReportedCampaign], report: Callable[[int], None] = lambda _: None
+) -> Document:
     """Return the report of a run.
 
     Parameters
     ----------
-    runs : sequence of Run
+    runs : sequence of ReportedCampaign
         The campaigns of a recording, usually one.
     report : callable, optional
         Gets the number of finished campaigns.
@@ -232,7 +234,7 @@ def make_report(runs: Sequence[Run], report: Callable[[int], None] = lambda _: N
     )
 
 
-def _describe_origins(runs: Sequence[Run]) -> str:
+def _describe_origins(runs: Sequence[ReportedCampaign]) -> str:
     """Return where the numbers come from, run by run where there are several."""
     texts = [describe_origin(hit.origin for hit in run.campaign.results.hits) for run in runs]
     if len(runs) == 1:
@@ -240,14 +242,14 @@ def _describe_origins(runs: Sequence[Run]) -> str:
     return " ".join(f"{run.name}: {text}" for run, text in zip(runs, texts, strict=True))
 
 
-def _describe_rigs(runs: Sequence[Run]) -> str:
+def _describe_rigs(runs: Sequence[ReportedCampaign]) -> str:
     setups = [run.campaign.results.setup for run in runs]
     described = dict.fromkeys(setup.description or setup.name for setup in setups)
     text = "; ".join(item for item in described if item)
     return text[:1].upper() + text[1:]
 
 
-def _list_facts(runs: Sequence[Run]) -> tuple[tuple[str, str], ...]:
+def _list_facts(runs: Sequence[ReportedCampaign]) -> tuple[tuple[str, str], ...]:
     """Return the facts beside the title."""
     results = [run.campaign.results for run in runs]
     rigs = dict.fromkeys(item.setup.name for item in results if item.setup.name)

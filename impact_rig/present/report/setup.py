@@ -21,7 +21,7 @@ from impact_rig.results.numbers import (
     is_dated,
 )
 from impact_rig.results.tables import Column, Table, make_table, make_text_column
-from impact_rig.results.traces import Provenance, Run, TracedCampaign
+from impact_rig.results.traces import Provenance, ReportedCampaign, TracedCampaign
 
 GRAM = 1e3
 """Kilograms to grams."""
@@ -45,7 +45,7 @@ SETTINGS = {
 """Fields of `AnalysisSettings`: label, unit, and scale to it."""
 
 
-def make_setup_section(run: Run) -> Section:
+def make_setup_section(run: ReportedCampaign) -> Section:
     """Return the sections on the set-up."""
     setup = run.campaign.results.setup
     parts: list[Part] = [] if run.campaign.hits else [Paragraph(WITHOUT_TRACES)]
@@ -67,7 +67,7 @@ def format_date(provenance: Provenance | None) -> str:
     return format_time(provenance.start_time)
 
 
-def _list_facts(run: Run) -> tuple[tuple[str, str], ...]:
+def _list_facts(run: ReportedCampaign) -> tuple[tuple[str, str], ...]:
     setup = run.campaign.results.setup
     facts = [
         ("Rig", ": ".join(text for text in (setup.name, setup.description) if text)),
@@ -88,7 +88,10 @@ def _list_recording_facts(provenance: Provenance) -> list[tuple[str, str]]:
     period = f", for {duration:.1f} s" if is_dated(provenance.start_time) else ""
     facts = [
         ("Recorded", f"{format_date(provenance)}{period}"),
-        ("File", f"{provenance.size / 1e6:.4g} MB, SHA-256 {provenance.sha256}"),
+        *(
+            ("File", f"{file.name}, {file.size / 1e6:.4g} MB, SHA-256 {file.sha256}")
+            for file in provenance.files
+        ),
         ("Condition", "; ".join(provenance.problems) or is_sound),
         # Only a recorder that was there knows.
         ("Lost while recorded", provenance.losses or ("nothing" if provenance.ended else "")),

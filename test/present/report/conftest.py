@@ -10,7 +10,7 @@ from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.rig import FaultPlan, ScheduledFault, VirtualRigSettings
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
-from impact_rig.results.traces import Calibration, Provenance, Run
+from impact_rig.results.traces import Calibration, Provenance, RecordedFile, ReportedCampaign
 
 from ..conftest import START, Trace
 from .reader import Reader
@@ -20,7 +20,7 @@ HOSTILE = "<script>alert('sample')</script>--><b>"
 HOSTILE_NOTE = '</dd><img src="https://evil.example/x.png" onerror="alert(1)">'
 
 
-def strike_run(trace: Trace) -> Run:
+def strike_run(trace: Trace) -> ReportedCampaign:
     """Strike a control sample with a hostile name, and a misprinted one; lose one hit."""
     samples = PAPER_SETUP.samples
     renamed = (
@@ -47,15 +47,14 @@ def strike_run(trace: Trace) -> Run:
         replace(hit, recorded=replace(hit.recorded, calibrations=calibrations))
         for hit in campaign.hits
     )
-    return Run(
+    return ReportedCampaign(
         name="before",
         source="before/session.mcap",
         campaign=replace(campaign, hits=hits),
         provenance=Provenance(
             start_time=START,
             end_time=START + 12_300_000_000,
-            size=1_234_567,
-            sha256="ab" * 32,
+            files=(RecordedFile("session.mcap", 1_234_567, "ab" * 32),),
             problems=("the end is missing",),
             losses="1 gap of 1000 points in the blocks",
             ended="closed",
@@ -68,13 +67,13 @@ def strike_run(trace: Trace) -> Run:
 
 
 @pytest.fixture(scope="session")
-def told(trace: Trace) -> Run:
+def told(trace: Trace) -> ReportedCampaign:
     """Return a run with everything there is to tell."""
     return strike_run(trace)
 
 
 @pytest.fixture(scope="session")
-def page(told: Run) -> str:
+def page(told: ReportedCampaign) -> str:
     """Return the report of one run."""
     return render_page(make_report([told]))
 

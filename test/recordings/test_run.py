@@ -8,7 +8,8 @@ import pytest
 from impact_rig.core.errors import FileError
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.setup import RigSetup
-from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.contents import inspect_run
+from impact_rig.recordings.run import Run
 
 OURS = "impact_rig_msgs/msg/"
 
@@ -21,7 +22,7 @@ def test_events_come_in_file_order_over_many_chunks(make_recording, compression)
         maker.add_block(record)
     maker.add_setup(name="second")
     maker.add_block(6)
-    recording = read_recording(maker.close())
+    recording = Run(maker.close())
     told = [
         event.name if isinstance(event, RigSetup) else event.label.record
         for event in recording.events()
@@ -34,24 +35,29 @@ def test_the_first_setup_precedes_blocks_that_overtook_it(make_recording):
     maker = make_recording()
     maker.add_block(1)
     maker.add_setup()
-    events = list(read_recording(maker.close()).events())
+    events = list(Run(maker.close()).events())
     assert [type(event) for event in events] == [RigSetup, Block]
 
 
-def test_injected_faults_are_known_once_the_events_are_read(make_recording):
+def test_injected_faults_are_those_of_the_campaign_that_is_read(make_recording):
     maker = make_recording()
     maker.add_setup()
     maker.add_virtual_impact(1)
     maker.add_virtual_impact(2, "double_hit", "overload")
     maker.add_block(1)
-    recording = read_recording(maker.close())
-    assert recording.faults == {}
+    maker.add_setup()
+    maker.add_virtual_impact(1, "weak")
+    maker.add_block(1, first_sample=5)
+    recording = Run(maker.close())
     for _ in range(2):
-        list(recording.events())
-        assert recording.faults == {
-            HitLabel("brass", 1, 3, 2): (),
-            HitLabel("brass", 2, 3, 2): ("double_hit", "overload"),
-        }
+        faults = [recording.faults for event in recording.events() if isinstance(event, Block)]
+        assert faults == [
+            {
+                HitLabel("brass", 1, 3, 2): (),
+                HitLabel("brass", 2, 3, 2): ("double_hit", "overload"),
+            },
+            {HitLabel("brass", 1, 3, 2): ("weak",)},
+        ]
 
 
 def test_the_files_of_a_run_that_was_resumed_are_one_recording(make_recording, tmp_path):
@@ -67,14 +73,12 @@ def test_the_files_of_a_run_that_was_resumed_are_one_recording(make_recording, t
         for record in records:
             maker.add_block(record)
         maker.close()
-    recording = read_recording(tmp_path / "run")
+    recording = Run(tmp_path / "run")
     told = [
         "setup" if isinstance(event, RigSetup) else event.label.record
         for event in recording.events()
     ]
     assert told == ["setup", 1, 2, 3, "setup", 1]
-    alone = read_recording(tmp_path / "run" / "session.mcap")
-    assert sum(isinstance(event, Block) for event in alone.events()) == 2
 
 
 @pytest.mark.parametrize("namespace", ["/", "/hall_2", "/hall_2/rig_a"])
@@ -83,20 +87,50 @@ def test_namespace_and_remapped_topics_are_found_by_the_types(make_recording, na
     maker.add_setup("table")
     maker.add_block(1)
     maker.add("/rosout", "std_msgs/msg/String", {"data": "hello"})
-    recording = read_recording(maker.close())
+    recording = Run(maker.close())
     assert recording.namespace == namespace
     assert len(list(recording.events())) == 2
 
 
-def test_two_rigs_in_one_file_are_refused_by_name(make_recording):
-    maker = make_recording(namespace="/a")
-    maker.add_setup()
-    maker.add_block(1)
-    maker.add_setup("/b/setup", name="rig b")
+def test_of_two_rigs_in_one_file_one_is_chosen(make_recording):
+    """One of them may lie around the other."""
+    maker = make_recording()
+    maker.add_setup(name="outer")
+    maker.add_setup("/b/setup", name="inner")
     maker.add_block(9, topic="/b/acceleration")
+    maker.add_block(1)
     path = maker.close()
-    with pytest.raises(FileError, match="several rigs, in the namespaces /a, /b"):
-        read_recording(path)
+    with pytest.raises(FileError, match=r"several rigs, in the namespaces /, /b: .*--namespace"):
+        list(Run(path).events())
+    for namespace, name, record in (("/", "outer", 1), ("/b", "inner", 9), ("b", "inner", 9)):
+        setup, block = Run(path, namespace).events()
+        assert (setup.name, block.label.record) == (name, record)
+        (hit,) = inspect_run(Run(path, namespace)).hits
+        assert hit.record == record
+    with pytest.raises(FileError, match=r"holds no rig in namespace /c: it has /, /b"):
+        list(Run(path, "c").events())
+    assert {hit.rig for hit in inspect_run(Run(path)).hits} == {"/", "/b"}
+
+
+def test_blocks_that_are_there_twice_are_used_once(make_recording):
+    """Two recorders were merged."""
+    maker = make_recording()
+    maker.add_setup()
+    for record in (1, 1, 2, 2, 1):
+        maker.add_block(record)
+    maker.add_block(2, first_sample=100)
+    run = Run(maker.close())
+    blocks = [event for event in run.events() if isinstance(event, Block)]
+    assert [(block.label.record, block.first_sample) for block in blocks] == [
+        (1, 0),
+        (2, 0),
+        (2, 100),
+    ]
+    (warning,) = run.warnings
+    assert warning.endswith("holds 3 blocks twice: each is used once")
+    contents = inspect_run(run)
+    assert contents.repeated == 3
+    assert [hit.blocks for hit in contents.hits] == [1, 2]
 
 
 @pytest.mark.parametrize(
@@ -112,7 +146,7 @@ def test_what_is_no_recording_is_named(tmp_path, content, told):
     path = tmp_path / "session.mcap"
     path.write_bytes(content)
     with pytest.raises(FileError, match=f"session.mcap .*{told}"):
-        read_recording(path)
+        list(Run(path).events())
 
 
 def write_foreign(path: Path, profile: str = "ros2", **changes: str) -> None:
@@ -147,7 +181,7 @@ def test_foreign_recordings_are_refused_by_name(tmp_path, changes, told):
     path = tmp_path / "foreign.mcap"
     write_foreign(path, **changes)
     with pytest.raises(FileError, match=rf"foreign\.mcap.*{told}"):
-        read_recording(path)
+        list(Run(path).events())
 
 
 def test_a_block_that_contradicts_itself_is_named(make_recording):
@@ -155,4 +189,4 @@ def test_a_block_that_contradicts_itself_is_named(make_recording):
     maker.add_setup()
     maker.add_block(1, sampling_rate=-1.0)
     with pytest.raises(FileError, match=r"/acceleration: sampling rate is -1\.0 Hz"):
-        list(read_recording(maker.close()).events())
+        list(Run(maker.close()).events())

@@ -1,0 +1,329 @@
+"""A run: all its recordings as one, read without ROS, decoded by the schemas in the files."""
+
+from collections.abc import Callable, Collection, Iterator
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from impact_rig.core.errors import FileError, RigError
+from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.setup import RigSetup
+from impact_rig.core.stream import StreamCutter
+from impact_rig.recordings.campaigns import CampaignWatch
+from impact_rig.recordings.messages import (
+    BLOCK_TYPE,
+    SETUP_TYPE,
+    STREAM_TYPE,
+    VIRTUAL_IMPACT_TYPE,
+    block_from_msg,
+    label_from_msg,
+    setup_from_msg,
+)
+from impact_rig.recordings.records import Channel, RawMessage
+from impact_rig.recordings.scan import Report, Scan
+from impact_rig.recordings.schemas import decode_message
+from impact_rig.recordings.source import RUN_NAME, find_recordings
+
+_T = TypeVar("_T")
+
+
+class Run:
+    """A run of one rig: one recording, or all of a run that was resumed.
+
+    To make one only finds its files; each reading passes over them again, and holds nothing in
+    memory.
+
+    Parameters
+    ----------
+    path : Path
+        As `find_recordings` takes it. A file that belongs to a run stands for all of it.
+    namespace : str, optional
+        Of the rig, where the recordings hold several; None: there is only one.
+
+    Raises
+    ------
+    FileError
+        If there is no such recording. So does all that reads: if a file is damaged or no recording
+        of ROS 2, or holds several rigs of which none is chosen.
+
+    Examples
+    --------
+    >>> run = Run(Path("runs/2026-11-25T21-28-43"))  # doctest: +SKIP
+    >>> for event in run.events():  # doctest: +SKIP
+    ...     print(type(event).__name__)
+    """
+
+    hammer_unit: str | None = None  # the set-up says in what the hammer's channel is
+    has_scale = True  # its numbers make accelerations
+
+    def __init__(self, path: Path, namespace: str | None = None) -> None:
+        self.path = Path(path)  # as a person named it
+        self.files = find_recordings(self.path)  # in the order of their recording
+        self.size = sum(file.stat().st_size for file in self.files)  # [byte]
+        # Injected by the virtual rig into the hits of the campaign that `events` has come to, each
+        # with a mapping of its own; empty: a good hit.
+        self.faults: dict[HitLabel, tuple[str, ...]] = {}
+        # The rig that was chosen; None: the only one.
+        self.wanted = None if namespace is None else "/" + namespace.strip("/")
+        self._repeated = 0  # messages that the last reading met a second time
+
+    @property
+    def name(self) -> Path:
+        """Its one file; of several what a person named."""
+        return self.files[0] if len(self.files) == 1 else self.path
+
+    @property
+    def folder(self) -> Path:
+        """Where its recordings are."""
+        return self.files[0].parent
+
+    @property
+    def is_of_recorder(self) -> bool:
+        """Whether it is called as the recorder calls a run, with its results beside it."""
+        return self.files[0].stem == RUN_NAME
+
+    @property
+    def title(self) -> str:
+        """What to call it: the folder of a run, else the file."""
+        first = self.files[0].absolute()
+        return first.parent.name if self.is_of_recorder else first.stem
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know; that messages are there twice, once they were read."""
+        warnings = [warning for scan in self.scans for warning in scan.warnings]
+        if (part := self.describe_part()) is not None:
+            warnings.insert(0, part)
+        if self._repeated:
+            warnings.append(f"{self.path} holds {self._repeated} blocks twice: each is used once")
+        return tuple(warnings)
+
+    def describe_part(self) -> str | None:
+        """Return that the file that was named is not the whole run; None: it is all there is."""
+        if len(self.files) == 1 or self.path.is_dir():
+            return None
+        names = ", ".join(file.name for file in self.files)
+        return f"{self.path} is part of a run that was resumed: all of it is read, {names}"
+
+    @cached_property
+    def scans(self) -> tuple[Scan, ...]:
+        """Its files, opened by a reader that raises at the first damage."""
+        return tuple(map(Scan, self.files))
+
+    @cached_property
+    def namespaces(self) -> tuple[str, ...]:
+        """Of all rigs in its files, by their set-ups and blocks."""
+        channels = [channel for scan in self.scans for channel in scan.read_channels()]
+        return list_namespaces(channels)
+
+    @cached_property
+    def namespace(self) -> str:
+        """Of its rig, "/" for none."""
+        return choose_namespace(self.path, self.namespaces, self.wanted)
+
+    @cached_property
+    def setup(self) -> RigSetup:
+        """The first set-up."""
+        for raw in self.read_messages({SETUP_TYPE}):
+            return self.convert(raw, setup_from_msg)
+        raise FileError(
+            f"{self.path} holds no set-up of a rig (topic 'setup', {SETUP_TYPE}): without masses"
+            " and settings its blocks cannot be evaluated"
+        )
+
+    def events(self, report: Report = lambda _: None) -> Iterator[RigSetup | Block]:
+        """Yield set-ups and blocks in file order, the first set-up before everything else.
+
+        Impacts in a running stream are found now, if they were not found while it was recorded.
+
+        Parameters
+        ----------
+        report : callable, optional
+            Gets now and then how much was read [byte].
+
+        Yields
+        ------
+        RigSetup or Block
+            A set-up begins a campaign and holds for the blocks after it.
+
+        Raises
+        ------
+        FileError
+            Also if a message does not have the fields of this version.
+        """
+        setup, self.faults = self.setup, {}
+        yield setup
+        is_first = True
+        for scan, messages in self.read_files(_choose_event_types, report):
+            cutter = None if holds_blocks(scan) else StreamCutter(setup.analysis)
+            for raw in messages:
+                if raw.channel.type_name == VIRTUAL_IMPACT_TYPE:
+                    label, faults = self.convert(raw, _faults_from_msg)
+                    self.faults[label] = faults
+                elif raw.channel.type_name == SETUP_TYPE:
+                    if not is_first:
+                        setup, self.faults = self.convert(raw, setup_from_msg), {}
+                        yield setup
+                        if cutter is not None:
+                            cutter = StreamCutter(setup.analysis)
+                    is_first = False
+                elif cutter is not None:
+                    yield from cutter.feed(self.convert(raw, block_from_msg))
+                else:
+                    yield self.convert(raw, block_from_msg)
+
+    def read_messages(self, types: Collection[str]) -> Iterator[RawMessage]:
+        """Yield the messages of some types as `read_files`."""
+        for _, messages in self.read_files(lambda _: types):
+            yield from messages
+
+    def read_files(
+        self, choose_types: Callable[[Scan], Collection[str]], report: Report = lambda _: None
+    ) -> Iterator[tuple[Scan, Iterator[RawMessage]]]:
+        """Yield each file with its messages, to be read before the next file.
+
+        Of the set-ups there are those that begin a campaign; blocks that are there twice, byte by
+        byte, come once.
+
+        Parameters
+        ----------
+        choose_types : callable
+            Returns the types of the messages that are wanted of a file.
+        report : callable, optional
+            Gets now and then how much was read [byte].
+        """
+        watch, before = CampaignWatch(), 0
+        for scan in self.scans:
+            types = choose_types(scan)
+            wanted = partial(self.is_wanted, types)
+            messages = scan.read_messages(wanted, partial(_report_from, report, before))
+            yield scan, (raw for raw in messages if self._is_new(watch, raw))
+            before += scan.size
+            self._repeated = watch.repeated
+
+    def is_wanted(self, types: Collection[str], channel: Channel) -> bool:
+        """Return whether a topic of some types is of this run's rig."""
+        is_ours = find_owner(channel.topic, self.namespaces) == self.namespace
+        return channel.type_name in types and is_ours
+
+    def _is_new(self, watch: CampaignWatch, raw: RawMessage) -> bool:
+        """Return whether a message begins a campaign, or says what was not there before."""
+        if raw.channel.type_name == SETUP_TYPE:
+            return self.convert(raw, watch.add_setup)
+        is_block = raw.channel.type_name in (BLOCK_TYPE, STREAM_TYPE)
+        return not is_block or watch.add_block(raw.data)
+
+    def convert(self, raw: RawMessage, convert: Callable[[Any], _T]) -> _T:
+        """Return a message as a core type.
+
+        Parameters
+        ----------
+        raw : RawMessage
+            Of this run.
+        convert : callable
+            From the decoded message to the core type.
+
+        Raises
+        ------
+        FileError
+            If the message does not have the fields of this version, or they cannot be meant.
+        """
+        try:
+            return convert(decode_message(raw))
+        except AttributeError as error:
+            raise FileError(
+                f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has no field"
+                f" {error.name!r}: it was recorded with another version of the interfaces"
+            ) from None
+        except FileError as error:  # it names the topic
+            raise FileError(f"{self.path}: {error}") from None
+        except RigError as error:
+            raise FileError(f"{self.path}: {raw.channel.topic}: {error}") from None
+        except (TypeError, ValueError, OverflowError) as error:
+            raise FileError(
+                f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has a field of"
+                f" another kind than in this version: {error}"
+            ) from None
+
+
+def _choose_event_types(file: Scan) -> Collection[str]:
+    kind = BLOCK_TYPE if holds_blocks(file) else STREAM_TYPE
+    return {SETUP_TYPE, VIRTUAL_IMPACT_TYPE, kind}
+
+
+def holds_blocks(file: Scan) -> bool:
+    """Return whether a recording holds impacts, and not only a running stream that has them."""
+    channels = file.read_channels()
+    if not any(channel.type_name == STREAM_TYPE for channel in channels):
+        return True
+    return any(file.read_messages(lambda channel: channel.type_name == BLOCK_TYPE))
+
+
+_USUAL_NAMES = {
+    SETUP_TYPE: "setup",
+    BLOCK_TYPE: "acceleration",
+    STREAM_TYPE: "acceleration/stream",
+}
+"""Of the topics that tell a rig, by their types; one that was remapped lies in its namespace."""
+
+
+def list_namespaces(channels: Collection[Channel]) -> tuple[str, ...]:
+    """Return the namespaces of the rigs in a recording, by the topics of set-ups and blocks."""
+    return tuple(
+        sorted(
+            {
+                _name_parent(channel.topic, _USUAL_NAMES[channel.type_name])
+                for channel in channels
+                if channel.type_name in _USUAL_NAMES
+            }
+        )
+    )
+
+
+def _name_parent(topic: str, name: str) -> str:
+    parent = topic[: -len(name)] if topic.endswith("/" + name) else topic.rpartition("/")[0]
+    return parent.rstrip("/") or "/"
+
+
+def find_owner(topic: str, namespaces: Collection[str]) -> str | None:
+    """Return the namespace of the rig to which a topic belongs; None: to no rig.
+
+    One rig may lie in the namespace of another, as all do in that of a rig without one.
+    """
+    around = (name for name in namespaces if topic.startswith(name.rstrip("/") + "/"))
+    return max(around, key=len, default=None)
+
+
+def choose_namespace(path: Path, found: Collection[str], wanted: str | None) -> str:
+    """Return the namespace of the rig that is to be read.
+
+    Parameters
+    ----------
+    path : Path
+        Of the recording, for the message.
+    found : collection of str
+        What `list_namespaces` returns.
+    wanted : str or None
+        The one that a person chose; None: there should be only one.
+
+    Raises
+    ------
+    FileError
+        If there is no such rig, or there are several.
+    """
+    if wanted is not None and found and wanted not in found:
+        raise FileError(f"{path} holds no rig in namespace {wanted}: it has {', '.join(found)}")
+    if wanted is None and len(found) > 1:
+        raise FileError(
+            f"{path} holds several rigs, in the namespaces {', '.join(found)}: choose one of them"
+            " with --namespace"
+        )
+    return wanted or next(iter(found), "/")
+
+
+def _report_from(report: Report, before: int, done: int) -> None:
+    report(before + done)
+
+
+def _faults_from_msg(message: Any) -> tuple[HitLabel, tuple[str, ...]]:
+    return label_from_msg(message), tuple(str(fault) for fault in message.faults)
