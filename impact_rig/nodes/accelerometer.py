@@ -3,14 +3,14 @@
 from dataclasses import replace
 from typing import Any
 
-from impact_rig_msgs.msg import AccelerationBlock, AcquisitionState, HammerRelease, RigSetup
+from impact_rig_msgs.msg import AcquisitionState, HammerRelease
 from impact_rig_msgs.srv import Arm, JoinCampaign
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.processes import CONTINUOUS
 from impact_rig.core import setup
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.records import HitLabel
+from impact_rig.core.records import Block, HitLabel
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.accelerometer_source import (
     COMPLETE,
@@ -21,6 +21,7 @@ from impact_rig.nodes.accelerometer_source import (
 )
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
+from impact_rig.nodes.intake import Received
 from impact_rig.recordings.messages import NO_ID, setup_from_msg
 
 TRIGGERED = "triggered"
@@ -153,10 +154,10 @@ class AccelerometerNode(DeviceNode):
         campaign_id = self.membership.identity.campaign_id
         self.membership.identity = Identity(campaign_id, self._stream_id)
 
-    def _on_setup(self, message: RigSetup) -> None:
+    def _on_setup(self, received: Received[setup.RigSetup]) -> None:
         """Use set-ups without a campaign, until one has asked this node to join."""
         if not self.membership.is_joined:
-            self._setup = setup_from_msg(message)
+            self._setup = received.value
             self._use_setup()
 
     def _use_setup(self) -> None:
@@ -230,7 +231,8 @@ class AccelerometerNode(DeviceNode):
             return str(error)
         return None
 
-    def _on_release(self, message: HammerRelease) -> None:
+    def _on_release(self, received: Received[HammerRelease]) -> None:
+        message = received.value
         arming, opened = self._arming, self._open
         if arming is None or opened is None or message.record != arming.label.record:
             return
@@ -249,10 +251,10 @@ class AccelerometerNode(DeviceNode):
         # After the computation of a simulated hit, which takes its time.
         arming.release(swing + timeout + opened.plan.record_duration)
 
-    def _on_hit(self, message: AccelerationBlock) -> None:
+    def _on_hit(self, received: Received[Block]) -> None:
         """End the arming when its impact has been found in the running stream."""
-        arming = self._arming
-        if arming is not None and message.record == arming.label.record and message.last:
+        arming, block = self._arming, received.value
+        if arming is not None and block.label.record == arming.label.record and block.last:
             self._end_arming(is_judged=True)
             self._publish(AcquisitionState.IDLE, COMPLETE)
 

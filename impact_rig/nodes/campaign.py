@@ -25,6 +25,7 @@ from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.async_node import ANSWER_TIMEOUT
 from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg
+from impact_rig.nodes.intake import Received
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.messages import setup_from_msg
 
@@ -130,7 +131,7 @@ class CampaignNode(RigNode):
         self._hammer = HammerState(message="it has published no state")
         self._setup = self.advertise(interfaces.SETUP)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
-        self.listen(interfaces.IMPACT, self._on_impact)
+        self.listen(interfaces.IMPACT.unread, self._on_impact)
         self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._on_confirm_sample)
         names = ("recorder", "accelerometer", "estimator", "hammer", "visualizer")
         self._joins = {
@@ -434,12 +435,12 @@ class CampaignNode(RigNode):
             return await self.call(client, request, timeout, lambda: not client.service_is_ready())
         return None
 
-    def _on_hammer_state(self, message: HammerState) -> None:
-        self._hammer = message
+    def _on_hammer_state(self, received: Received[HammerState]) -> None:
+        self._hammer = received.value
 
-    def _on_impact(self, message: Impact) -> None:
+    def _on_impact(self, received: Received[Impact]) -> None:
         if self._campaign is not None:
-            self._campaign.verdict = message
+            self._campaign.verdict = received.value
 
     def _on_confirm_sample(
         self, request: ConfirmSample.Request, response: ConfirmSample.Response

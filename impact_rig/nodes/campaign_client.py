@@ -14,7 +14,6 @@ from impact_rig_msgs.msg import (
     AcquisitionState,
     HammerRelease,
     RecorderState,
-    VirtualImpact,
 )
 from impact_rig_msgs.srv import ConfirmSample
 from rclpy.action import ActionClient
@@ -26,6 +25,8 @@ from std_srvs.srv import Trigger
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import START_ONE, RigClient
+from impact_rig.nodes.conversions import Truth
+from impact_rig.nodes.intake import Received
 from impact_rig.nodes.result_messages import results_from_msg
 from impact_rig.results.campaign import Results
 
@@ -276,20 +277,21 @@ class CampaignClient(RigClient):
             answer = self.call(Trigger, interfaces.CONFIRM_HELD, request, SERVICE_TIMEOUT)
             refusal, is_held = answer.message, answer.success
 
-    def _on_release(self, release: HammerRelease) -> None:
+    def _on_release(self, received: Received[HammerRelease]) -> None:
         """Show a person who releases the hammer by hand that it is time."""
+        release = received.value
         if self._operator is not None and release.latest_contact > release.swing_time:
             self._operator.let_go(release.sample, release.latest_contact)
 
-    def _on_virtual_impact(self, message: VirtualImpact) -> None:
+    def _on_virtual_impact(self, received: Received[Truth]) -> None:
         """Keep what the virtual rig did on purpose."""
-        self._faults[message.record] = tuple(message.faults)
+        self._faults[received.value.label.record] = received.value.faults
 
-    def _on_acquisition_state(self, message: AcquisitionState) -> None:
-        self._acquisition = message
+    def _on_acquisition_state(self, received: Received[AcquisitionState]) -> None:
+        self._acquisition = received.value
 
-    def _on_recorder_state(self, message: RecorderState) -> None:
-        self._recording = message.uri
+    def _on_recorder_state(self, received: Received[RecorderState]) -> None:
+        self._recording = received.value.uri
 
     @property
     def run_folder(self) -> Path | None:

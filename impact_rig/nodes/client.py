@@ -21,6 +21,7 @@ from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.executor import make_executor
+from impact_rig.nodes.intake import Intake, Received
 
 START_ONE = (
     "start one with `impact-rig up`, and check ROS_DOMAIN_ID and the namespace on both sides"
@@ -52,6 +53,7 @@ class RigClient:
                 enable_rosout=False,
                 start_parameter_services=False,
             )
+        self._intake = Intake(self._node)
         self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
 
@@ -72,15 +74,20 @@ class RigClient:
     def listen(
         self,
         topic: interfaces.Topic,
-        callback: Callable[[Any], None],
+        callback: Callable[[Received[Any]], None],
         qos: QoSProfile | None = None,
         on_liveliness: Callable[[Any], None] | None = None,
     ) -> None:
-        """Subscribe to a topic."""
+        """Subscribe to a topic, by the same way in as the rig's nodes."""
+
+        def on_message(message: Any) -> None:
+            if received := self._intake.take(topic, message):
+                callback(received)
+
         self._node.create_subscription(
             topic.type,
             topic.name,
-            callback,
+            on_message,
             qos or (topic.leased_qos if on_liveliness else topic.qos),
             event_callbacks=SubscriptionEventCallbacks(
                 liveliness=on_liveliness, use_default_callbacks=False
@@ -199,13 +206,13 @@ class HammerClient(RigClient):
         """Return in words what the hammer does; raises `DeviceError` if it publishes no state."""
         from impact_rig.nodes.guarded_hammer import HammerPlace  # which a stop does not need
 
-        states: list[HammerState] = []
+        states: list[Received[HammerState]] = []
         self.listen(interfaces.HAMMER_STATE, states.append)
         if not self.spin_until(lambda: bool(states), self._timeout):
             raise DeviceError(
                 f"no hammer publishes its state within {self._timeout:g} s: {START_ONE}"
             )
-        state = states[-1]
+        state = states[-1].value
         text = (
             f"{HammerPlace(state.state).name.lower()}, {'armed' if state.armed else 'not armed'}"
         )

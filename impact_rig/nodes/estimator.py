@@ -6,16 +6,19 @@ from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from impact_rig_msgs.msg import AccelerationBlock, RecordStored, RigSetup, StreamBlock
+from impact_rig_msgs.msg import RecordStored, RigSetup
 from impact_rig_msgs.srv import GetResults, JoinCampaign
 
+from impact_rig.core import setup as core_setup
 from impact_rig.core.errors import RigError
 from impact_rig.core.hits import JudgedHit
+from impact_rig.core.records import Block
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import Session
 from impact_rig.core.stream import StreamCutter
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.identity import Identity, id_from_msg, identity_from_msg
+from impact_rig.nodes.identity import Identity
+from impact_rig.nodes.intake import Received
 from impact_rig.nodes.ledger import Ledger
 from impact_rig.nodes.messages import block_to_msg
 from impact_rig.nodes.result_messages import (
@@ -26,7 +29,7 @@ from impact_rig.nodes.result_messages import (
 )
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.campaigns import begins_campaign
-from impact_rig.recordings.messages import block_from_msg, setup_from_msg
+from impact_rig.recordings.messages import setup_from_msg
 
 LIBRARIES = (
     "GTC",
@@ -60,7 +63,7 @@ class EstimatorNode(RigNode):
         self._cutter: StreamCutter | None = None  # of impacts out of a running stream
         # Made when the first block of a stream comes: else the accelerometers publish the impacts.
         self._cuts: Any = None
-        self._early: deque[AccelerationBlock] = deque(maxlen=1000)  # without a set-up yet
+        self._early: deque[Received[Block]] = deque(maxlen=1000)  # without a set-up yet
         self._impact = self.advertise(interfaces.IMPACT)
         self._estimate = self.advertise(interfaces.ESTIMATE)
         self._hammer_estimate = self.advertise(interfaces.HAMMER_ESTIMATE)
@@ -111,11 +114,10 @@ class EstimatorNode(RigNode):
         ledger = self._ledger
         is_same = self._setup is not None and self._setup.campaign_id == request.setup.campaign_id
         if ledger is None or not is_same or ledger.recording != request.recording:
-            self._begin(request.setup, request.recording)
+            self._begin(request.setup, setup_from_msg(request.setup), request.recording)
         self._catch_up()
 
-    def _begin(self, message: RigSetup, recording: str) -> None:
-        setup = setup_from_msg(message)
+    def _begin(self, message: RigSetup, setup: core_setup.RigSetup, recording: str) -> None:
         self._setup, self._ledger = message, Ledger(Session(setup), recording)
         self._incomplete.clear()
         if self._cutter is None or setup.analysis != self._cutter.settings:
@@ -138,41 +140,42 @@ class EstimatorNode(RigNode):
         else:
             self._publish_hits(ledger.session, ledger.judge_incomplete())
 
-    def _on_setup(self, message: RigSetup) -> None:
+    def _on_setup(self, received: Received[core_setup.RigSetup]) -> None:
         """Follow the set-ups of a replay."""
         current = None if self._setup is None else self.membership.identity.campaign_id
-        if self.membership.is_joined or not begins_campaign(message, current):
+        if self.membership.is_joined or not begins_campaign(received.message, current):
             return
-        self.membership.identity = Identity(id_from_msg(message.campaign_id))
-        self._begin(message, "")
+        self.membership.identity = Identity(received.identity.campaign_id)
+        self._begin(received.message, received.value, "")
         early = tuple(self._early)
         self._early.clear()
         for block in early:
             self._on_block(block)
 
-    def _on_block(self, message: AccelerationBlock) -> None:
-        if not self.is_active or self.membership.is_foreign_stream(message):
+    def _on_block(self, received: Received[Block]) -> None:
+        if not self.is_active or self.membership.is_foreign_stream(received.message):
             return
-        is_ours = id_from_msg(message.campaign_id) == self.membership.identity.campaign_id
-        if self._ledger is None or not is_ours:
-            self._early.append(message)
+        identity = received.identity
+        if self._ledger is None or identity.campaign_id != self.membership.identity.campaign_id:
+            self._early.append(received)
             return
-        self._publish_hits(self._ledger.session, self._ledger.add_block(message))
+        block = received.value
+        key = (identity.stream_id, block.label.record)
+        self._publish_hits(self._ledger.session, self._ledger.add_block(key, block))
 
-    def _on_stream_block(self, message: StreamBlock) -> None:
+    def _on_stream_block(self, received: Received[Block]) -> None:
         """Publish the impact that a block completes as `AccelerationBlock`."""
-        if not self.is_active or self.membership.is_foreign_stream(message):
+        if not self.is_active or self.membership.is_foreign_stream(received.message):
             return
         if self._cuts is None:
             self._cuts = self.advertise(interfaces.ACCELERATION)
         if self._cutter is not None:
-            identity = identity_from_msg(message)
-            for cut in self._cutter.feed(block_from_msg(message)):
-                self._cuts.publish(block_to_msg(cut, identity))
+            for cut in self._cutter.feed(received.value):
+                self._cuts.publish(block_to_msg(cut, received.identity))
 
-    def _on_stored(self, message: RecordStored) -> None:
+    def _on_stored(self, received: Received[RecordStored]) -> None:
         if self._ledger is not None and self._ledger.recording:
-            self._publish_hits(self._ledger.session, self._ledger.add_stored(message))
+            self._publish_hits(self._ledger.session, self._ledger.add_stored(received.value))
 
     def _publish_hits(self, session: Session, hits: tuple[JudgedHit, ...]) -> None:
         for hit in hits:

@@ -22,6 +22,7 @@ from impact_rig.nodes.guarded_hammer import (
     HammerPlace,
 )
 from impact_rig.nodes.identity import id_from_msg
+from impact_rig.nodes.intake import Received
 from impact_rig.nodes.rig_node import RigNode
 
 Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
@@ -91,9 +92,9 @@ class RigMember:
             return f"the {self.name}'s device is lost: {state.message}"
         return None
 
-    def _keep_state(self, message: Any) -> None:
+    def _keep_state(self, received: Received[Any]) -> None:
         self._was_there = True
-        self.state = message
+        self.state = received.message
         self._on_change()
 
     def _keep_liveliness(self, status: Any) -> None:

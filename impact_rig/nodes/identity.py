@@ -6,7 +6,6 @@ message and a second rig are told apart without a clock.
 """
 
 import uuid
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,11 +46,14 @@ class Identity:
 
 
 NO_IDENTITY = Identity()
+_NO_ID = UUID()
 
 
 def identity_from_msg(message: Any) -> Identity:
-    """Return the ids of a block."""
-    return Identity(id_from_msg(message.campaign_id), id_from_msg(message.stream_id))
+    """Return the ids of a message, those that it has."""
+    return Identity(*(
+        id_from_msg(getattr(message, name, _NO_ID)) for name in ("campaign_id", "stream_id")
+    ))  # fmt: skip
 
 
 class Membership:
@@ -59,18 +61,11 @@ class Membership:
 
     A node that no campaign has asked to join follows the set-ups that it receives, those of a
     replay, and takes everything.
-
-    Parameters
-    ----------
-    warn : callable
-        Called once for each foreign campaign, with a sentence.
     """
 
-    def __init__(self, warn: Callable[[str], None]) -> None:
+    def __init__(self) -> None:
         self.identity = Identity()
         self.is_joined = False
-        self.foreign: set[bytes] = set()  # campaigns that a warning has named
-        self._warn = warn
 
     def join(self, identity: Identity) -> bool:
         """Take part in a campaign; return whether it is another than before."""
@@ -78,24 +73,14 @@ class Membership:
         self.identity, self.is_joined = identity, True
         return is_new
 
-    def is_foreign(self, message: Any, what: str) -> bool:
-        """Return whether a message is to be ignored; warn of a campaign the first time."""
+    def is_foreign(self, message: Any) -> bool:
+        """Return whether a message is to be ignored."""
         if not self.is_joined or not hasattr(message, "campaign_id"):
             return False
-        campaign_id = id_from_msg(message.campaign_id)
-        if campaign_id == self.identity.campaign_id:
+        if id_from_msg(message.campaign_id) == self.identity.campaign_id:
             return False
         # The running stream goes on while a campaign begins.
-        if isinstance(message, StreamBlock) and not self.is_foreign_stream(message):
-            return False
-        # A node that has just been started has not been asked to join yet.
-        if campaign_id not in self.foreign and campaign_id != NO_ID:
-            self.foreign.add(campaign_id)
-            self._warn(
-                f"{what} carries the id of another campaign, {uuid.UUID(bytes=campaign_id)}: a"
-                " replay or another rig is in this ROS domain; nothing of it is taken"
-            )
-        return True
+        return not isinstance(message, StreamBlock) or self.is_foreign_stream(message)
 
     def is_foreign_stream(self, message: Any) -> bool:
         """Return whether a block is of another stream of accelerations than the campaign's."""

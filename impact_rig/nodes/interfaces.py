@@ -3,8 +3,10 @@
 All names are relative, so that a rig can be put into a namespace and remapped.
 """
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -57,6 +59,23 @@ def make_qos(depth: int, *, latched: bool) -> QoSProfile:
     )
 
 
+def keep(message: Any) -> Any:
+    """Return a message in which any values can be meant."""
+    return message
+
+
+def _by(module: str, name: str) -> Callable[[Any], Any]:
+    """Return a conversion of messages out of a module of this room.
+
+    It is imported when the first message comes: who stops the hammer waits for none of it.
+    """
+
+    def convert(message: Any) -> Any:
+        return getattr(import_module(f"impact_rig.nodes.{module}"), name)(message)
+
+    return convert
+
+
 @dataclass(frozen=True)
 class Topic:
     """A topic of the rig."""
@@ -64,6 +83,9 @@ class Topic:
     name: str  # relative to the rig's namespace
     type: Any  # message class
     qos: QoSProfile  # of publisher and subscribers alike
+    # Returns what a message says, as one of our types; a RigError, ValueError or OverflowError
+    # says why it cannot be meant.
+    convert: Callable[[Any], Any] = keep
     lease: float = 0.0  # [s], after which a publisher without a sign of life is silent; 0: never
 
     @property
@@ -81,6 +103,11 @@ class Topic:
         leased.liveliness_lease_duration = Duration(seconds=self.lease)
         return leased
 
+    @property
+    def unread(self) -> "Topic":
+        """The topic for who passes messages on, or looks at plain fields alone."""
+        return replace(self, convert=keep)
+
     def deepen(self, depth: int) -> "Topic":
         """Return the topic with a subscriber's queue of at least so many messages."""
         qos = copy(self.qos)
@@ -88,30 +115,45 @@ class Topic:
         return replace(self, qos=qos)
 
 
-SETUP = Topic("setup", RigSetup, make_qos(1, latched=True), LEASE)
-ACCELERATION = Topic("acceleration", AccelerationBlock, make_qos(200, latched=False))
-STREAM = Topic("acceleration/stream", StreamBlock, make_qos(STREAM_DEPTH, latched=False))
+_BLOCK = _by("conversions", "block_from_msg")
+_RESULT = make_qos(RESULT_DEPTH, latched=True)
+_LATEST = make_qos(1, latched=True)
+
+SETUP = Topic("setup", RigSetup, _LATEST, _by("conversions", "setup_from_msg"), LEASE)
+ACCELERATION = Topic("acceleration", AccelerationBlock, make_qos(200, latched=False), _BLOCK)
+STREAM = Topic("acceleration/stream", StreamBlock, make_qos(STREAM_DEPTH, latched=False), _BLOCK)
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
-
-
-RELEASE = Topic("release", HammerRelease, make_qos(RESULT_DEPTH, latched=True))
-VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, make_qos(RESULT_DEPTH, latched=True))
-IMPACT = Topic("impact", Impact, make_qos(RESULT_DEPTH, latched=True))
-ESTIMATE = Topic("estimate", SampleEstimate, make_qos(RESULT_DEPTH, latched=True))
-HAMMER_ESTIMATE = Topic("hammer_estimate", HammerEstimate, make_qos(1, latched=True))
-COMPARISON = Topic("comparison", ModelComparison, make_qos(64, latched=True))  # 80 kB each
-HAMMER_STATE = Topic("hammer/state", HammerState, make_qos(1, latched=True))
-ACQUISITION_STATE = Topic(
-    "accelerometer/state", AcquisitionState, make_qos(1, latched=True), LEASE
+RELEASE = Topic("release", HammerRelease, _RESULT, _by("conversions", "check_release"))
+VIRTUAL_IMPACT = Topic(
+    "virtual_impact", VirtualImpact, _RESULT, _by("conversions", "truth_from_msg")
 )
-RECORDER_STATE = Topic("recorder/state", RecorderState, make_qos(1, latched=True), LEASE)
-RECORD_STORED = Topic("recorder/stored", RecordStored, make_qos(RESULT_DEPTH, latched=True))
+IMPACT = Topic("impact", Impact, _RESULT, _by("findings", "hit_results_from_msg"))
+ESTIMATE = Topic("estimate", SampleEstimate, _RESULT, _by("findings", "estimate_from_msg"))
+HAMMER_ESTIMATE = Topic(
+    "hammer_estimate", HammerEstimate, _LATEST, _by("findings", "hammer_estimate_from_msg")
+)
+COMPARISON = Topic(
+    "comparison", ModelComparison, make_qos(64, latched=True), _by("findings", "traces_from_msg")
+)
+"""Measured and model traces, 80 kB each."""
+HAMMER_STATE = Topic(
+    "hammer/state", HammerState, _LATEST, _by("conversions", "check_hammer_state")
+)
+ACQUISITION_STATE = Topic(
+    "accelerometer/state",
+    AcquisitionState,
+    _LATEST,
+    _by("conversions", "check_acquisition_state"),
+    LEASE,
+)
+RECORDER_STATE = Topic("recorder/state", RecorderState, _LATEST, lease=LEASE)
+RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT)
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
 NOTE = Topic("note", String, make_qos(10, latched=False))
 """What an operator has to say while the rig runs."""
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, QoSProfile(depth=64))
 """Of every node, once a second: one topic for all namespaces, as everywhere in ROS 2."""
-REPLAYER_STATE = Topic("replayer/state", ReplayerState, make_qos(1, latched=True))
+REPLAYER_STATE = Topic("replayer/state", ReplayerState, _LATEST)
 
 RECORDED_TOPICS = (
     SETUP,
@@ -128,7 +170,9 @@ RECORDED_TOPICS = (
     RECORD_STORED,
     NOTE,
 )
-"""Every topic of the rig; what else lies under its namespace is recorded as it is discovered."""
+"""Every topic of the rig; what else its nodes publish is recorded as it is discovered."""
+RIG_NODES = ("accelerometer", "campaign", "estimator", "hammer", "recorder")
+"""The nodes that a measurement rests on: it ends with each of them."""
 
 
 def make_join_name(node: str) -> str:

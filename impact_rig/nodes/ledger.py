@@ -60,12 +60,11 @@ class Ledger:
         """Whether a record is stored of which other blocks have come than are on the disk."""
         return bool(self._stored)
 
-    def add_block(self, message: AccelerationBlock) -> tuple[JudgedHit, ...]:
-        """Take a block; return the hits that are judged now.
+    def add_block(self, key: Key, block: Block) -> tuple[JudgedHit, ...]:
+        """Take a block of a record; return the hits that are judged now.
 
         Without a recording, a record that comes a second time is the first of another pass.
         """
-        key, block = find_key(message), block_from_msg(message)
         if not self.recording:
             if key in self._known:
                 self._clear()  # A replay begins again.

@@ -23,6 +23,6 @@ if __name__ == "__main__":
         if program == "talk":
             client.advertise(TOPIC).publish(String(data=token))
         else:
-            client.listen(TOPIC, lambda message: received.append(message.data))
+            client.listen(TOPIC, lambda message: received.append(message.value.data))
         client.spin_until(lambda: token in received, math.inf)
     print(get_rmw_implementation_identifier())

@@ -140,8 +140,8 @@ def _drain(node: RigNode, executor: Executor) -> None:
     """Work off what is still in the queues, as long as there is anything, for at most 2 s."""
     deadline = time.monotonic() + 2.0
     quiet_since = time.monotonic()
-    handled = node.messages_handled
+    handled = node.intake.handled
     while time.monotonic() < deadline and time.monotonic() - quiet_since < DRAIN_QUIET:
         executor.spin_once(timeout_sec=DRAIN_QUIET)
-        if node.messages_handled != handled:
-            handled, quiet_since = node.messages_handled, time.monotonic()
+        if node.intake.handled != handled:
+            handled, quiet_since = node.intake.handled, time.monotonic()

@@ -50,6 +50,12 @@ from impact_rig.recordings.writer import COMPRESSIONS, HEALTH_RECORD, RecordingW
 QUEUE_DEPTH = 2000
 """Depth of the queue of a topic [messages]: almost a second of blocks of 1000 points
 at 2.5 MS/s, in which the disk may stand still. Only waiting messages take memory."""
+FINDINGS = (
+    interfaces.IMPACT,
+    interfaces.ESTIMATE,
+    interfaces.HAMMER_ESTIMATE,
+    interfaces.COMPARISON,
+)
 
 
 def import_type(type_name: str) -> Any:
@@ -157,7 +163,9 @@ class RecorderNode(RigNode):
     def _begin(self, writer: RecordingWriter, attachments: Iterable[Attachment]) -> None:
         """Subscribe to the rig's topics; write software, computer, notes and files."""
         for topic in interfaces.RECORDED_TOPICS:
-            self._record_own(writer, topic)
+            # What was found is recorded as it came.
+            is_found = topic in FINDINGS
+            self._record_own(writer, topic.unread if is_found else topic)
         if self.get_value("record_stream"):
             self._record_own(writer, interfaces.STREAM)
         middleware = rclpy.get_rmw_implementation_identifier()
@@ -361,22 +369,24 @@ class RecorderNode(RigNode):
         on_written = self._on_written.get(full_name)
         definition = find_message_definition(topic.type_name)
         channel = writer.add_channel(full_name, definition, offers)
-        previous: int | None = None
+        previous = 0
 
         def on_message(data: bytes, info: Mapping[str, Any]) -> None:
             nonlocal previous
-            self.messages_handled += 1
+            message, number = None, info.get("publication_sequence_number") or 0
             if writer.closed:
                 return
-            message = None
             if is_own:
                 message = deserialize_message(data, topic.type)
-                if not self.takes(topic, message):
+                if self.intake.take(topic, message) is None:
+                    # What is left out on purpose is no gap; another publisher has other numbers.
+                    previous += number == previous + 1
                     return
+            else:
+                self.intake.handled += 1
             received = info["received_timestamp"] or time.time_ns()
             sent = info["source_timestamp"] or received
-            number = info.get("publication_sequence_number")
-            if number and previous and number > previous + 1:
+            if previous and number > previous + 1:
                 self._count_lost(full_name, number - previous - 1)
             previous = number
             try:

@@ -93,7 +93,7 @@ class ReplayClient(RigClient):
         self._outputs[topic.name].publish(message)
         self._sent += 1
         if not self.spin_until(
-            lambda: self._estimator.messages_handled >= self._sent, BLOCK_TIMEOUT
+            lambda: self._estimator.intake.handled >= self._sent, BLOCK_TIMEOUT
         ):
             raise RigError(f"the estimator took no message of {topic.name} for {BLOCK_TIMEOUT} s")
 

@@ -5,7 +5,7 @@ Each carries the id of the campaign that it was found in.
 
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -17,15 +17,15 @@ from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.records import FloatArray
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.speed_exponents import SpeedExponents
+from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.identity import Identity
 from impact_rig.nodes.messages import make_message, stamp_to_msg
 from impact_rig.recordings.messages import (
     fill_message,
     from_message,
-    origin_from_msg,
     setup_from_msg,
 )
-from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.campaign import Results
 
 
 def record_to_msg(record: SampleEstimate | HammerEstimate | SpeedExponents) -> Any:
@@ -50,23 +50,6 @@ def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
     return message
 
 
-def hit_results_from_msg(message: msg.Impact, injected_faults: Sequence[str]) -> HitResults:
-    """Return a judged hit as the results that leave the rig."""
-    return HitResults(
-        sample=message.sample,
-        impact=message.impact,
-        attempt=message.attempt,
-        record=message.record,
-        accepted=message.accepted,
-        reasons=tuple(message.reasons),
-        contact_time=message.contact_time,
-        hammer_peak=message.hammer_peak,
-        specimen_peak=message.specimen_peak,
-        injected_faults=tuple(injected_faults),
-        origin=origin_from_msg(message),
-    )
-
-
 def results_from_msg(message: Any, faults: Mapping[int, Sequence[str]]) -> Results:
     """Return the results in the answer of an estimator or of a campaign.
 
@@ -82,7 +65,10 @@ def results_from_msg(message: Any, faults: Mapping[int, Sequence[str]]) -> Resul
         setup=setup_from_msg(message.setup),
         hammer=from_message(HammerEstimate, message.hammer),
         samples=tuple(from_message(SampleEstimate, each) for each in message.samples),
-        hits=tuple(hit_results_from_msg(hit, faults.get(hit.record, ())) for hit in hits),
+        hits=tuple(
+            replace(hit_results_from_msg(hit), injected_faults=tuple(faults.get(hit.record, ())))
+            for hit in hits
+        ),
         speed_exponents=tuple(
             from_message(SpeedExponents, each) for each in message.speed_exponents
         ),

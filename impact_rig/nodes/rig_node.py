@@ -2,7 +2,6 @@
 
 import json
 import platform
-from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -23,9 +22,9 @@ from rclpy.parameter import Parameter
 from impact_rig.configuration.processes import ACTIVE
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.async_node import AsyncNode
-from impact_rig.nodes.identity import Identity, Membership, id_from_msg
+from impact_rig.nodes.identity import Identity, id_from_msg
+from impact_rig.nodes.intake import Intake, Received
 from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic, make_join_name
-from impact_rig.nodes.message_check import find_problem
 
 RCLError = rclpy_implementation.RCLError
 DIAGNOSTIC_PERIOD = 1.0
@@ -62,9 +61,8 @@ class RigNode(AsyncNode):
         self.declare(
             "autostart", True, "configure and activate at start-up, without a lifecycle manager"
         )
-        self.messages_handled = 0
-        self.messages_dropped: Counter[str] = Counter()  # which were not sound, by topic
-        self.membership = Membership(self.get_logger().warning)
+        self.intake = Intake(self)
+        self.membership = self.intake.membership
         self._states: list[tuple[Any, Callable[[], None]]] = []
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS.name, 10, event_callbacks=_NO_PUBLISHER_EVENTS
@@ -163,25 +161,20 @@ class RigNode(AsyncNode):
     def listen(
         self,
         topic: Topic,
-        callback: Callable[..., None],
+        callback: Callable[[Received[Any]], None],
         *,
         on_liveliness: Callable[[Any], None] | None = None,
     ) -> Any:
-        """Subscribe to one of the rig's topics; a `RigError` in the callback is reported.
+        """Subscribe to one of the rig's topics, by the node's intake.
 
-        Messages of another campaign are ignored. `on_liveliness` is called with the number of
-        publishers that are alive and silent, when it changes.
+        `callback` is called with each message that counts, as `Received`, and `on_liveliness` with
+        the number of publishers that are alive and silent, when it changes.
         """
 
         def on_message(message: Any) -> None:
-            self.messages_handled += 1
-            if not self.takes(topic, message):
-                return
-            try:
-                callback(message)
-            except RigError as error:
-                self.report_fault(f"{topic.name}: {error}")
-            self.wake_waiters()
+            if received := self.intake.take(topic, message):
+                self.on_received(topic, callback, received)
+                self.wake_waiters()
 
         return self.create_subscription(
             topic.type,
@@ -193,18 +186,14 @@ class RigNode(AsyncNode):
             ),
         )
 
-    def takes(self, topic: Topic, message: Any) -> bool:
-        """Return whether a message is of this node's campaign, and sound."""
-        if self.membership.is_foreign(message, topic.name):
-            return False
-        problem = find_problem(topic, message)
-        if problem is None:
-            return True
-        self.messages_dropped[topic.name] += 1
-        if self.messages_dropped[topic.name] == 1:
-            warning = f"a message of {topic.name} is dropped, as all like it: {problem}"
-            self.get_logger().warning(warning)
-        return False
+    def on_received(
+        self, topic: Topic, callback: Callable[[Any], None], received: Received[Any]
+    ) -> None:
+        """Call back with a message that counts, and report a `RigError`."""
+        try:
+            callback(received)
+        except RigError as error:
+            self.report_fault(f"{topic.name}: {error}")
 
     def find_missing_subscriber(self, topic: str, required: Iterable[str]) -> str | None:
         """Return which of the required nodes does not subscribe to a topic."""
@@ -365,7 +354,7 @@ class RigNode(AsyncNode):
                 KeyValue(key=key, value=str(value))
                 for key, value in {
                     "lifecycle": state,
-                    "messages dropped": self.messages_dropped.total(),
+                    "messages dropped": self.intake.dropped.total(),
                     **self.diagnose(),
                 }.items()
             ],

@@ -5,10 +5,9 @@ The file is written as hits come. What it keeps of a hit is its verdict; 512 MB 
 this host that come late.
 """
 
-import math
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,48 +15,27 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from impact_rig_msgs.msg import (
-    AccelerationBlock,
-    HammerEstimate,
-    Impact,
-    ModelComparison,
-    SampleEstimate,
-    VirtualImpact,
-)
-from impact_rig_msgs.msg import RigSetup as RigSetupMessage
-from numpy.typing import NDArray
 
-from impact_rig.core import paper_method, sample
-from impact_rig.core.contact_law import NO_LAW, ContactLaw
+from impact_rig.core.contact_law import NO_LAW
 from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.errors import RigError
 from impact_rig.core.hits import judge_hit
+from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.records import Block, HitLabel, Record
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.identity import id_from_msg
-from impact_rig.nodes.result_messages import hit_results_from_msg
+from impact_rig.nodes.conversions import Truth
+from impact_rig.nodes.intake import Received
+from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RigNode
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.health import Level, NodeHealth
 from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.recordings.campaigns import begins_campaign
-from impact_rig.recordings.messages import (
-    block_from_msg,
-    from_message,
-    label_from_msg,
-    setup_from_msg,
-    stamp_from_msg,
-)
 from impact_rig.recordings.new_file import choose_free
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.traces import (
-    AlignedHit,
-    ModelTraces,
-    SampleTraces,
-    TraceAssembler,
-    align_hit,
-)
+from impact_rig.results.traces import AlignedHit, SampleTraces, TraceAssembler, align_hit
 
 SILENCE = 5.0 * DIAGNOSTIC_PERIOD
 """How long a node that is not silent may take between two diagnostics [s]."""
@@ -94,56 +72,6 @@ class RigHealth:
         return tuple(nodes)
 
 
-def sample_traces_from_msgs(
-    comparisons: Sequence[ModelComparison], estimate: SampleEstimate | None
-) -> SampleTraces:
-    """Return the mean hit of a sample in m/s^2, with the models that were laid onto it.
-
-    Parameters
-    ----------
-    comparisons : sequence of impact_rig_msgs.msg.ModelComparison
-        Of one sample, the newest of each model, the newest of all last; those of another mean
-        than this one are left out.
-    estimate : impact_rig_msgs.msg.SampleEstimate or None
-        Of the same sample.
-
-    Returns
-    -------
-    SampleTraces
-    """
-    newest = comparisons[-1]
-    peaks = np.array([[newest.hammer_peak], [newest.specimen_peak]])
-    mean = _stack(newest.hammer_measured, newest.specimen_measured) * peaks
-    models = tuple(
-        ModelTraces(
-            model=comparison.model,
-            traces=_stack(comparison.hammer_model, comparison.specimen_model) * peaks,
-            mse_percent=(comparison.mse_hammer_percent, comparison.mse_sample_percent),
-        )
-        for comparison in comparisons
-        if comparison.impacts_accepted == newest.impacts_accepted
-        and len(comparison.hammer_model) == mean.shape[1]
-    )
-    return SampleTraces(
-        name=newest.sample,
-        sampling_rate=newest.sampling_rate,
-        # There from the start of the contact, here from its middle.
-        start_time=newest.start_time - newest.contact_time / 2.0,
-        mean=mean,
-        contact_time=newest.contact_time,
-        half_amplitude_width=estimate.half_amplitude_width if estimate else math.nan,
-        first_peak_time=estimate.first_peak_time if estimate else math.nan,
-        second_peak_time=estimate.second_peak_time if estimate else math.nan,
-        models=models,
-    )
-
-
-def _stack(hammer: Any, specimen: Any) -> NDArray[np.float64]:
-    """Return two traces of a message, shape (2, n)."""
-    traces = [np.frombuffer(memoryview(trace), np.float32) for trace in (hammer, specimen)]
-    return np.stack(traces).astype(np.float64)
-
-
 def is_shown(number: int) -> bool:
     """Whether the hit of this number, counted from 1 for each sample, is shown.
 
@@ -156,13 +84,13 @@ def is_shown(number: int) -> bool:
     return number % step == 0
 
 
-Finding: TypeAlias = VirtualImpact | Impact | SampleEstimate | HammerEstimate | ModelComparison
+Finding: TypeAlias = Truth | HitResults | SampleEstimate | HammerEstimate | SampleTraces
 LARGEST_CAMPAIGN = 1000
 """Most hits that tables show, the newest [-]: eight of the paper's campaigns."""
 
 
 class ShownCampaign:
-    """Keeps the newest message about each hit, sample and model of a campaign."""
+    """Keeps what was found last of each hit, sample and model of a campaign."""
 
     def __init__(self, setup: RigSetup, campaign_id: bytes) -> None:
         self.setup = setup
@@ -172,9 +100,9 @@ class ShownCampaign:
         self._numbers: Counter[str] = Counter()
         self._hits: dict[HitLabel, HitResults] = {}
         self._faults: dict[HitLabel, tuple[str, ...]] = {}
-        self._hammer: HammerEstimate | None = None
+        self._hammer = HammerEstimate()
         self.estimates: dict[str, SampleEstimate] = {}
-        self._comparisons: dict[str, dict[str, ModelComparison]] = {}
+        self._traces: dict[str, dict[str, SampleTraces]] = {}  # each with one model
 
     def add_block(self, block: Block) -> None:
         """Keep the record that a block completes until its verdict comes."""
@@ -192,22 +120,22 @@ class ShownCampaign:
         hit = judge_hit(record, self.setup.analysis, self.setup.responses).filtered
         return None if hit is None else align_hit(label, hit)
 
-    def add(self, message: Finding) -> None:
+    def add(self, found: Finding) -> None:
         """Keep what was found, in place of what was known of the same hit, sample and model."""
-        match message:
-            case VirtualImpact():
-                self._faults[label_from_msg(message)] = tuple(message.faults)
-            case Impact():
-                label = label_from_msg(message)
-                self._hits[label] = hit_results_from_msg(message, self._faults.get(label, ()))
+        match found:
+            case Truth():
+                self._faults[found.label] = found.faults
+            case HitResults():
+                label = found.label
+                self._hits[label] = replace(found, injected_faults=self._faults.get(label, ()))
             case SampleEstimate():
-                self.estimates[message.name] = message
+                self.estimates[found.name] = found
             case HammerEstimate():
-                self._hammer = message
-            case ModelComparison():
-                models = self._comparisons.setdefault(message.sample, {})
-                models.pop(message.model, None)
-                models[message.model] = message
+                self._hammer = found
+            case SampleTraces():
+                models = self._traces.setdefault(found.name, {})
+                models.pop(found.models[0].model, None)
+                models[found.models[0].model] = found
 
     @property
     def newest_hit(self) -> HitResults:
@@ -216,25 +144,30 @@ class ShownCampaign:
 
     def make_results(self) -> Results:
         """Return what is known now."""
-        hammer, estimates = self._hammer, self.estimates
+        estimates = self.estimates
         return Results(
             setup=self.setup,
-            hammer=paper_method.HammerEstimate()
-            if hammer is None
-            else from_message(paper_method.HammerEstimate, hammer),
+            hammer=self._hammer,
             samples=tuple(
-                from_message(sample.SampleEstimate, estimates[name])
-                for name in self.setup.samples.names
-                if name in estimates
+                estimates[name] for name in self.setup.samples.names if name in estimates
             ),
             hits=tuple(self._hits.values())[-LARGEST_CAMPAIGN:],
         )
 
     def make_traces(self, sample: str) -> SampleTraces:
-        """Return the traces of one sample as they are known now; errors as they are joined."""
-        comparisons = tuple(self._comparisons[sample].values())
-        estimate = self.estimates.get(sample)
-        return sample_traces_from_msgs(comparisons, estimate)
+        """Return the newest mean of one sample, with its models and what was read from it."""
+        known = tuple(self._traces[sample].values())
+        newest, estimate = known[-1], self.estimates.get(sample)
+        models = (one.models[0] for one in known if np.array_equal(one.mean, newest.mean))
+        traces = replace(newest, models=tuple(models))
+        if estimate is None:
+            return traces
+        return replace(
+            traces,
+            half_amplitude_width=estimate.paper.half_amplitude_width,
+            first_peak_time=estimate.paper.first_peak_time,
+            second_peak_time=estimate.paper.second_peak_time,
+        )
 
 
 Work = Callable[[ViewLog], None]
@@ -259,14 +192,14 @@ class VisualizerNode(RigNode):
         self._latest: dict[Hashable, Work] = {}  # to be logged at the next refresh
         self._refreshing: Any = None
         self._is_behind = False
-        self._last_reason = ""
+        self._left_out = ""  # why the last view that could not be shown was not
         self._subscriptions_of_view: list[Any] = []
         self._assembler = TraceAssembler()
         self._campaign: ShownCampaign | None = None
         # Of a campaign whose set-up has not come: more than the topics keep.
-        self._early: deque[Finding] = deque(maxlen=1000)
+        self._early: deque[Received[Finding]] = deque(maxlen=1000)
         self._health = RigHealth(self.get_namespace())
-        self._counts = {"blocks": 0, "hits": 0, "comparisons": 0}
+        self._counts = {"blocks": 0, "hits": 0, "comparisons": 0, "left out": 0}
 
     def configure(self) -> None:
         """Open the file and the viewers."""
@@ -316,23 +249,36 @@ class VisualizerNode(RigNode):
             self._view = None
 
     def diagnose(self) -> dict[str, Any]:
-        """Return what was shown."""
+        """Return what was shown, and what was not."""
         return dict(self._counts)
 
     def describe_warning(self) -> str | None:
         """Return why the view is not complete."""
         late = "a viewer takes no data, or the disk is full: the view may be behind"
-        return late if self._is_behind else None
+        reasons = [late] * self._is_behind
+        if self._left_out:
+            reasons.append(f"a view was left out: {self._left_out}")
+        return "; ".join(reasons) or None
+
+    def on_received(
+        self, topic: Topic, callback: Callable[[Any], None], received: Received[Any]
+    ) -> None:
+        """Call back, and go on whatever happens: a rig does not end with its display."""
+        self._try(f"{topic.name}: ", lambda: callback(received))
+
+    def _try(self, what: str, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except Exception as error:  # noqa: BLE001 - whatever cannot be shown is left out
+            text = str(error) if isinstance(error, RigError) else repr(error)
+            self._counts["left out"] += 1
+            if self._left_out != what + text:
+                self._left_out = what + text
+                self.get_logger().warning(f"a view is left out: {self._left_out}")
 
     def _log(self, work: Work) -> None:
-        if self._view is None:
-            return
-        try:
-            work(self._view.log)
-        except RigError as error:
-            if str(error) != self._last_reason:
-                self._last_reason = str(error)
-                self.get_logger().warning(f"a view is left out: {error}")
+        if (view := self._view) is not None:
+            self._try("", lambda: work(view.log))
 
     def _log_latest(self) -> None:
         latest = tuple(self._latest.values())
@@ -345,13 +291,13 @@ class VisualizerNode(RigNode):
         if self._view is not None:
             self._is_behind = not self._view.flush()
 
-    def _on_setup(self, message: RigSetupMessage) -> None:
+    def _on_setup(self, received: Received[RigSetup]) -> None:
         shown = self._campaign
-        if not begins_campaign(message, None if shown is None else shown.campaign_id):
+        if not begins_campaign(received.message, None if shown is None else shown.campaign_id):
             return
         self._log_latest()
-        setup = setup_from_msg(message)
-        campaign = self._campaign = ShownCampaign(setup, id_from_msg(message.campaign_id))
+        setup = received.value
+        campaign = self._campaign = ShownCampaign(setup, received.identity.campaign_id)
         contact_times = [sample.reference_contact_time for sample in setup.samples.samples]
         self._log(
             lambda log: log.log_setup(
@@ -364,28 +310,28 @@ class VisualizerNode(RigNode):
         for waiting in early:
             self._on_finding(waiting)
 
-    def _on_finding(self, message: Finding) -> None:
+    def _on_finding(self, received: Received[Finding]) -> None:
         """Show what was found in the campaign; a message of another may be before its set-up."""
-        campaign = self._campaign
-        if campaign is None or id_from_msg(message.campaign_id) != campaign.campaign_id:
-            self._early.append(message)
+        campaign, found = self._campaign, received.value
+        if campaign is None or received.identity.campaign_id != campaign.campaign_id:
+            self._early.append(received)
             return
-        campaign.add(message)
-        if isinstance(message, Impact):
-            verdict, stamp = campaign.newest_hit, stamp_from_msg(message.header.stamp)
+        campaign.add(found)
+        if isinstance(found, HitResults):
+            verdict, stamp = campaign.newest_hit, received.stamp
             self._log(lambda log: log.log_verdicts([verdict], [stamp]))
-            if hit := campaign.align(label_from_msg(message)):
+            if hit := campaign.align(verdict.label):
                 self._log(lambda log: log.log_aligned_hits([hit]))
-        if isinstance(message, ModelComparison):
+        if isinstance(found, SampleTraces):
             self._counts["comparisons"] += 1
-            self._latest["traces", message.sample] = partial(
-                _log_sample, campaign=campaign, sample=message.sample
+            self._latest["traces", found.name] = partial(
+                _log_sample, campaign=campaign, sample=found.name
             )
         self._log_results_soon(campaign)
 
-    def _on_block(self, message: AccelerationBlock) -> None:
+    def _on_block(self, received: Received[Block]) -> None:
         self._counts["blocks"] += 1
-        block = block_from_msg(message)
+        block = received.value
         if self._campaign is not None:
             self._campaign.add_block(block)
         traces = self._assembler.feed(block)
@@ -393,9 +339,9 @@ class VisualizerNode(RigNode):
             self._counts["hits"] += 1
             self._log(lambda log: log.log_hit(traces))
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        if self._health.add(message):
-            nodes, stamp = self._health.list_nodes(), stamp_from_msg(message.header.stamp)
+    def _on_diagnostics(self, received: Received[DiagnosticArray]) -> None:
+        if self._health.add(received.value):
+            nodes, stamp = self._health.list_nodes(), received.stamp
             self._latest["health"] = lambda log: log.log_health(nodes, stamp)
 
     def _log_results_soon(self, campaign: ShownCampaign) -> None:
@@ -404,5 +350,5 @@ class VisualizerNode(RigNode):
 
 def _log_sample(log: ViewLog, campaign: ShownCampaign, sample: str) -> None:
     estimate = campaign.estimates.get(sample)
-    law = from_message(ContactLaw, estimate.contact_law) if estimate else NO_LAW
+    law = estimate.contact_law if estimate else NO_LAW
     log.log_sample(campaign.make_traces(sample), law, campaign.setup)

@@ -15,7 +15,7 @@ from impact_rig.core.hits import JudgedHit
 from impact_rig.core.paper_estimate import PEAK, TIME, PaperEstimate
 from impact_rig.core.paper_method import CONTACT_TIME, HammerEstimate
 from impact_rig.core.quantity import INLINE, UNKNOWN, Comparable, Quantity, drop_internals
-from impact_rig.core.records import UNSTATED, Origin, join_origins
+from impact_rig.core.records import UNSTATED, HitLabel, Origin, join_origins
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import SessionResults
 from impact_rig.core.setup import RigSetup
@@ -41,6 +41,11 @@ class HitResults(Comparable):
     specimen_peak: float = field(default=math.nan, metadata=PEAK)
     injected_faults: tuple[str, ...] = ()  # what the virtual rig did on purpose
     origin: Origin = field(default=UNSTATED, metadata=INLINE)
+
+    @property
+    def label(self) -> HitLabel:
+        """Which hit it is."""
+        return HitLabel(self.sample, self.record, self.impact, self.attempt)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
+from impact_rig.nodes.intake import Received
 from impact_rig.nodes.ledger import Ledger
 
 from .campaigns import begin, start_rig
@@ -150,6 +151,6 @@ def test_a_record_that_is_not_stored_is_waited_for(harness, monkeypatch):
         patch.setattr(Ledger, "add_stored", lambda _, message: held.append(message) or ())
         wait_for_state(feedback, PAUSED, "the recorder has not stored record")
     estimator = find_node(harness, EstimatorNode)
-    harness.run(lambda: [estimator._on_stored(message) for message in held])
+    harness.run(lambda: [estimator._on_stored(Received(message, message)) for message in held])
     wait_for_more_hits(feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)

@@ -18,34 +18,25 @@ def test_every_message_of_the_rig_carries_the_id(topic):
 
 
 @pytest.fixture
-def warnings():
-    return []
-
-
-@pytest.fixture
-def membership(warnings):
-    return Membership(warnings.append)
+def membership():
+    return Membership()
 
 
 def of(campaign_id):
     return Impact(campaign_id=id_to_msg(campaign_id))
 
 
-def test_a_node_that_has_joined_none_takes_everything(membership, warnings):
-    assert not membership.is_foreign(of(make_id()), "impact")
-    assert not membership.is_foreign(of(NO_ID), "impact")
-    assert not warnings
+def test_a_node_that_has_joined_none_takes_everything(membership):
+    assert not membership.is_foreign(of(make_id()))
+    assert not membership.is_foreign(of(NO_ID))
 
 
-def test_what_carries_another_id_is_foreign_and_warned_of_once(membership, warnings):
+def test_what_carries_another_id_is_foreign(membership):
     own, other = make_id(), make_id()
     assert membership.join(Identity(own))
     assert not membership.join(Identity(own))
-    for _ in range(3):
-        assert not membership.is_foreign(of(own), "impact")
-        assert membership.is_foreign(of(other), "impact")
-    (warning,) = warnings
-    assert warning.startswith("impact carries the id of another campaign")
+    assert not membership.is_foreign(of(own))
+    assert membership.is_foreign(of(other))
 
 
 def test_the_accelerometers_stream_is_no_foreign_one_while_a_campaign_begins(membership):
@@ -54,14 +45,14 @@ def test_the_accelerometers_stream_is_no_foreign_one_while_a_campaign_begins(mem
     block = StreamBlock()
     for identity in (Identity(NO_ID, own.stream_id), Identity(own.campaign_id), own):
         identity.fill(block)
-        assert not membership.is_foreign(block, "acceleration/stream")
+        assert not membership.is_foreign(block)
     other.fill(block)
-    assert membership.is_foreign(block, "acceleration/stream")
+    assert membership.is_foreign(block)
 
 
 def test_no_id_is_an_id_like_another(membership):
     membership.join(Identity(make_id()))
-    assert membership.is_foreign(of(NO_ID), "impact")
+    assert membership.is_foreign(of(NO_ID))
     membership.join(Identity(NO_ID))
-    assert not membership.is_foreign(of(NO_ID), "impact")
-    assert membership.is_foreign(of(make_id()), "impact")
+    assert not membership.is_foreign(of(NO_ID))
+    assert membership.is_foreign(of(make_id()))

@@ -48,7 +48,7 @@ def test_a_live_campaign_and_its_recording_hold_its_own_hits_alone(harness, offe
     # test's nodes are there until they are collected.
     for name in ("estimator", "recorder", "accelerometer"):
         (node,) = (node for node in harness.nodes if node.get_name() == name)
-        harness.wait_until(lambda node=node: THEIRS.campaign_id in node.membership.foreign)
+        harness.wait_until(lambda node=node: node.intake.foreign == {"/peer"})
     seen = feedback.messages[-1].impact
     feedback.wait(lambda messages: messages[-1].impact > seen + 2)
     for player in players:

@@ -16,11 +16,14 @@ from impact_rig_msgs.srv import GetResults
 from lifecycle_msgs.srv import GetState
 
 from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.nodes import intake as intake_module
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
+from impact_rig.nodes.identity import Identity, id_to_msg, make_id
+from impact_rig.nodes.intake import Intake
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.recorder import RecorderNode
@@ -127,13 +130,13 @@ def publish_unsound(harness, nodes, topic, message, listeners):
     """Publish an unsound message, and wait until its listeners have counted it."""
     publisher = harness.advertise(topic)
     harness.wait_until(lambda: publisher.get_subscription_count() >= len(listeners))
-    before = {node: node.messages_dropped.total() for node in nodes}
+    before = {node: node.intake.dropped.total() for node in nodes}
 
     def is_counted():
         # A listener that has not met the publisher yet takes a later one.
         publisher.publish(message)
         return all(
-            node.messages_dropped.total() > before[node]
+            node.intake.dropped.total() > before[node]
             for node in nodes
             if node.get_name() in listeners
         )
@@ -147,13 +150,52 @@ def test_what_is_not_sound_is_counted_by_its_listeners(harness, nodes):
     assert all(node.is_active for node in nodes)
 
 
-def test_the_first_unsound_message_of_a_topic_is_named(harness, monkeypatch):
-    warnings = []
-    node = harness.add(CampaignNode)
-    monkeypatch.setattr(node, "get_logger", lambda: SimpleNamespace(warning=warnings.append))
+class Listener:
+    """What an intake asks its node for."""
+
+    def __init__(self, *publishers):
+        self.warnings = []
+        self._publishers = publishers
+
+    def get_logger(self):
+        return SimpleNamespace(warning=self.warnings.append)
+
+    def get_namespace(self):
+        return "/bench"
+
+    def get_publishers_info_by_topic(self, topic):
+        return [
+            SimpleNamespace(node_name=name, node_namespace=namespace)
+            for namespace, name in self._publishers
+        ]
+
+
+def test_the_first_unsound_message_of_a_topic_is_named():
+    listener = Listener()
+    intake = Intake(listener)
     for _ in range(2):
-        assert not node.takes(interfaces.HAMMER_STATE, msg.HammerState(state=7))
-    (warning,) = warnings
+        assert intake.take(interfaces.HAMMER_STATE, msg.HammerState(state=7)) is None
+    (warning,) = listener.warnings
     assert warning.startswith(
         "a message of hammer/state is dropped, as all like it: 7 is not a valid HammerPlace"
     )
+
+
+def test_a_foreign_publisher_is_named_once_whatever_ids_it_uses(monkeypatch):
+    listener = Listener(("/bench", "hammer"), ("/", "rosbag2_player"))
+    intake = Intake(listener)
+    intake.membership.join(Identity(make_id()))
+    monkeypatch.setattr(intake_module, "LOOK_PERIOD", 0.0)
+    for _ in range(100):
+        foreign = msg.HammerState(campaign_id=id_to_msg(make_id()))
+        assert intake.take(interfaces.HAMMER_STATE, foreign) is None
+    (warning,) = listener.warnings
+    assert warning.startswith("hammer/state carries the id of another campaign, from /rosbag2_pl")
+
+
+def test_what_comes_in_is_one_of_our_types():
+    received = Intake(Listener()).take(
+        interfaces.SETUP, setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
+    )
+    assert received.value == PAPER_SETUP
+    assert received.stamp == 7

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from impact_rig_msgs.msg import Impact
+from impact_rig_msgs.msg import Impact, ModelComparison
 from lifecycle_msgs.msg import State
 
 from impact_rig.core.records import HitLabel
@@ -114,9 +114,9 @@ def test_what_comes_before_its_set_up_waits_for_it(harness, tmp_path):
     harness.wait_until(lambda: impacts.get_subscription_count() == 1)
 
     def deliver(publisher, message):
-        handled = node.messages_handled
+        handled = node.intake.handled
         publisher.publish(message)
-        harness.wait_until(lambda: node.messages_handled > handled)
+        harness.wait_until(lambda: node.intake.handled > handled)
 
     def list_records():
         return harness.run(lambda: [hit.record for hit in node._campaign.make_results().hits])
@@ -131,6 +131,20 @@ def test_what_comes_before_its_set_up_waits_for_it(harness, tmp_path):
             identities[found].fill(verdict)
             deliver(impacts, verdict)
         assert list_records() == [[11], [12, 22]][stamp - 1]
+
+
+def test_what_cannot_be_shown_is_said_and_the_rest_goes_on(harness, tmp_path, monkeypatch):
+    node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
+    monkeypatch.setattr(node._view.log, "log_setup", lambda *_: 1 / 0)
+    setups, comparisons = map(harness.advertise, (interfaces.SETUP, interfaces.COMPARISON))
+    harness.wait_until(lambda: comparisons.get_subscription_count() == 1)
+    setups.publish(SETUP)
+    harness.wait_until(lambda: "ZeroDivisionError" in (node.describe_warning() or ""))
+    # Four empty traces, from a sender that knows no id.
+    comparisons.publish(ModelComparison(sampling_rate=1e6))
+    harness.wait_until(lambda: node.intake.dropped["comparison"] == 1)
+    assert node.is_active
+    assert node.diagnose()["left out"] == 1
 
 
 NOWHERE = (

@@ -1,11 +1,9 @@
 """The campaign that is shown, as the topics tell it."""
 
-from copy import copy
 from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from impact_rig_msgs.msg import Impact
 
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import HitLabel
@@ -18,11 +16,11 @@ from impact_rig.devices.virtual.rig import (
     VirtualRig,
     VirtualRigSettings,
 )
-from impact_rig.nodes import messages, result_messages, visualizer
+from impact_rig.nodes import interfaces, messages, result_messages, visualizer
 from impact_rig.nodes.identity import NO_IDENTITY
 from impact_rig.nodes.visualizer import ShownCampaign
 from impact_rig.recordings.messages import NO_ID
-from impact_rig.results.campaign import results_from_session
+from impact_rig.results.campaign import HitResults, results_from_session
 from impact_rig.results.traces import sample_traces_from_estimate
 
 FAULTS = FaultPlan(scheduled=(ScheduledFault(Fault.WEAK_HIT, 2),))
@@ -47,7 +45,7 @@ def add(shown, blocks):
 
 def judge(shown, label, *, accepted=True):
     """Let the estimator's verdict come; return the hit if it is laid over the others."""
-    shown.add(Impact(**asdict(label), accepted=accepted))
+    shown.add(HitResults(**asdict(label), accepted=accepted))
     return shown.align(label)
 
 
@@ -102,23 +100,28 @@ class Told:
         rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
         for record, name in enumerate(NAMES, start=1):
             hit = rig.strike(HitLabel(name, record))
-            self.truths.append(messages.virtual_hit_to_msg(hit, STAMP))
+            truth = messages.virtual_hit_to_msg(hit, STAMP)
+            self.truths.append(interfaces.VIRTUAL_IMPACT.convert(truth))
             self.faults[record] = tuple(fault.value for fault in hit.faults)
             for block in hit.split(5000, 0):
                 for judged in self.session.feed(block):
-                    self.verdicts.append(result_messages.hit_to_msg(judged, NO_IDENTITY))
+                    verdict = result_messages.hit_to_msg(judged, NO_IDENTITY)
+                    self.verdicts.append(interfaces.IMPACT.convert(verdict))
         self.found = self.session.estimate_all(with_models=False)
 
     def tell(self, campaign):
-        for message in (*self.truths, *self.verdicts):
-            campaign.add(message)
-        campaign.add(result_messages.estimate_to_msg(self.found.hammer, STAMP, NO_IDENTITY))
+        for found in (*self.truths, *self.verdicts):
+            campaign.add(found)
+        hammer = result_messages.estimate_to_msg(self.found.hammer, STAMP, NO_IDENTITY)
+        campaign.add(interfaces.HAMMER_ESTIMATE.convert(hammer))
         for estimate in self.found.samples:
             for comparison in estimate.comparisons:
-                campaign.add(
-                    result_messages.comparison_to_msg(estimate, comparison, STAMP, NO_IDENTITY)
+                message = result_messages.comparison_to_msg(
+                    estimate, comparison, STAMP, NO_IDENTITY
                 )
-            campaign.add(result_messages.estimate_to_msg(estimate, STAMP, NO_IDENTITY))
+                campaign.add(interfaces.COMPARISON.convert(message))
+            message = result_messages.estimate_to_msg(estimate, STAMP, NO_IDENTITY)
+            campaign.add(interfaces.ESTIMATE.convert(message))
 
 
 @pytest.fixture(scope="module")
@@ -158,8 +161,6 @@ def test_traces_are_those_of_the_session(told, campaign):
 def test_an_endless_campaign_keeps_its_newest_hits(told, monkeypatch):
     monkeypatch.setattr(visualizer, "LARGEST_CAMPAIGN", 3)
     shown = ShownCampaign(PAPER_SETUP, NO_ID)
-    message = copy(told.verdicts[0])
     for record in range(1, 6):
-        message.record = record
-        shown.add(message)
+        shown.add(replace(told.verdicts[0], record=record))
     assert [hit.record for hit in shown.make_results().hits] == [3, 4, 5]

@@ -1,0 +1,89 @@
+"""Verdicts, estimates and comparisons that come in, as one of our types."""
+
+import math
+from typing import Any
+
+import numpy as np
+from impact_rig_msgs import msg
+from numpy.typing import NDArray
+
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.sample import SampleEstimate
+from impact_rig.recordings.messages import from_message, origin_from_msg
+from impact_rig.results.campaign import HitResults
+from impact_rig.results.traces import ModelTraces, SampleTraces
+
+
+def hit_results_from_msg(message: msg.Impact) -> HitResults:
+    """Return a judged hit as the results that leave the rig, without injected faults."""
+    return HitResults(
+        sample=message.sample,
+        impact=message.impact,
+        attempt=message.attempt,
+        record=message.record,
+        accepted=message.accepted,
+        reasons=tuple(message.reasons),
+        contact_time=message.contact_time,
+        hammer_peak=message.hammer_peak,
+        specimen_peak=message.specimen_peak,
+        origin=origin_from_msg(message),
+    )
+
+
+def estimate_from_msg(message: msg.SampleEstimate) -> SampleEstimate:
+    """Return what is known of one sample."""
+    return from_message(SampleEstimate, message)
+
+
+def hammer_estimate_from_msg(message: msg.HammerEstimate) -> HammerEstimate:
+    """Return what the control experiment says of the hammer."""
+    return from_message(HammerEstimate, message)
+
+
+def traces_from_msg(message: msg.ModelComparison) -> SampleTraces:
+    """Return the mean hit of a sample in m/s^2 with one model, and without an estimate's marks.
+
+    Raises
+    ------
+    ParameterError
+        If rate, peaks or traces cannot be meant.
+    """
+    rate = message.sampling_rate
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise ParameterError(f"sampling_rate is {rate:g} Hz: it must be above 0")
+    for name in ("start_time", "contact_time", "hammer_peak", "specimen_peak"):
+        if not math.isfinite(value := getattr(message, name)):
+            raise ParameterError(f"{name} is {value:g}: it must be finite")
+    measured = (message.hammer_measured, message.specimen_measured)
+    modelled = (message.hammer_model, message.specimen_model)
+    sizes = {len(trace) for trace in (*measured, *modelled)}
+    if len(sizes) != 1 or 0 in sizes:
+        raise ParameterError(
+            f"its traces have {sorted(sizes)} points: they must be as long, and not empty"
+        )
+    peaks = np.array([[message.hammer_peak], [message.specimen_peak]])
+    return SampleTraces(
+        name=message.sample,
+        sampling_rate=rate,
+        # There from the start of the contact, here from its middle.
+        start_time=message.start_time - message.contact_time / 2.0,
+        mean=_stack(measured) * peaks,
+        contact_time=message.contact_time,
+        half_amplitude_width=math.nan,
+        first_peak_time=math.nan,
+        second_peak_time=math.nan,
+        models=(
+            ModelTraces(
+                message.model,
+                _stack(modelled) * peaks,
+                (message.mse_hammer_percent, message.mse_sample_percent),
+            ),
+        ),
+    )
+
+
+def _stack(traces: tuple[Any, Any]) -> NDArray[np.float64]:
+    """Return two traces of a message, shape (2, n)."""
+    views = [np.frombuffer(memoryview(trace), np.float32) for trace in traces]
+    return np.stack(views).astype(np.float64)

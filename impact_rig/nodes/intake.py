@@ -1,0 +1,93 @@
+"""The one way in: a message that comes by a topic is of the own campaign, sound, and converted.
+
+What is not is dropped, counted and named once; it ends no program.
+"""
+
+import time
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from rclpy.node import Node
+
+from impact_rig.core.errors import RigError
+from impact_rig.nodes.identity import Identity, Membership, identity_from_msg
+from impact_rig.nodes.interfaces import RIG_NODES, Topic
+
+T = TypeVar("T")
+LOOK_PERIOD = 1.0
+"""How often it is looked up who publishes foreign messages [s]: they may come as a flood."""
+UNKNOWN = "a node that has gone"
+
+
+@dataclass(frozen=True)
+class Received(Generic[T]):
+    """A message that counts."""
+
+    value: T  # what it says, as one of our types
+    message: Any  # as it came, of rclpy
+
+    @property
+    def identity(self) -> Identity:
+        """Whose it is."""
+        return identity_from_msg(self.message)
+
+    @property
+    def stamp(self) -> int:
+        """Its time [ns since the epoch]."""
+        stamp = self.message.header.stamp
+        return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+class Intake:
+    """Takes the messages of a node's topics.
+
+    Parameters
+    ----------
+    node : Node
+        That subscribes.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.membership = Membership()
+        self.handled = 0  # all messages that have come
+        self.dropped: Counter[str] = Counter()  # which were not sound, by topic
+        self.foreign: set[str] = set()  # nodes of other campaigns that a warning has named
+        self._node = node
+        self._looked_at = 0.0  # [s]
+
+    def take(self, topic: Topic, message: Any) -> Received[Any] | None:
+        """Return a message with what it says; None: it does not count."""
+        self.handled += 1
+        if self.membership.is_foreign(message):
+            self._name_foreign(topic)
+            return None
+        try:
+            return Received(topic.convert(message), message)
+        except (RigError, ValueError, OverflowError) as error:
+            self.dropped[topic.name] += 1
+            if self.dropped[topic.name] == 1:
+                self._node.get_logger().warning(
+                    f"a message of {topic.name} is dropped, as all like it: {error}"
+                )
+            return None
+
+    def _name_foreign(self, topic: Topic) -> None:
+        """Warn once of each node whose messages are ignored."""
+        if time.monotonic() < self._looked_at + LOOK_PERIOD:
+            return
+        self._looked_at = time.monotonic()
+        names = [
+            f"{item.node_namespace.rstrip('/')}/{item.node_name}"
+            for item in self._node.get_publishers_info_by_topic(topic.name)
+        ]
+        # One of them is the rig's own, the first of a name of its nodes.
+        own = self._node.get_namespace().rstrip("/")
+        if name := next((f"{own}/{it}" for it in RIG_NODES if f"{own}/{it}" in names), None):
+            names.remove(name)
+        for name in set(names or [UNKNOWN]) - self.foreign:
+            self.foreign.add(name)
+            self._node.get_logger().warning(
+                f"{topic.name} carries the id of another campaign, from {name}: a replay or"
+                " another rig is in this ROS domain; nothing of it is taken"
+            )
