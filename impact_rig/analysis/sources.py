@@ -140,7 +140,7 @@ def find_runs(paths: Iterable[Path], namespace: str | None = None) -> tuple[list
             errors.append(str(error))
             continue
         known = runs.setdefault(run.files[0].absolute(), run)
-        if known is not run and path in (run.folder, run.files[0]):
+        if known is not run and (len(run.files) == 1 or path == known.path):
             errors.append(f"{path} is named twice: it is used once")
     return list(runs.values()), errors
 

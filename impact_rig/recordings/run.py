@@ -69,8 +69,8 @@ class Run:
 
     @property
     def name(self) -> Path:
-        """Its one file; of several what a person named."""
-        return self.files[0] if len(self.files) == 1 else self.path
+        """Its one file; of several their folder."""
+        return self.files[0] if len(self.files) == 1 else self.folder
 
     @property
     def folder(self) -> Path:
