@@ -61,7 +61,12 @@ def list_remarks(contents: Contents) -> list[str]:
     """Return hints for the reader, and which calibrations were too old on the day."""
     day = format_time(contents.start_time).partition(" ")[0]
     sensors = read_sensors(contents) if is_dated(contents.start_time) else ()
-    return [*contents.remarks, *filter(None, (sensor.describe_age(day) for sensor in sensors))]
+    twice = f"{format_count(contents.repeated, 'block')} there twice: each is used once"
+    return [
+        *contents.remarks,
+        *[twice] * bool(contents.repeated),
+        *filter(None, (sensor.describe_age(day) for sensor in sensors)),
+    ]
 
 
 def describe_hits(contents: Contents) -> str:
@@ -110,6 +115,12 @@ def read_fields(contents: Contents, name: str) -> dict[str, str]:
     return records[-1] if records else {}
 
 
+def describe_end(contents: Contents) -> str:
+    """Return why the recorder ended; empty: it does not say, or its file was not closed."""
+    is_closed = contents.scans[-1].is_closed
+    return read_fields(contents, HEALTH_RECORD).get("reason", "") if is_closed else ""
+
+
 def read_versions(contents: Contents) -> dict[str, str]:
     """Return the versions of the software, Python, ROS 2 and libraries that recorded."""
     fields = read_fields(contents, PROVENANCE_RECORD)
@@ -138,6 +149,8 @@ def describe_verdict(contents: Contents) -> str:
             f"damaged: {'; '.join(contents.problems)}. Left of it: {found}."
             f" `impact-rig export {contents.run.path} -o sound.mcap` saves that"
         )
+    if contents.is_live:
+        return f"live, it is being recorded; so far: {found}"
     recovery = read_fields(contents, RECOVERY_RECORD)
     return f"sound: {found}" + (
         f"; recovered from {recovery['recovered_from']}: {recovery['problems']}"
@@ -151,6 +164,7 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
     return {
         "path": str(contents.run.path),
         "sound": contents.is_sound,
+        "live": contents.is_live,
         "verdict": describe_verdict(contents),
         "problems": contents.problems,
         "remarks": list_remarks(contents),
@@ -203,7 +217,7 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
             for topic, stream in contents.streams.items()
         ),
         ("losses", describe_losses(contents) or "none"),
-        ("ended", read_fields(contents, HEALTH_RECORD).get("reason", "")),
+        ("ended", describe_end(contents)),
         ("versions", ", ".join(map(" ".join, read_versions(contents).items()))),
         *(
             ("attachment", f"{name}, {kind}, {len(data)} byte (--extract FOLDER)")
@@ -212,7 +226,8 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
         ("notes", notes),
         *(("note", f"{format_time(note.time)}: {note.text}") for note in contents.notes),
     ]
-    return [(name, text) for name, text in facts if text]
+    # Each fact is a line, whatever was typed as a note.
+    return [(name, " ".join(text.split())) for name, text in facts if text]
 
 
 def _print_samples(console: Console, contents: Contents) -> None:

@@ -7,6 +7,7 @@ import click
 
 from impact_rig.analysis.sources import find_run, read_runs
 from impact_rig.cli.info import (
+    describe_end,
     describe_losses,
     inspect_with_progress,
     read_fields,
@@ -20,7 +21,6 @@ from impact_rig.present.report.report import make_report
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import PARAMETERS_RECORD, PROVENANCE_RECORD, compute_sha256
 from impact_rig.recordings.run import Run
-from impact_rig.recordings.writer import HEALTH_RECORD
 from impact_rig.results.traces import Provenance, RecordedFile
 
 
@@ -45,7 +45,7 @@ def read_provenance(recorded: Run) -> Provenance:
         ),
         problems=contents.problems,
         losses=describe_losses(contents),
-        ended=read_fields(contents, HEALTH_RECORD).get("reason", ""),
+        ended=describe_end(contents),
         versions=tuple(read_versions(contents).items()),
         parameters=tuple(sorted(read_fields(contents, PARAMETERS_RECORD).items())),
         notes=tuple(notes),

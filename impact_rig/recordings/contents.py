@@ -21,7 +21,7 @@ from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, count_points
 from impact_rig.recordings.new_file import list_successors, write_new_file
 from impact_rig.recordings.records import Attachment, Channel, MetadataRecord, RawMessage
 from impact_rig.recordings.run import Run, choose_namespace, find_owner, list_namespaces
-from impact_rig.recordings.scan import PROFILE, Report, Scan, Wanted
+from impact_rig.recordings.scan import PROFILES, Report, Scan, Wanted, describe_profile
 from impact_rig.recordings.schemas import decode_message
 from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 
@@ -78,12 +78,18 @@ class Contents:
     notes: list[Note] = field(default_factory=list)
     setups: dict[bytes, Any] = field(default_factory=dict)  # decoded, by their bytes in the file
     messages_lost: int = 0  # that the middleware dropped on the way to the recorder
+    known_items: set[int] = field(default_factory=set)  # hashes of metadata and attachments
     remarks: dict[str, None] = field(default_factory=dict)  # other hints for the reader, as keys
 
     @property
     def problems(self) -> tuple[str, ...]:
         """What is wrong with it, in words; empty: it is sound."""
         return tuple(_list_problems(self))
+
+    @property
+    def is_live(self) -> bool:
+        """Whether it is being recorded."""
+        return self.scans[-1].is_live
 
     @property
     def is_sound(self) -> bool:
@@ -133,6 +139,13 @@ class Contents:
 
 MOST_PLACES = 10
 """How many damaged places are described in words, our choice."""
+A_YEAR = 365 * 86_400 * 1_000_000_000  # [ns]
+LONGEST_RUN = 10 * A_YEAR
+"""What a run does not last [ns], our choice: a time of zero, or one that rolled over, does."""
+MOST_NOTES, LONGEST_NOTE = 1000, 1000
+"""How many notes, and of each how many characters, are kept, our choice: people type them."""
+MOST_SETUPS = 100
+"""How many different set-ups are kept, our choice: each campaign has one."""
 NOTE_TYPE = "std_msgs/msg/String"
 STATE_TYPE = "impact_rig_msgs/msg/RecorderState"
 _DECODED = HIT_TYPES | {STREAM_TYPE, NOTE_TYPE, STATE_TYPE}
@@ -169,7 +182,7 @@ def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
         _count_lost(contents, scan, counts, wanted)
         before += scan.size
     contents.topics = dict(sorted(contents.topics.items()))
-    contents.hits = watch.list_hits(is_whole=contents.is_whole)
+    contents.hits = watch.list_hits(is_whole=contents.is_whole, is_live=contents.is_live)
     contents.repeated = watch.repeated
     return contents
 
@@ -208,11 +221,13 @@ class _ChannelCount:
 
 
 def _add_file_item(contents: Contents, item: Attachment | MetadataRecord) -> None:
+    content = item.data if isinstance(item, Attachment) else tuple(sorted(item.fields.items()))
+    if (key := hash((item.name, content))) in contents.known_items:
+        return
+    contents.known_items.add(key)
     if isinstance(item, Attachment):
-        known = [(other.name, other.data) for other in contents.attachments]
-        if (item.name, item.data) not in known:
-            contents.attachments.append(item)
-    elif item not in contents.metadata:
+        contents.attachments.append(item)
+    else:
         contents.metadata.append(item)
         lost = item.fields.get("messages_lost", "") if item.name == HEALTH_RECORD else ""
         if lost.isdecimal():
@@ -227,14 +242,18 @@ def _add_message(contents: Contents, watch: HitWatch, message: RawMessage) -> No
         if type_name in HIT_TYPES:
             watch.add(topic, type_name, content, message.data)
         if type_name == SETUP_TYPE:
-            contents.setups[message.data] = content
+            if len(contents.setups) < MOST_SETUPS:
+                contents.setups[message.data] = content
         elif type_name == STREAM_TYPE:
             stream = contents.streams.setdefault(topic, BlockCount())
             stream.add(int(content.first_sample), count_points(content))
         elif type_name == STATE_TYPE:
             contents.messages_lost = max(contents.messages_lost, int(content.messages_lost))
         elif type_name == NOTE_TYPE and topic.endswith("/note"):
-            contents.notes.append(Note(message.log_time, str(content.data)))
+            if len(contents.notes) < MOST_NOTES:
+                contents.notes.append(Note(message.log_time, content.data[:LONGEST_NOTE]))
+            else:
+                contents.remarks[f"only the first {MOST_NOTES} notes are shown"] = None
     except FileError:
         contents.remarks[f"messages on {topic} do not fit their schema"] = None
     except AttributeError as error:
@@ -265,15 +284,20 @@ def _list_problems(contents: Contents) -> Iterator[str]:
     lost = sum(topic.lost for topic in contents.topics.values())
     if lost and not any(scan.damages for scan in contents.scans):
         yield f"{lost} messages are missing: their numbers, or the index, tell"
+    if (apart := contents.end_time - contents.start_time) > LONGEST_RUN:
+        years = apart / A_YEAR
+        yield f"its messages are {years:.0f} years apart: a clock was wrong, or a time is damaged"
 
 
 def _list_file_problems(scan: Scan) -> Iterator[str]:
-    if not scan.is_closed:
+    if scan.is_live:
+        pass
+    elif not scan.is_closed:
         yield "it was never closed, its end is missing"
     elif scan.summary is None:
         yield "it has no index at its end that could be used"
-    if scan.header is not None and scan.header.profile != PROFILE:
-        yield f"its profile is {scan.header.profile!r}: it should be {PROFILE!r}"
+    if scan.header is not None and scan.header.profile not in PROFILES:
+        yield f"its profile is {scan.header.profile!r}: it should be {PROFILES[0]!r}"
     yield from map(str, scan.damages[:MOST_PLACES])
     if len(scan.damages) > MOST_PLACES:
         yield f"{len(scan.damages) - MOST_PLACES} further places cannot be read"
@@ -288,12 +312,10 @@ def _check_kind(scan: Scan) -> None:
         raise FileError(f"{path} is no MCAP recording, or nothing of it is left")
     if (
         header is not None
-        and header.profile != PROFILE
+        and header.profile not in PROFILES
         and not any(channel.is_ros for channel in channels)
     ):
-        raise FileError(
-            f"{path} is an MCAP file of profile {header.profile!r}: it should be {PROFILE!r}"
-        )
+        raise FileError(describe_profile(path, header.profile))
 
 
 LIBRARY = f"impact_rig-recover {__version__}"

@@ -95,6 +95,11 @@ MOST_VANISHED = 1000
 millions of them."""
 
 
+LONGEST_TEXT, MOST_TEXTS = 1000, 20
+"""How many characters of a reason, and how many reasons, of a verdict are kept, our choice: ten
+times ours."""
+
+
 class HitState(Enum):
     """How much of a hit is there."""
 
@@ -193,7 +198,9 @@ class HitWatch:
         elif type_name == STORED_TYPE:
             hit.stored_blocks = int(message.blocks)
         elif type_name == VERDICT_TYPE:
-            hit.rejections = tuple(str(text) for text in message.reasons)
+            hit.rejections = tuple(
+                str(text)[:LONGEST_TEXT] for text in message.reasons[:MOST_TEXTS]
+            )
             hit.is_accepted = bool(message.accepted)
 
     @property
@@ -201,19 +208,23 @@ class HitWatch:
         """How many blocks have come a second time."""
         return sum(rig.watch.repeated for rig in self._rigs.values())
 
-    def list_hits(self, *, is_whole: bool) -> tuple[RecordedHit, ...]:
+    def list_hits(self, *, is_whole: bool, is_live: bool = False) -> tuple[RecordedHit, ...]:
         """Return the hits in the order in which they happened.
 
         Parameters
         ----------
         is_whole : bool
             Whether the recording is known to hold all that was written.
+        is_live : bool
+            Whether it is being recorded: the newest hit may be under way.
         """
         found: list[RecordedHit] = []
         for name, rig in self._rigs.items():
             hits = list(rig.hits.values())
             for hit in hits:
                 hit.judge(is_whole=is_whole)
+            if is_live and hits and hits[-1].state is not HitState.SAVED:
+                hits.pop()
             if is_whole:
                 # Released and called off, as by a campaign that was cancelled meanwhile.
                 found += [hit for hit in hits if not hit.is_release_alone]

@@ -2,10 +2,12 @@
 
 import contextlib
 import errno
+import fcntl
 import itertools
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 from impact_rig.core.errors import FileError
 
@@ -32,6 +34,18 @@ def list_successors(path: Path) -> Iterator[Path]:
 def choose_free(path: Path) -> Path:
     """Return the first of the `list_successors` of a path that is not taken."""
     return next(item for item in list_successors(path) if not os.path.lexists(item))
+
+
+def is_being_written(file: IO[bytes]) -> bool:
+    """Return whether another process writes a file, which is locked then, see `DiskFile`."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        fcntl.flock(file, fcntl.LOCK_UN)
+    except BlockingIOError:
+        return True
+    except OSError:  # a file system without locks
+        pass
+    return False
 
 
 class DiskFullError(FileError):
@@ -65,6 +79,9 @@ class DiskFile:
             ) from None
         except OSError as error:
             raise FileError(f"{path} cannot be created: {error.strerror}") from None
+        # Readers see by it that the file is being written, see `is_being_written`.
+        with contextlib.suppress(OSError):
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         self.path = path
         self.size = 0  # written so far [byte]
         self.failure: FileError | None = None  # why nothing can be written any more

@@ -20,6 +20,7 @@ from mcap.reader import SeekingReader
 from mcap.summary import Summary
 
 from impact_rig.core.errors import FileError
+from impact_rig.recordings.new_file import is_being_written
 from impact_rig.recordings.records import (
     RECORDER,
     Attachment,
@@ -42,8 +43,8 @@ from impact_rig.recordings.unpacking import (
 
 MAGIC = b"\x89MCAP0\r\n"
 """First and last bytes of every file."""
-PROFILE = "ros2"
-"""Of recordings of ROS 2."""
+PROFILES = ("ros2", "")
+"""Of recordings of ROS 2; tools that merge or filter leave it empty."""
 MAX_NAME = 512
 """Longest name of a topic or a type [characters], our choice: DDS takes 255."""
 MAX_DAMAGES = 1000
@@ -76,6 +77,11 @@ class Damage(NamedTuple):
         return f"{self.reason} ({self.size} byte from byte {self.start})"
 
 
+def describe_profile(path: Path, profile: str) -> str:
+    """Return in words that a file is of another profile than ROS 2's."""
+    return f"{path} is an MCAP file of profile {profile!r}: it should be {PROFILES[0]!r}"
+
+
 class Scan:
     """An MCAP file, which each `read` passes through once.
 
@@ -103,6 +109,7 @@ class Scan:
             self._begin_pass(lambda _: True, with_rest=False)
             tail = self._read(file, max(self.size - len(MAGIC), 0), self.size)
             self.is_closed = self.size > len(MAGIC) and tail == MAGIC
+            self.is_live = not self.is_closed and is_being_written(file)
             self._end = self.size - len(MAGIC) if self.is_closed else self.size
             self.header, self._first = self._read_header(file)
             self.summary = self._read_summary(file)  # the index; None: none can be used
@@ -130,7 +137,8 @@ class Scan:
         """Sentences about a sound file."""
         if self.is_closed:
             return ()
-        return (f"{self.path} was never closed: it is read up to the last message that is whole",)
+        state = "is being recorded" if self.is_live else "was never closed"
+        return (f"{self.path} {state}: it is read up to the last message that is whole",)
 
     def read(
         self,
@@ -214,11 +222,8 @@ class Scan:
                 raise FileError(f"{self.path} is no MCAP recording: it does not begin like one")
             if header is None:
                 raise FileError(f"{self.path} is damaged: its header is cut off or cannot be read")
-            if header.profile != PROFILE:
-                raise FileError(
-                    f"{self.path} is an MCAP file of profile {header.profile!r}:"
-                    f" it should be {PROFILE!r}"
-                )
+            if header.profile not in PROFILES:
+                raise FileError(describe_profile(self.path, header.profile))
         return header, after
 
     def _read_summary(self, file: BinaryIO) -> Summary | None:
@@ -262,8 +267,10 @@ class Scan:
         start = place + FRAME.size
         if kind == Opcode.CHUNK:
             self.chunks += 1
-            chunk = parse_chunk(self._read(file, start, after))
-            yield from self._read_messages(self._unpacker.unpack(chunk))
+            # Nothing of the packed chunk is kept meanwhile.
+            yield from self._read_messages(
+                self._unpacker.unpack(parse_chunk(self._read(file, start, after)))
+            )
         elif kind == Opcode.MESSAGE:
             yield from self._read_messages(self._read(file, place, after))
         elif kind in (Opcode.SCHEMA, Opcode.CHANNEL):
@@ -285,6 +292,7 @@ class Scan:
         place, size, chosen = 0, len(content), self._chosen
         head_size, unpack = MESSAGE.size, MESSAGE.unpack_from
         while place < size:
+            self._unpacker.count_records(1)
             kind, begin, place = read_inner_head(content, place)
             if kind != Opcode.MESSAGE:
                 self._describe(parse_small(kind, content[begin:place], begin))
@@ -349,9 +357,9 @@ class Scan:
             raise DamageError(reason)
         if not self._has_records(file, after):
             after = self._find_chunk(file, place + 1)
-        if after == self.size and not self.is_closed:
-            reason = "the last record is cut off"
-        self._note(place, after, reason)
+        is_end = after == self.size and not self.is_closed
+        if not (is_end and self.is_live):
+            self._note(place, after, "the last record is cut off" if is_end else reason)
         return after
 
     def _has_records(self, file: BinaryIO, place: int) -> bool:

@@ -12,14 +12,19 @@ from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-MAX_SIZE = 1 << 29
-"""Largest record that is taken into memory [byte], our choice: twice the largest chunk of our
-recorder."""
+MAX_SIZE = 1 << 27
+"""Largest record that is taken into memory [byte], our choice: a hundred chunks of our recorder. A
+message in a chunk, and its decoded numbers, take as much again."""
 MAX_RATIO = 1000
 """What is unpacked over the size of the file [-], our choice: ten times what constant signals
 reach in practice."""
 FREE_SIZE = 1 << 22
 """What may be unpacked of any file [byte], our choice: four chunks of our recorder."""
+MESSAGE_BYTES = 4
+"""Least part of a file for each record in its chunks [byte], our choice: the times of messages
+alone take more, however well they are compressed, and an index 16."""
+FREE_RECORDS = 10_000
+"""What the chunks of any file may hold [records], our choice."""
 FRAME = struct.Struct("<BQ")
 """Kind and length of a record."""
 MESSAGE = struct.Struct("<HIQQ")
@@ -102,6 +107,7 @@ class Unpacker:
 
     def __init__(self, file_size: int) -> None:
         self._room = max(MAX_RATIO * file_size, FREE_SIZE)
+        self._records = file_size // MESSAGE_BYTES + FREE_RECORDS
 
     def unpack(self, chunk: records.Chunk) -> bytes:
         """Return the records of a chunk; raises `DamageError`."""
@@ -118,6 +124,14 @@ class Unpacker:
         if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
             raise DamageError("a chunk does not fit its checksum")
         return content
+
+    def count_records(self, count: int) -> None:
+        """Count records that were found in chunks; raises `DamageError` if they are too many."""
+        self._records -= count
+        if self._records < 0:
+            raise DamageError(
+                f"its chunks hold more than a message for every {MESSAGE_BYTES} byte of the file"
+            )
 
 
 def _decompress(chunk: records.Chunk) -> bytes:

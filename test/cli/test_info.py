@@ -3,9 +3,12 @@
 import json
 from dataclasses import replace
 
+import pytest
+
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import VirtualRigSettings
+from impact_rig.recordings.new_file import DiskFile
 from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.schemas import MessageDefinition
 from impact_rig.recordings.writer import RecordingWriter
@@ -13,6 +16,7 @@ from impact_rig.recordings.writer import RecordingWriter
 from .conftest import record_campaigns
 
 TEXT = MessageDefinition("std_msgs/msg/String", "string data\n", "")
+TIME = 1_700_000_000_000_000_000
 HELLO = b"\x00\x01\x00\x00\x06\x00\x00\x00hello\x00"
 
 
@@ -21,7 +25,7 @@ def write_notes(path, topic="/chatter", **options):
     with RecordingWriter(path, **options) as writer:
         channel = writer.add_channel(topic, TEXT, (OfferedQos(),))
         for number in range(5):
-            time = 1_700_000_000_000_000_000 + number * 500_000_000
+            time = TIME + number * 500_000_000
             writer.add_message(channel, HELLO, time, time)
         writer.add_metadata(
             "impact_rig",
@@ -55,6 +59,47 @@ def test_a_cut_off_recording_is_damaged_and_says_what_helps(run, struck, tmp_pat
     command = f"`impact-rig export {path} -o sound.mcap`"
     assert command.replace(" ", "") in text.replace(" ", "")  # a long path is broken
     assert "last record is cut off" in text
+
+
+def test_a_recording_that_is_written_is_live(run, struck, tmp_path):
+    path = tmp_path / "session.mcap"
+    writer = DiskFile(path)
+    writer.write(struck.read_bytes()[:-30_000])
+    outcome = run("info", path)
+    assert outcome.exit_code == 0
+    assert outcome.stdout.startswith("live, it is being recorded; so far: 4 samples, ")
+    assert "damaged" not in outcome.stdout
+    told = run("analyze", path)
+    assert "is being recorded: it is read up to" in " ".join(told.stdout.split())
+    writer.close()
+    assert run("info", path).stdout.startswith("damaged: it was never closed")
+
+
+def test_a_recording_that_was_cut_behind_its_last_words_did_not_end(run, tmp_path):
+    path = write_notes(tmp_path / "notes.mcap")
+    path.write_bytes(path.read_bytes()[:-20])
+    assert "ended" not in run("info", path).stdout
+
+
+def test_a_note_of_several_lines_is_shown_in_one(run, tmp_path):
+    path = tmp_path / "notes.mcap"
+    with RecordingWriter(path) as writer:
+        channel = writer.add_channel("/note", TEXT, (OfferedQos(),))
+        text = b"new\nbearing\0"
+        writer.add_message(channel, b"\0\1\0\0" + bytes([len(text), 0, 0, 0]) + text, TIME, TIME)
+    assert ": new bearing" in run("info", path).stdout
+
+
+@pytest.mark.parametrize("time", [0, 2**64 - 1])
+def test_a_time_that_rolled_over_is_damage(run, tmp_path, time):
+    path = tmp_path / "rolled.mcap"
+    with RecordingWriter(path) as writer:
+        channel = writer.add_channel("/chatter", TEXT, (OfferedQos(),))
+        for moment in (TIME, time):
+            writer.add_message(channel, HELLO, moment, moment)
+    outcome = run("info", path)
+    assert outcome.exit_code == 1
+    assert "years apart: a clock was wrong" in " ".join(outcome.stdout.split())
 
 
 def test_recordings_of_other_systems_are_shown_topic_by_topic(run, tmp_path):
