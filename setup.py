@@ -102,7 +102,16 @@ setup(
         "zstandard>=0.22",
     ],
     extras_require={
-        "formats": ["h5py>=3.10", "npTDMS>=1.9", "pyarrow>=15", "pyuff>=2.4"],
+        "formats": [
+            "RigolWFM>=1.6",
+            "h5py>=3.10",
+            "idelib>=3.4",
+            "mcap-protobuf-support>=0.5",
+            "npTDMS>=1.9",
+            "openpyxl>=3.1",
+            "pyarrow>=15",
+            "pyuff>=2.4",
+        ],
         "batch": ["dask>=2024.5", "distributed>=2024.5"],
         "testing": ["pytest>=8"],
         "scpi": ["pyvisa>=1.14", "pyvisa-py>=0.7"],

@@ -26,7 +26,7 @@ from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.present.console import make_console, print_warning
 from impact_rig.present.screen import print_batch
 from impact_rig.recordings.run import Run
-from impact_rig.recordings.source import is_recording
+from impact_rig.recordings.source import find_bag, is_recording
 from impact_rig.results.batch import BatchCampaign
 from impact_rig.results.results_file import read_results, results_to_json
 
@@ -109,7 +109,7 @@ def run(
         show(results[0], [read_results(results[0])])
         return
     measured = options.drop_missing(measured)
-    recorded, plain = _sort_files(files)
+    recorded, plain = _sort_files([find_bag(path) for path in files])
     # The workers of a cluster have other working folders.
     runs, errors = find_runs(
         [path.absolute() if scheduler else path for path in recorded], namespace

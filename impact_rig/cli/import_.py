@@ -20,12 +20,13 @@ from impact_rig.files.formats.registry import read_measurement
 from impact_rig.files.import_file import read_import_template
 from impact_rig.files.importing import write_imported
 from impact_rig.present.console import print_warning
-from impact_rig.recordings.source import SUFFIX
+from impact_rig.recordings.source import SUFFIX, find_bag
 from impact_rig.results.numbers import format_count
 
 
 def run(files: tuple[Path, ...], output: Path | None, template: bool, **measured: Any) -> None:
     """Run the command; its options are declared in `commands.py`."""
+    files = tuple(map(find_bag, files))
     if template:
         text = make_template(read_measurement(files[0])) if files else read_import_template()
         click.echo(text, nl=False)

@@ -7,6 +7,10 @@ import yaml
 
 RECORDER = "impact_rig"
 """Library that a recording of the rig's recorder names as its writer."""
+Encoding = tuple[str, str]
+"""Of the messages of a topic, and of the schema that describes them."""
+ROS: Encoding = ("cdr", "ros2msg")
+"""Of ROS 2."""
 
 
 class Channel(NamedTuple):
@@ -15,15 +19,16 @@ class Channel(NamedTuple):
     id: int  # unique in the recording
     topic: str
     type_name: str  # for example `impact_rig_msgs/msg/Impact`; empty: not described
-    schema: str  # definition of the type, as `ros2msg`
+    # Definition of the type, as `ros2msg`; bytes that are no text are kept as surrogates.
+    schema: str
     metadata: dict[str, str]  # `offered_qos_profiles` and `topic_type_hash` for ROS 2
     # Of messages and schema; others than those of ROS 2 cannot be decoded.
-    encoding: tuple[str, str] = ("cdr", "ros2msg")
+    encoding: Encoding = ROS
 
     @property
     def is_ros(self) -> bool:
         """Whether its messages are those of ROS 2."""
-        return self.encoding == ("cdr", "ros2msg")
+        return self.encoding == ROS
 
 
 class RawMessage(NamedTuple):

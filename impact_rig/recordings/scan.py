@@ -9,7 +9,7 @@ import io
 import os
 import re
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -23,8 +23,10 @@ from impact_rig.core.errors import FileError
 from impact_rig.recordings.new_file import is_being_written
 from impact_rig.recordings.records import (
     RECORDER,
+    ROS,
     Attachment,
     Channel,
+    Encoding,
     Item,
     MetadataRecord,
     RawMessage,
@@ -90,17 +92,22 @@ class Scan:
     is_strict : bool
         Whether the first damage is an error; what breaks at the very end of a file that was
         never closed was cut off there, and is none.
+    encodings : collection
+        Which ones of messages and schema a strict scan lets pass.
 
     Raises
     ------
     FileError
         If there is no such file or it cannot be read, and, if strict, is no recording of ROS 2.
-        So does every method; if strict, also at the first damage, and if a wanted channel is not
-        in `cdr`.
+        So does every method; if strict, also at the first damage, and if a wanted channel is in
+        another encoding.
     """
 
-    def __init__(self, path: Path, *, is_strict: bool = True) -> None:
+    def __init__(
+        self, path: Path, *, is_strict: bool = True, encodings: Collection[Encoding] = (ROS,)
+    ) -> None:
         self.path = path
+        self._encodings = encodings
         self.channels: dict[int, Channel] = {}  # all that were described so far, by number
         self._is_strict = is_strict
         self._schemas: dict[int, records.Schema] = {}
@@ -314,10 +321,10 @@ class Scan:
         """Return a channel if its messages are wanted."""
         if not self._wanted(channel):
             return None
-        if self._is_strict and not channel.is_ros:
+        if self._is_strict and channel.encoding not in self._encodings:
             raise FileError(
                 f"{self.path}: topic {channel.topic!r} is in {channel.encoding[0]!r} with a"
-                f" schema in {channel.encoding[1]!r}: 'cdr' and 'ros2msg' can be read"
+                f" schema in {channel.encoding[1]!r}: {' and '.join(map(repr, ROS))} can be read"
             )
         return channel
 
@@ -338,7 +345,7 @@ class Scan:
             id=record.id,
             topic=record.topic,
             type_name=schema.name,
-            schema=schema.data.decode(errors="replace"),
+            schema=schema.data.decode(errors="surrogateescape"),
             metadata=dict(record.metadata),
             encoding=(record.message_encoding, schema.encoding),
         )

@@ -1,5 +1,6 @@
 """Finds the recordings that a person names."""
 
+import contextlib
 import itertools
 import re
 import shlex
@@ -15,6 +16,8 @@ RUN_NAME = "session"
 """What a run's folder calls its recording, before the suffix."""
 POINTER = b"version https://git-lfs.github.com/spec/"
 """Beginning of what git-lfs leaves in place of a file."""
+RIG_TYPES = "impact_rig_msgs/"
+"""Beginning of the names of the rig's own message types."""
 OTHER_FORMS = (".db3", ".mcap.zstd")
 """Ends of the names of recordings in SQLite, and of those that rosbag2 compressed as a whole."""
 
@@ -101,20 +104,38 @@ def refuse_pointer(path: Path, beginning: bytes) -> None:
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether a path means a recording, and not a file of traces.
+    """Return whether a path means a recording of a rig, and not a file of traces.
 
-    A name that ends with `.mcap` does, whatever is in the file: opening it tells what is wrong.
+    A name that ends with `.mcap` does, unless the file holds messages of other nodes alone:
+    opening a damaged one tells what is wrong.
     """
-    if path.suffix == SUFFIX or is_other_form(path):
+    if is_other_form(path):
         return True
     try:
         if path.is_dir():
             find_recordings(path)
             return True
         with path.open("rb") as file:
-            return file.read(len(MAGIC)) == MAGIC
+            is_mcap = file.read(len(MAGIC)) == MAGIC
+        return not is_foreign(Scan(path)) if is_mcap else path.suffix == SUFFIX
     except (FileError, OSError):
-        return False
+        return path.suffix == SUFFIX
+
+
+def find_bag(path: Path) -> Path:
+    """Return the recording of other nodes in a folder; any other path as it is."""
+    with contextlib.suppress(FileError, OSError):
+        if path.is_dir():
+            files = find_recordings(path)
+            if all(is_foreign(Scan(file)) for file in files):
+                return files[0]
+    return path
+
+
+def is_foreign(file: Scan) -> bool:
+    """Return whether an MCAP file holds messages of other nodes, and none of a rig."""
+    types = [channel.type_name for channel in file.read_channels()]
+    return bool(types) and not any(name.startswith(RIG_TYPES) for name in types)
 
 
 def is_other_form(path: Path) -> bool:

@@ -110,8 +110,9 @@ class RecordingWriter:
         self._file.plan(len(channel.schema))
         key, encoding = (channel.type_name, channel.schema), channel.encoding
         if key not in self._schemas:
+            text = key[1].encode(errors="surrogateescape")
             self._schemas[key] = (
-                self._writer.register_schema(key[0], encoding[1], key[1].encode()) if key[0] else 0
+                self._writer.register_schema(key[0], encoding[1], text) if key[0] else 0
             )
         self._channels[channel.topic] = self._writer.register_channel(
             channel.topic, encoding[0], self._schemas[key], dict(channel.metadata)

@@ -149,7 +149,7 @@ def test_what_is_no_recording_is_named(tmp_path, content, told):
         list(Run(path).events())
 
 
-def write_foreign(path: Path, profile: str = "ros2", **changes: str) -> None:
+def write_foreign(path: Path, **changes: str) -> None:
     """Write a file as another tool would, with one message."""
     names = {
         "schema": OURS + "RigSetup",
@@ -159,7 +159,7 @@ def write_foreign(path: Path, profile: str = "ros2", **changes: str) -> None:
     text = changes.get("text", "float64 hammer_mass\n")
     with path.open("wb") as file:
         writer = mcap.writer.Writer(file)
-        writer.start(profile)
+        writer.start("ros2")
         schema = writer.register_schema(names["schema"], names["schema_encoding"], text.encode())
         channel = writer.register_channel("/setup", names["encoding"], schema)
         writer.add_message(channel, 1, b"\0\1\0\0" + bytes(8), 1)
@@ -169,7 +169,7 @@ def write_foreign(path: Path, profile: str = "ros2", **changes: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"profile": "ros1"}, "profile 'ros1': it should be 'ros2'"),
+        ({"encoding": "ros1", "schema_encoding": "ros1msg"}, "'ros1'.*'cdr' and 'ros2msg'"),
         ({"encoding": "json"}, "'json'.*'cdr' and 'ros2msg'"),
         ({"schema": "sensor_msgs/msg/Imu"}, "holds no set-up of a rig"),
         ({}, "has no field '.*': it was recorded with another version"),

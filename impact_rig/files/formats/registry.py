@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.files.formats.bags import read_bag
 from impact_rig.files.formats.bounds import read_apart
 from impact_rig.files.formats.hdf5 import read_hdf5, write_hdf5
 from impact_rig.files.formats.lvm import read_lvm
@@ -18,7 +19,12 @@ from impact_rig.files.formats.uff import read_uff, write_uff
 from impact_rig.files.formats.wav import read_wav
 from impact_rig.files.measurement import Measurement
 from impact_rig.recordings.new_file import write_new_file
-from impact_rig.recordings.source import POINTER, refuse_pointer
+from impact_rig.recordings.source import (
+    POINTER,
+    find_recordings,
+    is_other_form,
+    refuse_pointer,
+)
 
 Read = Callable[[Path], Measurement]
 Write = Callable[[Path, Measurement], None]
@@ -39,6 +45,7 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
     ".tsv": (read_text, None),
     ".npy": (read_npy, None),
     ".npz": (read_npz, None),
+    ".mcap": (read_bag, None),
 }
 """Who reads and writes a format, by suffix; None: it is not written."""
 WRITABLE = tuple(suffix for suffix, (_, write) in FORMATS.items() if write)
@@ -65,6 +72,8 @@ def read_measurement(path: Path) -> Measurement:
         If its times do not run in even steps.
     """
     path = Path(path)
+    if is_other_form(path):
+        find_recordings(path)  # says how to convert it
     _check_readable(path)
     read, _ = FORMATS.get(path.suffix.lower(), (None, None))
     if read is None:
