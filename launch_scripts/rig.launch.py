@@ -22,6 +22,7 @@ from launch.actions import (
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
+from impact_rig.analysis.resuming import find_rig_of_run
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     LAUNCHER,
@@ -83,7 +84,8 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "resume",
         default_value="",
-        description="folder of an earlier run to go on with; with impacts, its campaign goes on",
+        description="folder of an earlier run to go on with, with its own rig; with impacts, its"
+        " campaign goes on",
     ),
     DeclareLaunchArgument(
         "visualizer",
@@ -136,6 +138,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
         return LaunchConfiguration(name).perform(context)
 
     rig = load_rig_file(read("rig_file"))
+    is_continuous = read("continuous") == "true"
     faults = parse_number("faults", read("faults"), float)
     if faults is not None and not 0.0 <= faults <= 1.0:
         raise ParameterError(f"faults:={faults:g}: it must be a probability, from 0 to 1")
@@ -144,6 +147,10 @@ def make_rig(context: LaunchContext) -> list[Action]:
         "seed": parse_number("seed", read("seed"), int),
         "fault_probability": faults,
     }
+    if read("resume"):
+        found = find_rig_of_run(Path(read("resume")), rig.path, source)
+        rig, source = found.rig, {**found.source}
+        is_continuous |= found.is_continuous
     executables = Path(get_package_prefix("impact_rig"), "lib", "impact_rig")
     given = read("resume") or read("output")
     folder = choose_run_folder(Path(given) if given else None)
@@ -151,7 +158,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
         folder.resolve(),
         rig=rig,
         source=source,
-        continuous=read("continuous") == "true",
+        continuous=is_continuous,
         visualize=choose_view(read("visualizer"), executables / "visualizer"),
         viewers=split_names(read("viewer")),
         only=split_names(read("only")),

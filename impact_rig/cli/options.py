@@ -128,7 +128,7 @@ resume_option = click.option(
     "--resume",
     type=click.Path(path_type=Path, file_okay=False, exists=True),
     metavar="RUN",
-    help="Go on with the run that this folder holds.",
+    help="Go on with the run that this folder holds, with its own rig.",
 )
 
 samples_option = make_list_option("--sample", "NAME", "Only this sample", "samples")

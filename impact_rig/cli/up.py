@@ -16,6 +16,7 @@ from typing import IO, Any
 
 import click
 
+from impact_rig.analysis.resuming import find_rig_of_run
 from impact_rig.cli import options
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
@@ -161,9 +162,14 @@ def run(
     if template:
         click.echo(read_template(), nl=False)
         return
-    rig = options.load_rig(rig_file)
     overrides = parse_parameters(settings)
     source = {**{key: chosen.pop(key) for key in options.SOURCE_KEYS}, **overrides.pop(SOURCE, {})}
+    if resume is None:
+        rig = options.load_rig(rig_file)
+    else:
+        found = find_rig_of_run(resume, rig_file, source)
+        rig, source = options.load_rig(found.rig.path), {**found.source}
+        chosen["continuous"] |= found.is_continuous
     folder = resume or choose_run_folder(output)
     options.set_discovery(network=network)
     processes = list_rig_processes(

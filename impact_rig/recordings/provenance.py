@@ -8,10 +8,13 @@ import platform
 import time
 from importlib import metadata
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 from impact_rig import __version__
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.records import Attachment
+from impact_rig.recordings.records import Attachment, MetadataRecord
 
 PROVENANCE_RECORD = "impact_rig"
 """Metadata record of the software, the computer and the operator's notes."""
@@ -58,6 +61,17 @@ def describe_provenance(middleware: str, notes: str) -> dict[str, str]:
         "platform": platform.platform(),
         "notes": notes,
     }
+
+
+def read_parameters(record: MetadataRecord, node: str) -> dict[str, Any]:
+    """Return the parameters of a node in a metadata record; empty: they are not in it."""
+    if record.name != PARAMETERS_RECORD:
+        return {}
+    for name, text in record.fields.items():
+        if name.rpartition("/")[2] == node:
+            found = yaml.safe_load(text)
+            return found if isinstance(found, dict) else {}
+    return {}
 
 
 def read_attached_file(path: Path) -> Attachment:
