@@ -48,8 +48,8 @@ class Plant:
 
 PLANTS = {
     "virtual rig, plant published": Plant(
-        "Drawn from the paper's tables: agreement tests the software, not the paper."
-        " No contact law or two-body model describes these pulses."
+        "Bodies made from the paper's tables: agreement tests the software, not the paper."
+        " The pulse is the paper's versed-sine, which no contact law makes."
     ),
     "virtual rig, plant dynamics": Plant(
         "Equations (1) and (2), the sample driven by the force alone, k and c of the paper."

@@ -56,7 +56,7 @@ def test_prints_one_screen_and_says_where_everything_is(demo):
     for word in ("τp", "Δ/U", "steel small", "aluminium large", "hammer", "rejected"):
         assert word in output
     assert len(output.splitlines()) <= 40
-    assert output.startswith("Origin: simulated (virtual rig, plant published).\nDrawn from")
+    assert output.startswith("Origin: simulated (virtual rig, plant published).\nBodies made from")
     assert errors.endswith(
         "results:   run/results.json\nrecording: run/session.mcap\n"
         "report:    impact-rig report run\n"

@@ -18,7 +18,12 @@ from impact_rig.core.records import SIMULATED, Block, ChannelBlock, FloatArray, 
 from impact_rig.core.setup import RigSetup
 from impact_rig.devices.virtual.choices import IDENTITY, Fault, Plant
 from impact_rig.devices.virtual.contact import HERTZ_EXPONENT, Contact, make_nominal_contact
-from impact_rig.devices.virtual.plants import HitPhysics, make_nominal_model, simulate_plant
+from impact_rig.devices.virtual.plants import (
+    HitPhysics,
+    make_nominal_model,
+    make_published_model,
+    simulate_plant,
+)
 
 
 def fault_from_name(name: str) -> Fault:
@@ -276,7 +281,8 @@ def make_nominal_physics(setup: RigSetup, sample: str, settings: VirtualRigSetti
             setup, sample, settings.contact_exponent, settings.restitution
         )
         return HitPhysics(contact.make_model(), contact=contact)
-    return HitPhysics(make_nominal_model(setup, sample))
+    make_model = make_published_model if settings.plant is Plant.PUBLISHED else make_nominal_model
+    return HitPhysics(make_model(setup, sample))
 
 
 def _scatter_physics(nominal: HitPhysics, duration: float, force: float) -> HitPhysics:
