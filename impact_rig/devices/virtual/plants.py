@@ -1,9 +1,10 @@
 """What a hit does to hammer and sample, before any sensor sees it.
 
 `published` is what the paper's tables describe: on it the paper's procedure gives back Tables 2 to
-4, and the model with their numbers lies on the traces. `dynamics` and `dynamics_printed` are the two forms of the model, with known
-truth: on them the bias of an estimator is measured. `contact` are free bodies that meet by a
-contact law, as metals do, which the paper's procedure reads as springs: see `contact.py`.
+4, and the model with their numbers lies on the traces. `dynamics` and `dynamics_printed` are the
+two forms of the model, with known truth: on them the bias of an estimator is measured. `contact`
+are free bodies that meet by a contact law, as metals do, which the paper's procedure reads as
+springs: see `contact.py`.
 """
 
 import math
@@ -111,8 +112,8 @@ def make_published_model(setup: RigSetup, sample: str) -> ImpactModel:
     """Return the same, with the damping c2 on which the log decrement reads the reference value.
 
     The largest peak lies within the contact, which still drives the body: the log decrement reads
-    c2 some 5 to 16 % too low on the paper's samples. A c2 of zero, and one that leaves no second
-    peak, stay as they are.
+    c2 some 5 to 16 % too low on the paper's samples. A c2 that leaves no second peak stays as it
+    is.
 
     Raises
     ------
@@ -122,7 +123,7 @@ def make_published_model(setup: RigSetup, sample: str) -> ImpactModel:
     model = make_nominal_model(setup, sample)
     body = model.specimen
     decay, frequency = _compute_free_decay(body)
-    if not decay or not frequency:
+    if not frequency:
         return model
     wanted = 2.0 * math.pi * decay / frequency
 

@@ -88,17 +88,19 @@ def test_the_published_sample_is_a_driven_body_whose_log_decrement_gives_table_4
     expected = [accelerate(t, state)[1] for t, state in zip(motion.t, motion.y.T, strict=True)]
     found = specimen[(time >= 0.0) & (time <= 1e-3)]
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * found.max())
-    tops = specimen[find_peaks(specimen)[0]]
-    decrement = math.log(tops[0] / tops[1])
+    # The largest peak, of whatever sign, and the next one of that sign.
+    upright = specimen * np.sign(specimen[np.argmax(np.abs(specimen))])
+    tops = upright[find_peaks(upright)[0]]
+    largest = np.argmax(tops)
+    decrement = math.log(tops[largest] / tops[largest + 1])
     ratio = cell.reference_damping_coefficient / 2 / math.sqrt(body.stiffness * body.mass)
     assert decrement == pytest.approx(2 * math.pi * ratio / math.sqrt(1 - ratio**2), rel=1e-4)
-    # The contact still drives the body at its largest peak.
+    # The contact still drives the body at its largest peak: a decay would give less damping.
     assert 1.04 < body.damping_coefficient / cell.reference_damping_coefficient < 1.17
 
 
-@pytest.mark.parametrize("damping", [0.0, 1e5])
-def test_a_published_body_without_a_decrement_keeps_its_damping(damping):
-    cell = Sample("cell", 0.1, "", 200e-6, 20e6, damping)
+def test_a_published_body_without_a_decrement_keeps_its_damping():
+    cell = Sample("cell", 0.1, "", 200e-6, 20e6, 1e5)
     setup = replace(PAPER_SETUP, samples=SampleSet((cell,), "cell"))
     assert make_published_model(setup, "cell") == make_nominal_model(setup, "cell")
 
