@@ -79,6 +79,10 @@ class CampaignView:
         """Ask for the hammer to be released by hand."""
         self._print(f"Release the hammer on {sample}, within {patience:g} s")
 
+    def hold_back(self, reason: str) -> None:
+        """Withdraw the request to release the hammer by hand."""
+        self._print(Text(f"STOP: do not release the hammer: {reason}", ALARM))
+
     def _print(self, text: str | Text) -> None:
         self._progress.console.print(text)
 

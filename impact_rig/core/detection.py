@@ -298,6 +298,7 @@ def _make_record(
         specimen=window.specimen,
         label=first.label,
         triggered=window.triggered,
+        disarmed=window.disarmed,
         stamp=first.stamp + round(delay * 1e9),
         origin=first.origin,
         pulse_index=pulse_index,

@@ -152,6 +152,7 @@ class Block:
     specimen: ChannelBlock  # as long as the hammer's; without points: not measured
     label: HitLabel = NOT_ARMED  # `NOT_ARMED`: none, or not known yet
     triggered: bool = True  # False: the arming ended without a trigger, and the block is empty
+    disarmed: bool = False  # of such a block: the hammer was disarmed before its contact
     last: bool = False  # it ends the record; in a stream the arming, or of no arming the stream
     stamp: int = 0  # of the first point [ns since the epoch]; 0: not known; never computed with
     origin: Origin = UNSTATED

@@ -29,6 +29,7 @@ class Arming:
     has_hit: bool  # its hit was found
     stop: int | None = None  # behind its last point; None: it goes on
     is_complete: bool = False  # its last block has come
+    is_disarmed: bool = False  # the hammer was, before a contact
     missing: int = 0  # [points] lost in gaps
 
     @property
@@ -180,7 +181,7 @@ class StreamCutter:
             self._armings.append(current)
         if block.last:
             current.stop = block.stop
-            current.is_complete = True
+            current.is_complete, current.is_disarmed = True, block.disarmed
 
     def _search(self, segment: Segment, *, is_over: bool) -> list[Block]:
         """Return the hits whose windows have come, and the armings that ended without one."""
@@ -259,7 +260,8 @@ class StreamCutter:
                     segment.read(arming.start, arming.start),
                     label=arming.label,
                     first_sample=arming.missing,
-                    triggered=arming.missing > 0,
+                    triggered=arming.missing > 0 and not arming.is_disarmed,
+                    disarmed=arming.is_disarmed,
                     last=True,
                     stamp=segment.get_time(stop or arming.start),
                 )

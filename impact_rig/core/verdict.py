@@ -20,6 +20,7 @@ class Reason(Enum):
     """Why a hit is rejected, or what was found in it."""
 
     NO_TRIGGER = "no_trigger"
+    DISARMED = "disarmed"
     GAP = "gap"
     NON_FINITE = "non_finite"
     DEAD_CHANNEL = "dead_channel"
@@ -360,6 +361,8 @@ CHANNELS = ("hammer", "sample")
 
 def check_stream(record: Record) -> list[Finding]:
     """Find what is wrong with a record before anyone looks for a pulse in it."""
+    if record.disarmed:
+        return [Finding(Reason.DISARMED, "the hammer was disarmed before the contact")]
     if not record.triggered:
         return [Finding(Reason.NO_TRIGGER, "the arming ended without a trigger")]
     found = [Finding(Reason.GAP, flaw) for flaw in record.flaws]

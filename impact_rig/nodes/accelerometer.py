@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from impact_rig_msgs.msg import AcquisitionState, HammerRelease
+from impact_rig_msgs.msg import AcquisitionState, HammerRelease, HammerState
 from impact_rig_msgs.srv import Arm, JoinCampaign
 from std_srvs.srv import Trigger
 
@@ -66,6 +66,7 @@ class AccelerometerNode(DeviceNode):
         self._thread: SourceThread | None = None
         self._arming: Arming | None = None
         self._record = 0
+        self._hammer = HammerState(armed=True)
         self._stream_id = NO_ID
         self._is_continuous = self.get_value("mode") == CONTINUOUS
         self._blocks = self.advertise(
@@ -77,6 +78,7 @@ class AccelerometerNode(DeviceNode):
         self._virtual_impact = self.advertise(interfaces.VIRTUAL_IMPACT)
         self.listen(interfaces.SETUP, self._on_setup)
         self.listen(interfaces.RELEASE, self._on_release)
+        self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
         self.create_service(Arm, interfaces.ARM_ACCELEROMETER, self._on_arm)
         self.create_service(Trigger, interfaces.DISARM_ACCELEROMETER, self._on_disarm)
         self.offer_to_join()
@@ -250,6 +252,20 @@ class AccelerometerNode(DeviceNode):
                 self._virtual_impact.publish(truth)
         # After the computation of a simulated hit, which takes its time.
         arming.release(swing + timeout + opened.plan.record_duration)
+        self._check_enable()
+
+    def _on_hammer_state(self, received: Received[HammerState]) -> None:
+        self._hammer = received.value
+        self._check_enable()
+
+    def _check_enable(self) -> None:
+        """End the record of a hammer that was disarmed while it swings: its hit does not count."""
+        arming, hammer = self._arming, self._hammer
+        is_under_way = hammer.state in (HammerState.SWINGING, HammerState.FAULT)
+        if arming is None or not arming.is_released or hammer.armed or not is_under_way:
+            return
+        if self._thread is not None:
+            self._thread.withdraw(arming)
 
     def _on_hit(self, received: Received[Block]) -> None:
         """End the arming when its impact has been found in the running stream."""

@@ -119,7 +119,8 @@ class SourceThread:
     continuous mode `StreamBlock` messages all the time, in which the estimator finds the hits.
     The record of each release is ended, so that one verdict follows: one that breaks off gets an
     empty last block behind the missing points, one of which nothing came an empty block without
-    a trigger. A stream ends with an empty block of no arming.
+    a trigger; if the hammer was disarmed before its contact, that says so. A stream ends with an
+    empty block of no arming.
 
     Parameters
     ----------
@@ -185,6 +186,10 @@ class SourceThread:
         """End an arming, unless it has ended; a hit that is judged needs no end of its record."""
         self._orders.put(lambda: self._end(arming, is_judged=is_judged))
 
+    def withdraw(self, arming: Arming) -> None:
+        """End an arming whose hammer was disarmed, unless its contact has come."""
+        self._orders.put(lambda: self._withdraw(arming))
+
     def diagnose(self) -> dict[str, Any]:
         """Return the flow for the diagnostics."""
         flow = self.flow
@@ -237,12 +242,18 @@ class SourceThread:
         self._arming, self._has_begun = arming, False
         arming.armed.set()
 
-    def _end(self, arming: Arming, *, is_judged: bool) -> None:
+    def _withdraw(self, arming: Arming) -> None:
+        if self._arming is arming and not self._has_begun:
+            self._end(arming, is_judged=False, is_disarmed=True)
+            self._on_ended(arming, "the hammer was disarmed before the contact")
+
+    def _end(self, arming: Arming, *, is_judged: bool, is_disarmed: bool = False) -> None:
         if self._arming is not arming:
             return
         if not self._plan.continuous:
             self._source.disarm()
-        self._end_record(is_awaited=arming.is_released and not is_judged)
+        is_awaited = arming.is_released and not is_judged
+        self._end_record(is_awaited=is_awaited, is_disarmed=is_disarmed)
 
     def _read(self) -> None:
         deadline = self._compute_deadline()
@@ -270,10 +281,11 @@ class SourceThread:
             return math.inf
         return self._next_due if self._has_begun else self._arming.latest_contact
 
-    def _end_record(self, *, is_awaited: bool) -> None:
+    def _end_record(self, *, is_awaited: bool, is_disarmed: bool = False) -> None:
         """End the record of the arming under way, if there is one or a verdict is awaited."""
         if self._has_begun or is_awaited:
-            self._publish_end(self._record_points if self._has_begun else 0)
+            points = self._record_points if self._has_begun else 0
+            self._publish_end(points, is_disarmed=is_disarmed)
         self._arming, self._has_begun = None, False
 
     def _finish(self) -> None:
@@ -290,10 +302,16 @@ class SourceThread:
             self.flow.add(piece.first_sample, piece.hammer.output.size)
         self._newest = block
 
-    def _publish_end(self, points: int = 0) -> None:
+    def _publish_end(self, points: int = 0, *, is_disarmed: bool = False) -> None:
         """Publish an empty last block, behind all points of the record if that has so many."""
         first_sample = max(points, self.flow.expected or 0)
-        empty = replace(self._newest.cut(0, 0), first_sample=first_sample, last=True, stamp=0)
+        empty = replace(
+            self._newest.cut(0, 0),
+            first_sample=first_sample,
+            last=True,
+            stamp=0,
+            disarmed=is_disarmed,
+        )
         self._publisher.publish(self._make_message(self._complete(empty)))
 
     def _complete(self, block: Block) -> Block:

@@ -13,6 +13,7 @@ from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import (
     AcquisitionState,
     HammerRelease,
+    HammerState,
     RecorderState,
 )
 from impact_rig_msgs.srv import ConfirmSample
@@ -77,6 +78,10 @@ class Operator(Protocol):
         """Release the hammer by hand, within so many seconds."""
         ...
 
+    def hold_back(self, reason: str) -> None:
+        """Do not release the hammer, though it was asked for: it has been disarmed."""
+        ...
+
 
 class CampaignClient(RigClient):
     """Runs campaigns on a rig that is up; use it in a ``with`` statement.
@@ -100,11 +105,14 @@ class CampaignClient(RigClient):
         self._operator: Operator | None = None
         self._feedback = RunCampaign.Feedback()
         self._duties: list[Callable[[Operator], None]] = []
+        self._hammer = HammerState(armed=True)
+        self._is_to_let_go = False  # the operator is asked to release the hammer
         self._faults: dict[int, tuple[str, ...]] = {}
         self.listen(interfaces.VIRTUAL_IMPACT, self._on_virtual_impact)
         self.listen(interfaces.SETUP, lambda _: None, on_liveliness=self._on_liveliness)
         self.listen(interfaces.RECORDER_STATE, self._on_recorder_state)
         self.listen(interfaces.ACQUISITION_STATE, self._on_acquisition_state)
+        self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
         new_ones = copy(interfaces.RELEASE.qos)
         new_ones.durability = DurabilityPolicy.VOLATILE
         self.listen(interfaces.RELEASE, self._on_release, new_ones)
@@ -256,6 +264,8 @@ class CampaignClient(RigClient):
         if self._operator is None:
             return
         self._operator.follow(feedback)
+        if feedback.state != RunCampaign.Feedback.STRIKING:
+            self._is_to_let_go = False
         if (feedback.state, feedback.sample) == (before.state, before.sample):
             return
         if feedback.state == RunCampaign.Feedback.WAITING_FOR_SAMPLE:
@@ -282,6 +292,18 @@ class CampaignClient(RigClient):
         release = received.value
         if self._operator is not None and release.latest_contact > release.swing_time:
             self._operator.let_go(release.sample, release.latest_contact)
+            self._is_to_let_go = True
+            self._hold_back()
+
+    def _on_hammer_state(self, received: Received[HammerState]) -> None:
+        self._hammer = received.value
+        self._hold_back()
+
+    def _hold_back(self) -> None:
+        """Withdraw the request to release the hammer, if that was disarmed meanwhile."""
+        if self._operator is not None and self._is_to_let_go and not self._hammer.armed:
+            self._is_to_let_go = False
+            self._operator.hold_back(self._hammer.message)
 
     def _on_virtual_impact(self, received: Received[Truth]) -> None:
         """Keep what the virtual rig did on purpose."""

@@ -122,6 +122,7 @@ def block_from_msg(message: Any) -> Block:
         hammer=_channel_from_msg(message.hammer),
         specimen=_channel_from_msg(message.specimen),
         triggered=bool(getattr(message, "triggered", True)),  # a stream has no trigger
+        disarmed=bool(getattr(message, "disarmed", False)),  # recordings before have no such field
         last=bool(message.last),
         stamp=stamp_from_msg(message.header.stamp),
         origin=origin_from_msg(message),
@@ -221,6 +222,7 @@ def fill_block(message: Any, block: Block) -> None:
     message.first_sample = block.first_sample
     message.sampling_rate = block.sampling_rate
     message.last = block.last
+    message.disarmed = block.disarmed
     fill_message(message.origin, block.origin)
     _fill_channel(message.hammer, block.hammer)
     _fill_channel(message.specimen, block.specimen)

@@ -46,3 +46,13 @@ def test_a_log_has_a_line_for_each_sample_each_rejection_and_each_pause(capsys, 
         "the campaign goes on",
         "sample 1 of 2: steel large",
     ]
+
+
+def test_who_holds_the_hammer_by_hand_reads_a_stop(capsys):
+    with CampaignView() as view:
+        view.let_go("steel small", 60.0)
+        view.hold_back("emergency stop")
+    assert capsys.readouterr().err.splitlines() == [
+        "Release the hammer on steel small, within 60 s",
+        "STOP: do not release the hammer: emergency stop",
+    ]

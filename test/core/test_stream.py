@@ -153,6 +153,16 @@ def test_each_impact_belongs_to_the_arming_it_falls_into(following):
     assert [(block.label, block.last) for block in cuts] == [(label, True) for label in expected]
 
 
+def test_an_arming_whose_hammer_was_disarmed_has_no_hit_and_what_comes_after_it_is_no_ones():
+    counts = make_counts([(8000, 900.0)], 20_000)
+    armed, *rest = make_stream(counts, [4000, 16_000], [(0, 4000, FIRST)])
+    (end,) = cut([replace(armed, disarmed=True), *rest])
+    assert (end.label, end.triggered, end.disarmed) == (FIRST, False, True)
+    (record,) = detect([end])
+    (found,) = judge_hit(record, SETTINGS).rejections
+    assert found.reason is Reason.DISARMED
+
+
 class TestGap:
     """Points that never came: they stay away."""
 

@@ -3,6 +3,7 @@
 A second contact is found, whatever its height and place; ringing of one contact is none.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,10 @@ class TestStream:
     def test_a_missed_trigger(self):
         (found,) = check_stream(make_record(np.empty(0), triggered=False))
         assert str(found) == "no_trigger: the arming ended without a trigger"
+
+    def test_a_hammer_that_was_disarmed_on_its_way(self):
+        (found,) = check_stream(replace(make_record(np.empty(0), triggered=False), disarmed=True))
+        assert str(found) == "disarmed: the hammer was disarmed before the contact"
 
     @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
     def test_a_value_that_is_no_number(self, value):

@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 import pytest
-from impact_rig_msgs.msg import AcquisitionState
+from impact_rig_msgs.msg import AcquisitionState, HammerState
 from impact_rig_msgs.srv import Arm, JoinCampaign
 from std_srvs.srv import Trigger
 
@@ -67,6 +67,60 @@ def test_what_does_not_come_in_time_is_said_by_an_empty_block_and_the_device_is_
     assert (block.triggered, block.last, len(block.hammer.counts)) == (False, True, 0)
     wait_for_state(states, AcquisitionState.IDLE, "no impact came in time")
     assert desk.calls == ["configure", "arm", "disarm"]
+
+
+@pytest.fixture
+def disarm(harness):
+    """Return a function that says of the swinging hammer whether it is armed."""
+    publisher = harness.advertise(interfaces.HAMMER_STATE)
+
+    def run(*, armed):
+        publisher.publish(HammerState(state=HammerState.SWINGING, armed=armed))
+
+    return run
+
+
+def test_a_hammer_that_is_disarmed_on_its_way_ends_the_record_at_once(
+    harness, desk, rig, blocks, states, release, disarm
+):
+    node = rig()
+    release(arm(harness).record, latest_contact=60.0)
+    wait_for_release(harness, node)
+    disarm(armed=True)
+    disarm(armed=False)
+    (block,) = blocks.wait_for_count(1)
+    told = (block.triggered, block.disarmed, block.last, len(block.hammer.counts))
+    assert told == (False, True, True, 0)
+    wait_for_state(states, AcquisitionState.IDLE, "disarmed before the contact")
+    assert desk.calls == ["configure", "arm", "disarm"]
+
+
+def test_a_release_is_heard_after_the_disarming_that_followed_it(
+    harness, rig, blocks, release, disarm
+):
+    node = rig()
+    disarm(armed=False)
+    harness.wait_until(lambda: not node._hammer.armed)
+    release(arm(harness).record, latest_contact=60.0)
+    (block,) = blocks.wait_for_count(1)
+    assert block.disarmed
+
+
+def test_a_hammer_that_is_disarmed_after_the_contact_takes_no_hit_away(
+    harness, desk, rig, blocks, states, release, disarm
+):
+    node = rig()
+    release(arm(harness).record, latest_contact=60.0)
+    wait_for_release(harness, node)
+    first, *rest = make_record().split(1000)
+    desk.deliver(first)
+    blocks.wait_for_count(1)
+    disarm(armed=False)
+    harness.wait_until(lambda: not node._hammer.armed)
+    for block in rest:
+        desk.deliver(block)
+    got = blocks.wait(lambda got: got[-1].last)
+    assert (len(got), any(block.disarmed for block in got)) == (5, False)
 
 
 def test_a_hit_may_come_until_the_latest_contact(harness, desk, rig, blocks, release):
