@@ -11,7 +11,7 @@ from impact_rig.analysis.analyze import analyze
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
-from impact_rig.recordings.reader import read_recording
+from impact_rig.recordings.run import Run
 
 from .campaigns import start_rig
 
@@ -73,5 +73,5 @@ def test_a_stop_withdraws_the_request_at_once_and_the_hit_is_rejected_by_name(
     assert not hit.accepted
     assert hit.reasons == ("disarmed: the hammer was disarmed before the contact",)
     harness.change_state("recorder", "deactivate")
-    (analyzed,) = analyze(read_recording(harness.recording)).campaigns[-1].results.hits
+    (analyzed,) = analyze(Run(harness.recording)).campaigns[-1].results.hits
     assert analyzed.reasons == hit.reasons
