@@ -26,6 +26,7 @@ from impact_rig.analysis.resuming import find_rig_of_run
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     LAUNCHER,
+    MEASURING,
     NodeProcess,
     choose_run_folder,
     choose_view,
@@ -181,6 +182,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
 
 def make_node(process: NodeProcess, params_file: str, *, respawn: bool) -> Action:
     """Return one node of the rig; it is started again when it ends, or the rig ends with it."""
+    ends_rig = process.name in MEASURING and not respawn
     parameters: list[Any] = [params_file] if params_file else []
     if process.parameters:
         parameters.append(dict(process.parameters))
@@ -194,7 +196,7 @@ def make_node(process: NodeProcess, params_file: str, *, respawn: bool) -> Actio
         sigterm_timeout="20",  # launch's own 5 s go by while a slow disk takes a recording
         respawn=respawn,
         respawn_delay=1.0,
-        on_exit=None if respawn else Shutdown(reason=f"{process.name} ended"),
+        on_exit=Shutdown(reason=f"{process.name} ended") if ends_rig else None,
     )
 
 

@@ -22,6 +22,7 @@ from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     ACTIVE,
     LAUNCHER,
+    MEASURING,
     RECORDING_NAME,
     SOURCE,
     NodeProcess,
@@ -104,6 +105,10 @@ class RunningNodes:
                             self._print("rig", ready)
                     continue
                 ended = self._nodes.pop(name).wait() if name else 0
+                if name and name not in MEASURING and self._nodes and code is None:
+                    self._print("rig", f"{name} has ended ({ended}): the rig goes on without it")
+                    starting.discard(name)
+                    continue
                 if code is None:
                     code = ended
                     self._send(signal.SIGTERM)

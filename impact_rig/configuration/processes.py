@@ -90,6 +90,10 @@ PAGE = "web"
 """Viewers of this computer; an address names one elsewhere."""
 
 
+MEASURING = ("accelerometer", "campaign", "estimator", "hammer", "recorder")
+"""The nodes that a measurement rests on: a rig ends with each of them, and with no other."""
+
+
 @dataclass(frozen=True)
 class NodeProcess:
     """One node, which runs as one process."""

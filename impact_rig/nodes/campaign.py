@@ -27,7 +27,7 @@ from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.recordings.messages import setup_from_msg
+from impact_rig.recordings.messages import NO_ID, setup_from_msg
 
 LOOK_PERIOD = 0.5
 """How often a campaign checks whether its pause is over [s]."""
@@ -35,6 +35,10 @@ PAUSE_TIMEOUT = 1.0
 """How long the hammer may take to answer that it is disarmed, before it is asked again [s]."""
 RESULTS_TIMEOUT = 600.0
 """How long the estimator may take to read a run, or to fit the model to a hundred samples [s]."""
+
+
+DISPLAY_TIMEOUT = 1.0
+"""How long a campaign's start may wait for a display [s]."""
 
 
 class State(IntEnum):
@@ -77,7 +81,7 @@ class Campaign:
     handle: ServerGoalHandle
     setup: RigSetupMessage  # with id and plan: enough to go on with the campaign
     feedback: RunCampaign.Feedback = field(default_factory=RunCampaign.Feedback)
-    stream_id: bytes = bytes(16)
+    stream_id: bytes = NO_ID
     recording: str = ""
     has_armed: bool = False
     mounted: str = ""
@@ -209,6 +213,8 @@ class CampaignNode(RigNode):
         # Who joins publishes its state, which those take that have joined before: the hammer needs
         # those of all others, and by the accelerometers' id the others know the running stream.
         self.membership.join(Identity(id_from_msg(campaign.setup.campaign_id)))
+        if campaign.stream_id == NO_ID:
+            await self._announce(campaign)
         await self._join_node(campaign, "hammer")
         answer = await self._join_node(campaign, "accelerometer")
         campaign.stream_id = id_from_msg(answer.stream_id)
@@ -228,7 +234,18 @@ class CampaignNode(RigNode):
             await self.wait_until(lambda: bool(self._hammer.armed), ANSWER_TIMEOUT)
         return State.COUNTING
 
-    async def _join_node(self, campaign: Campaign, name: str) -> JoinCampaign.Response:
+    async def _announce(self, campaign: Campaign) -> None:
+        """Let those who listen know the campaign's id before anybody publishes with it."""
+        for name in ("recorder", "hammer"):
+            await self._join_node(campaign, name, announced=True)
+        if (display := self._joins["visualizer"]).service_is_ready():
+            request = JoinCampaign.Request(setup=campaign.setup, announced=True)
+            answer = display.call_async(request)
+            await self._wait(campaign, answer.done, DISPLAY_TIMEOUT)
+
+    async def _join_node(
+        self, campaign: Campaign, name: str, *, announced: bool = False
+    ) -> JoinCampaign.Response:
         client = self._joins[name]
         # At the start there may be a run to read; later its silence is a pause.
         is_reading = name == "estimator" and not campaign.has_armed
@@ -238,6 +255,7 @@ class CampaignNode(RigNode):
                 setup=campaign.setup,
                 stream_id=id_to_msg(campaign.stream_id),
                 recording=campaign.recording,
+                announced=announced,
             ),
             RESULTS_TIMEOUT if is_reading else ANSWER_TIMEOUT,
             lambda: campaign.is_cancelled or not client.service_is_ready(),

@@ -27,6 +27,7 @@ from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import START_ONE, RigClient
 from impact_rig.nodes.conversions import Truth
+from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.result_messages import results_from_msg
 from impact_rig.results.campaign import Results
@@ -107,7 +108,7 @@ class CampaignClient(RigClient):
         self._duties: list[Callable[[Operator], None]] = []
         self._hammer = HammerState(armed=True)
         self._is_to_let_go = False  # the operator is asked to release the hammer
-        self._faults: dict[int, tuple[str, ...]] = {}
+        self._faults: dict[tuple[bytes, int], tuple[str, ...]] = {}  # by campaign and record
         self.listen(interfaces.VIRTUAL_IMPACT, self._on_virtual_impact)
         self.listen(interfaces.SETUP, lambda _: None, on_liveliness=self._on_liveliness)
         self.listen(interfaces.RECORDER_STATE, self._on_recorder_state)
@@ -178,6 +179,12 @@ class CampaignClient(RigClient):
         RigError
             If the campaign cannot be run as the goal asks for.
         """
+        resumed = id_from_msg(goal.resumed.campaign_id)
+        campaign_id = resumed if goal.resumed.plan.impacts else make_id()
+        goal.campaign_id = id_to_msg(campaign_id)
+        # From now on only the messages of this campaign count.
+        self._intake.membership.join(Identity(campaign_id))
+        self._recording = ""
         self._operator, self._gone_since = operator, math.inf
         self._sent.clear()
         self._duties.clear()
@@ -202,11 +209,16 @@ class CampaignClient(RigClient):
         if self.is_hammerless:
             hits = [*result.accepted, *result.rejected]
             # What the virtual rig did on purpose comes by another topic.
-            self.spin_until(lambda: all(hit.record in self._faults for hit in hits), 2.0)
+            self.spin_until(
+                lambda: all((campaign_id, hit.record) in self._faults for hit in hits), 2.0
+            )
+        faults = {
+            record: found for (own, record), found in self._faults.items() if own == campaign_id
+        }
         return CampaignOutcome(
             success=result.success and answer.status == GoalStatus.STATUS_SUCCEEDED,
             message=result.message,
-            results=results_from_msg(result, self._faults),
+            results=results_from_msg(result, faults),
             recording=result.recording,
         )
 
@@ -307,7 +319,8 @@ class CampaignClient(RigClient):
 
     def _on_virtual_impact(self, received: Received[Truth]) -> None:
         """Keep what the virtual rig did on purpose."""
-        self._faults[received.value.label.record] = received.value.faults
+        key = (received.identity.campaign_id, received.value.label.record)
+        self._faults[key] = received.value.faults
 
     def _on_acquisition_state(self, received: Received[AcquisitionState]) -> None:
         self._acquisition = received.value

@@ -10,9 +10,9 @@ from rclpy.serialization import deserialize_message
 
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.setup import RigSetup
-from impact_rig.nodes.identity import id_to_msg, make_id
+from impact_rig.nodes.identity import id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.messages import setup_to_msg
-from impact_rig.recordings.messages import SETUP_TYPE, setup_from_msg
+from impact_rig.recordings.messages import NO_ID, SETUP_TYPE, setup_from_msg
 from impact_rig.recordings.run import Run
 
 
@@ -51,7 +51,8 @@ def plan_campaign(
     if angles := list(goal.release_angles) or angles:
         setup = setup.at_angles(angles)
     message = setup_to_msg(setup, stamp)
-    message.campaign_id = id_to_msg(make_id())
+    asked = id_from_msg(goal.campaign_id)
+    message.campaign_id = id_to_msg(make_id() if asked == NO_ID else asked)
     message.plan = msg.CampaignPlan(
         samples=setup.samples.find_series(samples),
         impacts=goal.impacts,

@@ -67,11 +67,9 @@ class Membership:
         self.identity = Identity()
         self.is_joined = False
 
-    def join(self, identity: Identity) -> bool:
-        """Take part in a campaign; return whether it is another than before."""
-        is_new = not self.is_joined or identity != self.identity
+    def join(self, identity: Identity) -> None:
+        """Take part in a campaign; a stream that is not known yet is any."""
         self.identity, self.is_joined = identity, True
-        return is_new
 
     def is_foreign(self, message: Any) -> bool:
         """Return whether a message is to be ignored."""
@@ -84,4 +82,5 @@ class Membership:
 
     def is_foreign_stream(self, message: Any) -> bool:
         """Return whether a block is of another stream of accelerations than the campaign's."""
-        return self.is_joined and id_from_msg(message.stream_id) != self.identity.stream_id
+        known = self.identity.stream_id
+        return self.is_joined and known != NO_ID and id_from_msg(message.stream_id) != known

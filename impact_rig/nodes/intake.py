@@ -10,9 +10,11 @@ from typing import Any, Generic, TypeVar
 
 from rclpy.node import Node
 
+from impact_rig.configuration.processes import MEASURING
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.identity import Identity, Membership, identity_from_msg
-from impact_rig.nodes.interfaces import RIG_NODES, Topic
+from impact_rig.nodes.interfaces import Topic
+from impact_rig.recordings.messages import NO_ID
 
 T = TypeVar("T")
 LOOK_PERIOD = 1.0
@@ -60,7 +62,9 @@ class Intake:
         """Return a message with what it says; None: it does not count."""
         self.handled += 1
         if self.membership.is_foreign(message):
-            self._name_foreign(topic)
+            # Of none is a node that has just been started, too.
+            if identity_from_msg(message).campaign_id != NO_ID:
+                self._name_foreign(topic)
             return None
         try:
             return Received(topic.convert(message), message)
@@ -83,7 +87,7 @@ class Intake:
         ]
         # One of them is the rig's own, the first of a name of its nodes.
         own = self._node.get_namespace().rstrip("/")
-        if name := next((f"{own}/{it}" for it in RIG_NODES if f"{own}/{it}" in names), None):
+        if name := next((f"{own}/{it}" for it in MEASURING if f"{own}/{it}" in names), None):
             names.remove(name)
         for name in set(names or [UNKNOWN]) - self.foreign:
             self.foreign.add(name)

@@ -171,8 +171,6 @@ RECORDED_TOPICS = (
     NOTE,
 )
 """Every topic of the rig; what else its nodes publish is recorded as it is discovered."""
-RIG_NODES = ("accelerometer", "campaign", "estimator", "hammer", "recorder")
-"""The nodes that a measurement rests on: it ends with each of them."""
 
 
 def make_join_name(node: str) -> str:

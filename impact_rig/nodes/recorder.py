@@ -326,13 +326,22 @@ class RecorderNode(RigNode):
         for topic, types in self.get_topic_names_and_types():
             if topic in self._recorded or topic in self._skipped:
                 continue
-            is_ours = topic.startswith(self._prefix) and not topic_or_service_is_hidden(topic)
+            is_below = topic.startswith(self._prefix) and not topic_or_service_is_hidden(topic)
             is_global = topic in (interfaces.DIAGNOSTICS.name, "/rosout", "/parameter_events")
             is_left_out = STREAM_TYPE in types and not self.get_value("record_stream")
-            if (is_ours or is_global) and not is_left_out:
+            if (is_below or is_global) and not is_left_out:
                 publishers = self.get_publishers_info_by_topic(topic)
-                if publishers:
+                if any(is_global or self._is_ours(item) for item in publishers):
                     self._record_discovered(writer, topic, types, publishers)
+
+    def _is_ours(self, publisher: TopicEndpointInfo) -> bool:
+        """Return whether a publisher's node is known, and in no namespace below the rig's own.
+
+        Another rig may be there.
+        """
+        space = publisher.node_namespace
+        is_known = space.startswith("/")
+        return is_known and (space == self.get_namespace() or not space.startswith(self._prefix))
 
     def _record_own(self, writer: RecordingWriter, topic: Topic) -> None:
         # All of several states in quick succession are wanted, not only the last.
@@ -439,7 +448,8 @@ class RecorderNode(RigNode):
             node, _, what = status.name.rpartition("/")
             campaign = membership.identity.campaign_id.hex()
             is_foreign = membership.is_joined and status.message != campaign
-            if what != PARAMETERS or is_foreign or not node.startswith(self._prefix):
+            is_ours = node.startswith(self._prefix) and "/" not in node[len(self._prefix) :]
+            if what != PARAMETERS or is_foreign or not is_ours:
                 continue
             text = "".join(f"{item.key}: {item.value}\n" for item in status.values)
             if self._texts.get(node) != text:

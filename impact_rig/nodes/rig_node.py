@@ -3,6 +3,7 @@
 import json
 import platform
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -64,6 +65,7 @@ class RigNode(AsyncNode):
         self.intake = Intake(self)
         self.membership = self.intake.membership
         self._states: list[tuple[Any, Callable[[], None]]] = []
+        self._stated = b""  # the campaign for which they were published when it was joined
         self._diagnostics = self.create_publisher(
             DiagnosticArray, DIAGNOSTICS.name, 10, event_callbacks=_NO_PUBLISHER_EVENTS
         )
@@ -236,7 +238,11 @@ class RigNode(AsyncNode):
         self, request: JoinCampaign.Request, response: JoinCampaign.Response
     ) -> JoinCampaign.Response:
         asked = Identity(id_from_msg(request.setup.campaign_id), id_from_msg(request.stream_id))
-        is_new = self.membership.join(asked)
+        if request.announced:
+            self.membership.join(replace(asked, stream_id=self.membership.identity.stream_id))
+            response.success = True
+            return response
+        self.membership.join(asked)
         try:
             if not self.is_active:
                 why = self.fault or "activate it to go on"
@@ -247,7 +253,8 @@ class RigNode(AsyncNode):
             self.report_fault(str(error))
             response.message = f"{self.get_name()}: {error}"
         response.success = not response.message
-        if is_new:
+        if asked.campaign_id != self._stated:
+            self._stated = asked.campaign_id
             for _, publish in self._states:
                 publish()
         return response

@@ -1,0 +1,118 @@
+"""What is not of a campaign changes nothing in it, in its recording and for its client."""
+
+import math
+
+import mcap.reader
+import pytest
+from impact_rig_msgs import msg
+from impact_rig_msgs.action import RunCampaign
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.campaign_client import CampaignClient
+from impact_rig.nodes.identity import Identity, make_id
+from impact_rig.nodes.recorder import RecorderNode
+from impact_rig.recordings.scan import Scan
+
+from .campaigns import run, start_rig
+
+
+def list_warnings(harness):
+    return [warning for node in harness.nodes for warning in node.intake.foreign]
+
+
+def read_health(path):
+    """Return how the recording ended, by another library."""
+    with path.open("rb") as file:
+        records = mcap.reader.make_reader(file).iter_metadata()
+        return next(item.metadata for item in records if item.name == "impact_rig/health")
+
+
+def test_one_campaign_after_the_other_has_no_foreign_message_and_no_loss(harness):
+    client = start_rig(harness)
+    for _ in range(3):
+        assert run(harness, client, samples=["steel small"], impacts=2).result.success
+    assert not list_warnings(harness)
+    (recorder,) = (node for node in harness.nodes if isinstance(node, RecorderNode))
+    harness.close(recorder)
+    assert read_health(harness.recording)["messages_lost"] == "0"
+    states = Scan(harness.recording).read_messages(lambda it: it.topic == "/hammer/state")
+    campaigns = {bytes(raw.data)[16:32] for raw in states}
+    assert len(campaigns) >= 3
+
+
+class Seen:
+    """An operator who only watches."""
+
+    def __init__(self, publish):
+        self.releases = []
+        self._publish = publish
+
+    def follow(self, feedback):
+        self._publish()
+
+    def mount(self, sample):
+        raise AssertionError
+
+    def put_back(self, refusal):
+        raise AssertionError
+
+    def let_go(self, sample, patience):
+        self.releases.append(sample)
+
+
+def make_foreign():
+    """Return messages with which somebody would deceive a campaign's client."""
+    return (
+        (interfaces.RELEASE, msg.HammerRelease(sample="EVIL", latest_contact=math.inf)),
+        (interfaces.RELEASE, msg.HammerRelease(sample="EVIL", latest_contact=60.0)),
+        (interfaces.RECORDER_STATE, msg.RecorderState(recording=True, uri="/evil/session.mcap")),
+        *(
+            (interfaces.VIRTUAL_IMPACT, msg.VirtualImpact(record=record, faults=["evil"]))
+            for record in range(1, 9)
+        ),
+    )
+
+
+@pytest.mark.parametrize("identity", [Identity(), Identity(make_id(), make_id())])
+def test_the_client_of_a_campaign_believes_nobody_else(harness, ros_domain, monkeypatch, identity):
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    start_rig(harness)
+    foreign = make_foreign()
+    # Without a lease, as `ros2 topic pub` and a bag have none: a second node's would disarm.
+    publishers = {
+        topic.name: harness.peer.create_publisher(topic.type, topic.name, topic.qos)
+        for topic, _ in foreign
+    }
+
+    def publish():
+        for topic, message in foreign:
+            identity.fill(message)
+            publishers[topic.name].publish(message)
+
+    operator = Seen(publish)
+    with CampaignClient() as client:
+        client.wait_for_rig(60.0)
+        outcome = client.run(RunCampaign.Goal(samples=["steel small"], impacts=3), operator)
+        assert client.run_folder == harness.recording.parent
+    assert outcome.success
+    assert operator.releases == []
+    assert {fault for hit in outcome.results.hits for fault in hit.injected_faults} == set()
+    (recorder,) = (node for node in harness.nodes if isinstance(node, RecorderNode))
+    harness.close(recorder)
+    sent = {serialize_message(message) for _, message in foreign}
+    assert not sent & {bytes(raw.data) for raw in Scan(harness.recording).read_messages()}
+    assert read_health(harness.recording)["messages_lost"] == "0"
+
+
+def test_a_rig_without_a_namespace_does_not_record_another_rig(harness, tmp_path):
+    root = harness.record()
+    other = harness.add(RecorderNode, namespace="/bench", output=str(tmp_path / "bench.mcap"))
+    peer = harness.peer.create_publisher(String, "/bench/temperature", 10)
+    harness.wait_until(lambda: peer.get_subscription_count() == 2)
+    for node in (root, other):
+        harness.close(node)
+    topics = {it.topic for it in Scan(harness.recording).read_channels()}
+    assert "/recorder/state" in topics
+    assert {name for name in topics if name.startswith("/bench/")} == {"/bench/temperature"}
