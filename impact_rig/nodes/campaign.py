@@ -236,7 +236,7 @@ class CampaignNode(RigNode):
 
     async def _announce(self, campaign: Campaign) -> None:
         """Let those who listen know the campaign's id before anybody publishes with it."""
-        for name in ("recorder", "hammer"):
+        for name in ("recorder", "hammer", "accelerometer"):
             await self._join_node(campaign, name, announced=True)
         if (display := self._joins["visualizer"]).service_is_ready():
             request = JoinCampaign.Request(setup=campaign.setup, announced=True)
