@@ -4,6 +4,7 @@
 """
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -209,6 +210,7 @@ class MeasuredFiles:
                     " there is none (--cutoff)"
                 )
         self.warnings = tuple(dict.fromkeys(remarks))
+        self.taken = _join_alike([hit.taken for hit in self.hits])
         self.has_scale = all(hit.has_scale for hit in self.hits)
         self.hammer_unit: str | None = self.hits[0].unit if self.hits else ""
         self._has_window = series.has_window
@@ -223,6 +225,17 @@ class MeasuredFiles:
         yield self.setup
         for hit in self.hits:
             yield hit.block
+
+
+def _join_alike(lines: Sequence[str]) -> list[str]:
+    """Return lines that differ by numbers alone once, each with how many are like it."""
+    alike: dict[str, list[str]] = {}
+    for line in dict.fromkeys(lines):
+        alike.setdefault(re.sub(r"\d+", "#", line), []).append(line)
+    return [
+        found[0] + (f" (and {format_count(len(found) - 1, 'hit')} alike)" if found[1:] else "")
+        for found in alike.values()
+    ]
 
 
 def _join_errors(errors: Mapping[Path, str]) -> list[str]:

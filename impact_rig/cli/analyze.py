@@ -18,6 +18,7 @@ from impact_rig.cli import options
 from impact_rig.cli.output import (
     print_json,
     print_places,
+    print_taken,
     raise_errors,
     show_progress,
     show_results,
@@ -140,9 +141,9 @@ def run(
     elif others:
         if workers is not None or scheduler is not None:
             raise ParameterError("--workers and --scheduler are for recordings")
-        errors += _report_traces(
-            MeasuredFiles(others, make_series(measured)), accept, reject, show
-        )
+        found = MeasuredFiles(others, make_series(measured))
+        print_taken(found.taken, is_aside=as_json)
+        errors += _report_traces(found, accept, reject, show)
     raise_errors(list(dict.fromkeys(errors)))  # an error of an option comes with each file
 
 

@@ -13,7 +13,7 @@ from impact_rig.analysis.measured_files import (
 )
 from impact_rig.analysis.sources import find_repeated_files
 from impact_rig.cli.options import drop_missing
-from impact_rig.cli.output import raise_errors
+from impact_rig.cli.output import print_taken, raise_errors
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.files.channels import make_template
 from impact_rig.files.formats.registry import read_measurement
@@ -47,6 +47,7 @@ def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) ->
     hits, errors = read.hits, [*repeated.values(), *read.errors]
     if not hits:
         return [*errors, f"no file could be used: {output} is not written"]
+    print_taken(read.taken)
     judged = [hit for _, _, found in judge(read) for _, hit in found]
     reasons = [str(reason) for hit in judged for reason in hit.rejections]
     for remark in (*read.warnings, *read.advise(reasons)):

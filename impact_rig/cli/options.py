@@ -55,19 +55,26 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 def make_quantity_option(
     name: str, unit: str, example: str, text: str, default: float | None = None
 ) -> Decorator:
-    """Return an option that takes a number in SI units, a number with its unit, or off, for 0."""
+    """Return an option that takes a number with its unit, or off, for 0."""
 
     def parse(_: click.Context, __: click.Parameter, value: str | None) -> float | None:
         if value is None or value == "off":
             return default if value is None else 0.0
-        try:
-            return float(value)
-        except ValueError:
-            from impact_rig.configuration.units import parse_quantity
+        if unit == "dimensionless" and (number := read_number(value)) is not None:
+            return number
+        from impact_rig.configuration.units import parse_quantity
 
-            return parse_quantity(name, value, unit, example)
+        return parse_quantity(name, value, unit, example)
 
     return click.option(name, callback=parse, metavar=f'"{example}"', help=text)
+
+
+def read_number(text: str) -> float | None:
+    """Return the number that a text is; None: it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
 
 
 def make_list_option(name: str, metavar: str, text: str, parameter: str = "") -> Decorator:
@@ -212,6 +219,10 @@ measurement_options = _combine(
         metavar="FILE.toml",
         help="Channels, sensors, masses, settings, as `import --template` prints it.",
     ),
+    click.option(
+        "--hammer-channel", metavar="NAME", help="Or its number. [by names and units in the file]"
+    ),
+    click.option("--sample-channel", metavar="NAME", help="As above."),
     click.option("--hammer-unit", metavar="UNIT", help="As m/s^2, g, N, lbf, V. [as in the file]"),
     make_quantity_option("--rate", "Hz", "25.6 kHz", "Sampling rate. [as in the file]"),
     make_quantity_option("--hammer-mass", "kg", "100 g", "m1."),

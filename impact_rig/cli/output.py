@@ -18,7 +18,13 @@ from rich.progress import (
 
 from impact_rig.configuration.processes import RECORDING_NAME, REPORT_NAME
 from impact_rig.core.errors import RigError
-from impact_rig.present.console import GOOD, make_console, make_printable, print_warning
+from impact_rig.present.console import (
+    GOOD,
+    make_console,
+    make_printable,
+    print_text,
+    print_warning,
+)
 from impact_rig.present.screen import print_full, print_screen
 from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import format_json, results_to_json
@@ -126,6 +132,12 @@ def print_places(**places: Path | None) -> None:
         run = source.parent if source.name == RECORDING_NAME else source
         command = f"impact-rig report {shorten_path(run)}"
         click.echo(f"report:    {shorten_path(report) if report.exists() else command}", err=True)
+
+
+def print_taken(lines: Sequence[str], *, is_aside: bool = False) -> None:
+    """Print which channel was taken as what; aside on standard error, beside JSON."""
+    for line in lines:
+        print_text(make_console(stderr=is_aside), f"Channels: {line}.")
 
 
 def shorten_path(path: Path) -> Path:

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 _FACTOR = r"\(*(?:[^\W\d]+|%)(?:(?:\^|\*\*)-?\d|[²³])?\)*"
 _UNIT = re.compile(rf"(?:1\s*/\s*)?{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
 """A product of units and their small powers. pint would calculate any expression."""
+_SAMPLES_PER_SECOND = re.compile(r"(?<=[\d\s.])([kMG]?)Sa?/s$")
+"""How instruments write Hz; pint would read siemens."""
+_NUMBER = re.compile(r"\s*[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*")
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(\S.*?)\s*")
 
 _UNREADABLE = (ValueError, TypeError, AttributeError, SyntaxError, TokenError, AssertionError)
@@ -60,7 +63,9 @@ def parse_quantity(what: str, value: Any, unit: str, example: str) -> float:
         raise ParameterError(
             f'{what} is {value!r}, which has no unit: write it as a text like "{example}"'
         )
-    match = _NUMBER_AND_UNIT.fullmatch(value)
+    if _NUMBER.fullmatch(value):
+        raise ParameterError(f'{what} is "{value}", which has no unit: write it like "{example}"')
+    match = _NUMBER_AND_UNIT.fullmatch(_SAMPLES_PER_SECOND.sub(r"\1Hz", value))
     number = math.nan
     try:
         if match is not None and _UNIT.fullmatch(match[2]):

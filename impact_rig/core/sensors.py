@@ -25,7 +25,8 @@ UNITS = (*ACCELERATIONS, *FORCES, *VOLTAGES)
 SPELLINGS = {
     "m/s²": "m/s^2", "m/s2": "m/s^2", "m/s**2": "m/s^2", "m/s/s": "m/s^2", "m s^-2": "m/s^2",
     "m/(s^2)": "m/s^2", "m/sec^2": "m/s^2", "ms^-2": "m/s^2", "G": "g", "gn": "g", "g_n": "g",
-    "ms-2": "m/s^2", "m/s-2": "m/s^2", "ms⁻²": "m/s^2", "m s⁻²": "m/s^2", "m·s⁻²": "m/s^2",
+    "ms2": "m/s^2", "m_s2": "m/s^2", "ms-2": "m/s^2", "m/s-2": "m/s^2",
+    "ms⁻²": "m/s^2", "m s⁻²": "m/s^2", "m·s⁻²": "m/s^2",
     "kg": "kgn", "kG": "kgn", "kg_n": "kgn", "lb": "lbf", "lbs": "lbf", "kp": "kgf",
     "g0": "g", "newton": "N", "Newton": "N", "volt": "V", "Volt": "V", "volts": "V", "Volts": "V",
     "VOLT": "V", "v": "V", "VOLTS": "V", "mVolt": "mV", "millivolts": "mV",

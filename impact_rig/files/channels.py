@@ -3,9 +3,8 @@
 import contextlib
 import json
 import math
-import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,35 +29,49 @@ from impact_rig.core.sensors import (
     compute_scale,
     normalize_unit,
 )
-from impact_rig.files.measurement import MeasuredChannel, Measurement
-from impact_rig.files.plan import ROLES, ChannelPlan, ChannelUse
+from impact_rig.files.measurement import NANOSECONDS, MeasuredChannel, Measurement
+from impact_rig.files.names import find_unit
+from impact_rig.files.plan import ChannelPlan, ChannelUse
+from impact_rig.files.questions import (
+    BODIES,
+    CHOICE,
+    Missing,
+    Questions,
+    describe_channel,
+    list_channels,
+)
+from impact_rig.files.roles import (
+    Roles,
+    ask_for_specimen,
+    assign_roles,
+    describe_roles,
+    guess_roles,
+)
 from impact_rig.files.times import (
     LARGEST_TIME_ERROR,
     PIECE,
     RATE_DIGITS,
     TIME_UNITS,
-    is_clock,
+    Clock,
     read_clock,
     split_points,
 )
 
-DEFAULT_ROLES = {1: ("hammer",), 2: ("time", "hammer"), 3: ("time", "hammer", "specimen")}
-"""Roles of columns by their number, where none are given and the file states no rate."""
 DEFAULT_UNIT = "m/s^2"
 """Assumed for a channel whose unit neither file nor user state."""
 LONGEST_WIDTH, LONGEST_STEP = 10e-3, 1e-3
 """Longest plausible pulse at half its height and time step [s] where the file states no unit of
 time: the standard shock of 11 ms is 7 ms wide."""
+LONGEST_CONTACT = 0.2
+"""Width of a pulse above which a stated unit of time is doubted [s], our choice: no hammer stays
+on anything so long."""
 LARGEST_RANGE = 1e12
 """Largest value over the unit, and over the pulse that is in it [-]: no instrument has more."""
 RATE_MISMATCH = 0.01
 """How far a given rate may be from that of the file [-]."""
-SHOWN_CHANNELS = 12  # of a file whose channels are listed in a message
 MINIMUM_POINTS = 16  # of a trace: a pulse and some baseline
 
 NO_SPECIMEN = ChannelBlock(np.empty(0), 1.0, 0.0, 0.0)
-BODIES = {"hammer": "hammer", "specimen": "sample"}
-"""What a person calls the body of a role."""
 
 
 @dataclass(frozen=True)
@@ -71,46 +84,12 @@ class MeasuredHit:
     unit: str = DEFAULT_UNIT  # of what the hammer's sensor measures; empty: it is not stated
     remarks: tuple[str, ...] = ()  # what was taken for granted
     names: tuple[str, ...] = ()  # of the channels in the file
+    taken: str = ""  # which channel was taken as what, for people
 
     @property
     def duration(self) -> float:
         """Of the hit [s]."""
         return self.block.hammer.output.size / self.block.sampling_rate
-
-
-@dataclass(frozen=True)
-class Missing:
-    """Something that neither file nor user say."""
-
-    what: str  # for people
-    line: str  # of a file of channels
-    table: str = ""  # where the line stands; empty: above all tables
-    option: str = ""  # of the command line that says the same
-
-
-@dataclass
-class Questions:
-    """All that is missing of a file, and what is said of it."""
-
-    measurement: Measurement
-    needs_scale: bool  # ask for all that makes accelerations; False: contact times are enough
-    missing: list[Missing] = field(default_factory=list)
-    remarks: list[str] = field(default_factory=list)  # what was taken for granted
-
-    def ask(self) -> None:
-        """Raise `SignalError` with one question for all that is missing, if something is."""
-        if not self.missing:
-            return
-        path = self.measurement.path
-        whats = "; ".join(dict.fromkeys(item.what for item in self.missing))
-        options = [item.option for item in self.missing if item.option]
-        lines = [f"{item.line}{item.table and f' under [{item.table}]'}" for item in self.missing]
-        ways = [f"give {' '.join(options)}"] if len(options) == len(lines) else []
-        ways.append(f"write {' and '.join(dict.fromkeys(lines))} into a file for --channels")
-        raise SignalError(
-            f"{path}: {whats}: {', or '.join(ways)} (`impact-rig import --template FILE` begins"
-            " one)"
-        )
 
 
 def map_channels(
@@ -144,48 +123,53 @@ def map_channels(
     ParameterError
         If the units do not fit, or the user contradicts the file.
     """
-    return list(_map_hits(Questions(measurement, needs_scale), plan, hammer_mass))
+    questions = Questions(measurement, needs_scale)
+    return list(_map_hits(questions, assign_roles(questions, plan), plan, hammer_mass))
 
 
 def make_template(measurement: Measurement) -> str:
     """Return a file of channels for a measurement; what must be said stands in it as "?"."""
     questions = Questions(measurement, needs_scale=True)
+    roles: list[Roles] = []
     with contextlib.suppress(SignalError, ParameterError):
-        list(_map_hits(questions, ChannelPlan(), math.nan))
-    channels = measurement.channels
-    has_rate = not math.isnan(channels[0].sampling_rate)
-    roles = ["hammer", "specimen"] if has_rate else _guess_roles(measurement)
+        roles = assign_roles(questions, ChannelPlan())
+        list(_map_hits(questions, roles, ChannelPlan(), math.nan))
     lines = {item.line: item.table for item in questions.missing}
-    if not has_rate:
-        lines = {f"columns = {json.dumps(roles)}": ""} | lines
-    text = [f"# {measurement.path.name}: {_list_channels(measurement)}"]
+    text = [f"# {measurement.path.name}: {list_channels(measurement)}"]
+    if not all(channel.sampling_rate > 0 for channel in measurement.channels):
+        text += [f"# columns = {json.dumps(guess_roles(measurement.channels))}"]
     text += [line for line, table in lines.items() if not table]
-    for role, channel in zip(roles, channels, strict=False):
-        if role in BODIES:
-            text += ["", f"[{role}]  # {channel.name!r} in {channel.unit or 'an unstated unit'}"]
-            text += [f"channel = {json.dumps(channel.name)}"] if has_rate else []
-            text += [line for line, table in lines.items() if table == role]
-            text += ['# mass = "100 g"']
+    found = roles[0] if roles else Roles(measurement.channels[0])
+    for role, channel in (("hammer", found.hammer), ("specimen", found.specimen)):
+        asked = [line for line, table in lines.items() if table == role]
+        if channel is None and not asked:
+            continue
+        text += ["", f"[{role}]{'' if channel is None else f'  # {describe_channel(channel)}'}"]
+        if channel is not None and CHOICE not in asked:
+            text.append(f"channel = {json.dumps(channel.name)}")
+        text += [*asked, '# mass = "100 g"']
     return "\n".join(text) + "\n"
 
 
 def _map_hits(
-    questions: Questions, plan: ChannelPlan, hammer_mass: float
+    questions: Questions, roles: Sequence[Roles], plan: ChannelPlan, hammer_mass: float
 ) -> Iterator[MeasuredHit]:
     path = questions.measurement.path
-    for found in _assign_roles(questions, plan):
-        for role, channel in found.items():
+    for found in roles:
+        for role, channel in found.list_channels():
             _check_values(path, role, channel)
-        channel, specimen = found["hammer"], NO_SPECIMEN
+        channel, specimen = found.hammer, NO_SPECIMEN
         hammer, unit, has_scale = _calibrate(
             questions, "hammer", channel, plan.hammer, hammer_mass
         )
-        if "specimen" in found:
-            _check_pair(path, channel, found["specimen"])
+        if found.specimen is not None:
+            _check_pair(path, channel, found.specimen)
             specimen, *_ = _calibrate(
-                questions, "specimen", found["specimen"], plan.specimen, hammer_mass
+                questions, "specimen", found.specimen, plan.specimen, hammer_mass
             )
-        rate = _choose_rate(questions, plan, channel, found.get("time"))
+        elif found.open and questions.needs_scale:
+            questions.missing.append(ask_for_specimen(found))
+        rate = _choose_rate(questions, plan, channel, found.time)
         questions.ask()
         block = Block(
             0,
@@ -197,10 +181,13 @@ def _map_hits(
             stamp=channel.stamp,
             origin=_describe_origin(path, channel.origin),
         )
-        used = ("hammer", "specimen") if specimen.output.size else ("hammer",)
-        names = tuple(found[role].name for role in used)
-        remarks = tuple(dict.fromkeys(questions.remarks))
-        yield MeasuredHit(path, block, has_scale, unit, remarks, names)
+        block = _cut_padding(questions, block)
+        names: tuple[str, ...] = (channel.name,)
+        if found.specimen is not None and specimen.output.size:
+            names += (found.specimen.name,)
+        remarks = tuple(dict.fromkeys((*questions.measurement.remarks, *questions.remarks)))
+        taken = describe_roles(found, plan, has_sample=len(names) > 1)
+        yield MeasuredHit(path, block, has_scale, unit, remarks, names, taken)
 
 
 def _describe_origin(path: Path, stated: str) -> Origin:
@@ -210,116 +197,6 @@ def _describe_origin(path: Path, stated: str) -> Origin:
     if stated:
         source += f", exported as {stated}"
     return Origin(SIMULATED if is_simulated else IMPORTED, source, str(path))
-
-
-def _assign_roles(questions: Questions, plan: ChannelPlan) -> list[dict[str, MeasuredChannel]]:
-    """Return the channels of each hit by their roles."""
-    measurement = questions.measurement
-    channels, path = measurement.channels, measurement.path
-    if plan.hammer.channel:
-        return _assign_named(measurement, plan)
-    has_rate = not math.isnan(channels[0].sampling_rate)
-    roles: Sequence[str] = DEFAULT_ROLES.get(len(channels), ())
-    if plan.columns is not None:
-        roles = plan.columns
-        if len(roles) != len(channels):
-            raise SignalError(
-                f"{path} has {len(channels)} columns, but {len(roles)} roles are given:"
-                f" {', '.join(roles)}"
-            )
-    elif has_rate or not (math.isnan(plan.sampling_rate) or is_clock(channels[0].values)):
-        # A file that states rates may hold more channels, which are of no use here.
-        roles = ("hammer", "specimen")
-    if not roles or (not has_rate and len(channels) > len(roles)):
-        roles = _guess_roles(measurement)
-        what = (
-            f"{len(channels)} columns: give the role of each ({', '.join(ROLES)}; several hammers"
-            f" are several hits). They are {_list_channels(measurement)}"
-        )
-        questions.missing.append(Missing(what, f"columns = {json.dumps(roles)}"))
-    of: dict[str, list[MeasuredChannel]] = {role: [] for role in ROLES}
-    for role, channel in zip(roles, channels, strict=False):
-        of[role].append(channel)
-    return _pair(of["hammer"], of["specimen"], of["time"])
-
-
-def _guess_roles(measurement: Measurement) -> list[str]:
-    left, roles = ["hammer", "specimen"], list[str]()
-    for channel in measurement.channels:
-        if is_clock(channel.values) and "time" not in roles:
-            roles.append("time")
-        else:
-            roles.append(left.pop(0) if left and not channel.flaw else "skip")
-    return roles
-
-
-def _pair(
-    hammers: list[MeasuredChannel], specimens: list[MeasuredChannel], times: list[MeasuredChannel]
-) -> list[dict[str, MeasuredChannel]]:
-    """Return the channels of each hit by their roles: the first of each make the first."""
-    roles: dict[str, list[MeasuredChannel]] = {
-        "time": times * len(hammers),
-        "hammer": hammers,
-        "specimen": specimens,
-    }
-    given = {role: channels for role, channels in roles.items() if channels}
-    return [
-        dict(zip(given, channels, strict=True)) for channels in zip(*given.values(), strict=True)
-    ]
-
-
-def _assign_named(measurement: Measurement, plan: ChannelPlan) -> list[dict[str, MeasuredChannel]]:
-    hammers, specimens = (
-        _find_by_name(measurement, use.channel) if use.channel else []
-        for use in (plan.hammer, plan.specimen)
-    )
-    if specimens and len(specimens) != len(hammers):
-        raise ParameterError(
-            f"{measurement.path}: {plan.hammer.channel!r} are {len(hammers)} channels and"
-            f" {plan.specimen.channel!r} are {len(specimens)}: several hits need as many of both"
-        )
-    if any(hammer is specimen for hammer in hammers for specimen in specimens):
-        raise ParameterError(
-            f"{measurement.path}: {plan.hammer.channel!r} and {plan.specimen.channel!r} are the"
-            " same channel: hammer and sample have one each"
-        )
-    first = measurement.channels[0]
-    is_time = math.isnan(plan.sampling_rate) or is_clock(first.values)
-    is_free = not any(first is channel for channel in (*hammers, *specimens))
-    needs_time = math.isnan(hammers[0].sampling_rate)
-    return _pair(hammers, specimens, [first] if needs_time and is_time and is_free else [])
-
-
-def _find_by_name(measurement: Measurement, name: str) -> list[MeasuredChannel]:
-    """Return the channel of a name or a number, or all that fit a pattern with * or ?."""
-    channels = measurement.channels
-    same = [channel for channel in channels if channel.name == name]
-    if len(same) == 1:
-        return same
-    if len(same) > 1:
-        raise SignalError(
-            f"{measurement.path} has {len(same)} channels {name!r}: name one by its number"
-        )
-    if name.isdecimal() and 1 <= int(name) <= len(channels):
-        return [channels[int(name) - 1]]
-    pattern = re.compile(re.escape(name).replace(r"\*", ".*").replace(r"\?", "."))
-    fitting = [channel for channel in channels if pattern.fullmatch(channel.name)]
-    if fitting:
-        return fitting
-    raise SignalError(
-        f"{measurement.path} has no channel {name!r}: it has {_list_channels(measurement)}"
-    )
-
-
-def _list_channels(measurement: Measurement) -> str:
-    """Return numbers, names, units and sizes of the first channels."""
-    shown = [
-        f"{number} {channel.name!r} ({channel.values.size} points{channel.unit and ' in '}"
-        f"{channel.unit})"
-        for number, channel in enumerate(measurement.channels[:SHOWN_CHANNELS], start=1)
-    ]
-    left = len(measurement.channels) - len(shown)
-    return ", ".join([*shown, f"{left} more"] if left else shown)
 
 
 def _check_values(path: Path, role: str, channel: MeasuredChannel) -> None:
@@ -336,9 +213,10 @@ def _check_values(path: Path, role: str, channel: MeasuredChannel) -> None:
     for first, piece in split_points(values):
         bad = np.flatnonzero(~np.isfinite(piece))
         if bad.size:
+            advice = "beyond its range, so choose a larger one" * bool(np.isinf(piece[bad[0]]))
             raise SignalError(
-                f"{what} is {piece[bad[0]]} at point {first + bad[0]}: every point must be a"
-                " finite number"
+                f"{what} is {piece[bad[0]]} at point {first + bad[0]}:"
+                f" {advice or 'every point must be a finite number'}"
             )
         low, high = min(low, float(piece.min())), max(high, float(piece.max()))
     if role not in BODIES:
@@ -372,8 +250,47 @@ def _check_pair(path: Path, hammer: MeasuredChannel, specimen: MeasuredChannel) 
             f"{path}: {names} are sampled at {rates[0]:g} Hz and {rates[1]:g} Hz: {advice}"
         )
     delay = specimen.start - hammer.start
+    if specimen.recorded_at and hammer.recorded_at:
+        delay += (specimen.recorded_at - hammer.recorded_at) / NANOSECONDS
     if abs(delay) * np.nan_to_num(rates[0], nan=0.0) > LARGEST_TIME_ERROR:
         raise SignalError(f"{path}: {names} start {abs(delay):g} s apart: {advice}")
+
+
+def _cut_padding(questions: Questions, block: Block) -> Block:
+    """Return a block without the constant points that a logger puts before its signal."""
+    first = max(count_padding(channel.output) for channel in block.channels)
+    if not first:
+        return block
+    questions.remarks.append(
+        f"the first {first} points have one value, and those behind them lie at another level:"
+        " they are left out as padding"
+    )
+    return block.cut(first, block.hammer.output.size)
+
+
+def count_padding(values: RawArray) -> int:
+    """Return how many points before the signal are constant padding.
+
+    That is a run of one value, behind which noise lies on another level, below half of the highest
+    point.
+    """
+    run = next(
+        (
+            first + int(np.argmax(piece != values[0]))
+            for first, piece in split_points(values)
+            if np.any(piece != values[0])
+        ),
+        0,
+    )
+    behind = values[run : run + MINIMUM_POINTS].astype(np.float64)
+    if run < MINIMUM_POINTS or behind.size < MINIMUM_POINTS:
+        return 0
+    level = abs(float(np.median(behind)) - float(values[0]))
+    height = max(
+        float(np.abs(piece.astype(np.float64) - float(values[0])).max())
+        for _, piece in split_points(values)
+    )
+    return run if 0.0 < float(np.ptp(behind)) < level < 0.5 * height else 0
 
 
 def _choose_rate(
@@ -384,25 +301,30 @@ def _choose_rate(
 ) -> float:
     """Return the sampling rate [Hz]; NaN: it was asked for."""
     path = questions.measurement.path
-    rate, unit, flaw = hammer.sampling_rate, hammer.time_unit, hammer.time_flaw
+    clock = Clock(hammer.sampling_rate, hammer.time_unit, hammer.time_flaw, hammer.has_gap)
     if time is not None:
-        rate, unit, flaw = read_clock(path, time.name, time.values, time.unit)
-    if unit and plan.time_unit and unit != plan.time_unit:
+        clock = read_clock(path, time.name, time.values, time.unit)
+    if clock.rate == 1.0:  # points are counted, whatever unit the file states: no hit is that slow
+        clock = replace(clock, unit="")
+    if clock.unit and plan.time_unit and clock.unit != plan.time_unit:
         raise ParameterError(
-            f"{path}: its times are in {unit}, as the file states, not in {plan.time_unit}"
+            f"{path}: its times are in {clock.unit}, as the file states, not in {plan.time_unit}"
         )
+    if clock.has_gap or (clock.flaw and math.isnan(plan.sampling_rate)):
+        raise SignalError(clock.flaw)
     if not math.isnan(plan.sampling_rate):
-        _check_rate(path, plan, rate, unit)
+        _check_rate(path, plan, clock.rate, clock.unit)
+        if clock.flaw:
+            questions.remarks.append("its times are uneven or rounded: --rate goes before them")
         return plan.sampling_rate
-    if flaw:
-        raise SignalError(flaw)
+    rate = clock.rate
     if math.isnan(rate):
         what = "it has no time and states no rate: give its sampling rate"
         questions.missing.append(Missing(what, 'sampling_rate = "?"', option='--rate "25.6 kHz"'))
-    elif plan.time_unit and not unit:
+    elif plan.time_unit and not clock.unit:
         rate = float(f"{rate / TIME_UNITS[plan.time_unit]:.{RATE_DIGITS}g}")
-    elif not unit:
-        _check_unstated(questions, hammer, rate)
+    else:
+        _check_width(questions, hammer, rate, clock.unit)
     if rate > LARGEST_RANGE:
         raise SignalError(f"{path} is sampled at {rate:.4g} Hz: no instrument is that fast")
     return rate
@@ -421,10 +343,15 @@ def _check_rate(path: Path, plan: ChannelPlan, rate: float, unit: str) -> None:
         )
 
 
-def _check_unstated(questions: Questions, hammer: MeasuredChannel, rate: float) -> None:
-    """Ask for the unit of times that are too long to be seconds."""
+def _check_width(questions: Questions, hammer: MeasuredChannel, rate: float, unit: str) -> None:
+    """Ask for the unit of times that are too long to be seconds; doubt one that is stated."""
     width = count_width(hammer.values) / rate
-    if width <= LONGEST_WIDTH and 1.0 / rate <= LONGEST_STEP:
+    if unit and width > LONGEST_CONTACT:
+        questions.remarks.append(
+            f"the pulse is {_format_time(width)} wide at half its height: is the file's unit of"
+            f" time, {unit!r}, right?"
+        )
+    if unit or (width <= LONGEST_WIDTH and 1.0 / rate <= LONGEST_STEP):
         return
     would = ", ".join(
         f"in {name} {_format_time(scale * width)} ({_format_time(scale / rate)})"
@@ -507,7 +434,7 @@ def _calibrate(
 
 def _choose_unit(path: Path, name: str, channel: MeasuredChannel, use: ChannelUse) -> str:
     """Return the unit of a channel; what the file states goes, and must not be contradicted."""
-    stated, given = normalize_unit(channel.unit), normalize_unit(use.unit)
+    stated, given = channel.unit or find_unit(channel.name), normalize_unit(use.unit)
     if use.sensitivity and not given:
         given = stated if stated in VOLTAGES else "V"
     if given and stated in UNITS and stated != given:

@@ -116,8 +116,8 @@ def parse_import_file(text: str) -> ImportFile:
 def add_options(file: ImportFile, given: Mapping[str, Any]) -> ImportFile:
     """Return a file in which options of the command line replace what it states.
 
-    These are `rate` [Hz], `hammer_unit`, `sample`, `hammer_mass` and `sample_mass` [kg], `cutoff`
-    [Hz] and `record_duration` [s].
+    These are `rate` [Hz], `hammer_unit`, `hammer_channel`, `sample_channel`, `sample`,
+    `hammer_mass` and `sample_mass` [kg], `cutoff` [Hz] and `record_duration` [s].
 
     Raises
     ------
@@ -125,7 +125,12 @@ def add_options(file: ImportFile, given: Mapping[str, Any]) -> ImportFile:
         If a value is wrong.
     """
     plan = file.plan
-    hammer = replace(plan.hammer, unit=given.get("hammer_unit", plan.hammer.unit))
+    hammer = replace(
+        plan.hammer,
+        unit=given.get("hammer_unit", plan.hammer.unit),
+        channel=given.get("hammer_channel", plan.hammer.channel),
+    )
+    specimen = replace(plan.specimen, channel=given.get("sample_channel", plan.specimen.channel))
     rate = given.get("rate", plan.sampling_rate)
     settings = dict(file.settings)
     if "cutoff" in given:
@@ -135,7 +140,7 @@ def add_options(file: ImportFile, given: Mapping[str, Any]) -> ImportFile:
         settings.setdefault("pre_trigger", PRE_TRIGGER_PART * given["record_duration"])
     return replace(
         file,
-        plan=replace(plan, hammer=hammer, sampling_rate=rate),
+        plan=replace(plan, hammer=hammer, specimen=specimen, sampling_rate=rate),
         sample=given.get("sample", file.sample),
         hammer_mass=given.get("hammer_mass", file.hammer_mass),
         sample_mass=given.get("sample_mass", file.sample_mass),

@@ -100,15 +100,16 @@ def _cut_hits(
     whole: Block, cues: Sequence[int], window: AnalysisSettings | None
 ) -> Iterator[tuple[int, Block]]:
     """Yield each hit with its first point: around cues, by the window, or all of it."""
-    size = whole.hammer.output.size
+    size, padding = whole.hammer.output.size, whole.first_sample
     length = min([round(AROUND_CUE * whole.sampling_rate), *map(int, np.diff(cues))])
-    starts = [max(cue - round(BEFORE_CUE * length), 0) for cue in cues] if cues else [0]
+    before = padding + round(BEFORE_CUE * length)
+    starts = [max(cue - before, 0) for cue in cues] if cues else [0]
     for start in starts:
         piece = whole.cut(start, start + length if cues else size)
         piece = replace(piece, first_sample=0, last=True)
         # Where no impact is found, the whole says why.
         for first, block in (cut_impacts(piece, window) if window else ()) or [(0, piece)]:
-            yield start + first, block
+            yield padding + start + first, block
 
 
 def check_series(hits: Sequence[MeasuredHit], hit: MeasuredHit) -> None:

@@ -39,10 +39,11 @@ class MeasuredChannel:
     start: float = 0.0  # time of the first point [s]
     # When that time was 0 [ns since the epoch]; 0: not stated, or not in `EARLIEST` to `LATEST`.
     recorded_at: int = 0
-    flaw: str = ""  # why the numbers cannot be read, then there are no values; empty: they can
+    flaw: str = ""  # why not all are numbers; without values: none are; empty: all are
     origin: str = ""  # as an export states it; empty: the file does not
     time_unit: str = "s"  # stated for the times; empty: not stated, the rate assumes seconds
     time_flaw: str = ""  # why the times make no sound rate, so that --rate is used
+    has_gap: bool = False  # points are missing or there twice: no --rate mends that
 
     def __post_init__(self) -> None:
         """Copy the values, make them read-only, and refuse what cannot be meant."""
@@ -82,6 +83,7 @@ class Measurement:
     # One at least, in the order of the file; lengths, rates and starts may differ.
     channels: tuple[MeasuredChannel, ...]
     cues: tuple[int, ...] = ()  # points that are marked as hits, in ascending order
+    remarks: tuple[str, ...] = ()  # what a person must know of how it was read
 
     def __post_init__(self) -> None:
         """Refuse a measurement of nothing."""

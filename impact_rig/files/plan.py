@@ -106,11 +106,6 @@ class ChannelPlan(Comparable):
                 f"the sample's channel is in {self.specimen.unit}: it must be an acceleration,"
                 " or a voltage of one"
             )
-        if self.specimen.channel and not self.hammer.channel:
-            raise ParameterError(
-                f"the sample's channel is {self.specimen.channel!r}, and the hammer's is not"
-                " named: its pulse is what is measured"
-            )
         if self.hammer.channel and self.hammer.channel == self.specimen.channel:
             raise ParameterError(
                 f"channel {self.hammer.channel!r} is the hammer's and the sample's: name two"

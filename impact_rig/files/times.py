@@ -4,11 +4,12 @@ import math
 import mmap
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impact_rig.core.errors import SignalError
 from impact_rig.core.records import RawArray
@@ -43,13 +44,23 @@ LARGEST_TIME_ERROR = 0.05
 rounding to the printed digits makes of even steps, far below a point that is missing."""
 PIECE = 1 << 18
 """Points of a channel that are looked at at once [-], our choice."""
-MANY_UNEVEN = 10
-"""So many steps are uneven where points are missing; where times are rounded, more are [-]. Our
-choice."""
+MOST_RISES = 0.95
+"""Part of its steps that rise in a column of times with some wrong stamps [-], our choice: no
+signal rises so often."""
+LEAST_GAP = 0.75
+"""So many steps late or early are what follows a gap [-]: a point is missing, or there twice."""
+GAP_POINTS, FEWEST_POINTS, USUAL_POINTS = 256, 8, 1024
+"""On each side of a gap, at most and at least, and for the usual step [-], our choice: rounding
+cancels out in them."""
 MANY_STEPS = 500
 """Of the largest size that fit between uneven times whose mean step is a rate [-], our choice."""
 SPECTRUM_WORDS = {"hz", "khz", "mhz", "frequency", "freq", "frequenz", "f"}
 """In the heading of an axis, in small letters: it is no time."""
+TIME_NAMES = {
+    "t", "time", "times", "timestamp", "timestamps", "time stamp", "x value", "tdxvec", "zeit",
+    "second", "seconds",
+}  # fmt: skip
+"""In the heading of a column of times, in small letters."""
 TIME_HEADING = re.compile(r"[\s_/:.()\[\]-]+")
 """What stands between the words of a heading."""
 
@@ -100,32 +111,59 @@ def compute_rounding(value: float, digits: int) -> float:
     return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) - digits + 1)
 
 
-def read_clock(path: Path, name: str, times: RawArray, unit: str = "") -> tuple[float, str, str]:
+class Axis(Enum):
+    """What a column runs over, by its heading."""
+
+    TIME = "time"
+    COUNT = "count"
+    FREQUENCY = "frequency"
+
+
+def find_axis(name: str, unit: str = "") -> Axis | None:
+    """Return what the heading of an axis says that it is; None: it is no heading of an axis."""
+    first, *rest = [part.lower() for part in TIME_HEADING.split(name) if part] or [""]
+    words = {unit.strip().lower(), first, *rest}
+    is_time = name.strip().lower() in TIME_NAMES or (
+        first in TIME_NAMES and all(map(normalize_time_unit, rest))
+    )
+    if is_time or normalize_time_unit(unit) in TIME_UNITS:
+        return Axis.TIME
+    if SAMPLES in (normalize_time_unit(name), normalize_time_unit(unit)):
+        return Axis.COUNT
+    return Axis.FREQUENCY if words & SPECTRUM_WORDS else None
+
+
+@dataclass(frozen=True)
+class Clock:
+    """What a column of times says of the sampling."""
+
+    rate: float = math.nan  # [Hz]; as of seconds where no unit is stated; NaN: not known
+    unit: str = ""  # as stated; empty: it is not
+    flaw: str = ""  # why the times make no sound rate; empty: they do
+    has_gap: bool = False  # points are missing or there twice: no rate by hand mends that
+
+
+def read_clock(path: Path, name: str, times: RawArray, unit: str = "") -> Clock:
     """Read a column of times, two at least and all finite, by its heading.
 
-    Returns
-    -------
-    tuple of float, str and str
-        Rate [Hz], rounded to `RATE_DIGITS`, as of seconds where no unit is stated; NaN: not known.
-        Unit as stated; empty: it is not. Why the times make no sound rate; empty: they do.
+    The rate of even times is rounded to `RATE_DIGITS`.
 
     Raises
     ------
     SignalError
         If it is no column of times but of frequencies.
     """
-    words = {word.lower() for word in (unit.strip(), *TIME_HEADING.split(name))}
-    if words & SPECTRUM_WORDS and not words & TIME_NAMES:
+    if find_axis(name, unit) is Axis.FREQUENCY:
         raise SignalError(
             f"{path}: its axis is {name!r}{unit and f' in {unit}'}: it is a spectrum; a hit is a"
             " trace over time"
         )
     found = find_time_unit(name, unit)
     if found == SAMPLES:
-        return math.nan, "", f"{path}: {name!r} counts samples: give their rate (--rate)"
+        return Clock(flaw=f"{path}: {name!r} counts samples: give their rate (--rate)")
     if unit.strip() and not normalize_time_unit(unit):
         flaw = f"times are in {unit!r}: they must be in {', '.join(TIME_UNITS)}"
-        return math.nan, "", f"{path}: {flaw}; if they are, skip them and give --rate"
+        return Clock(flaw=f"{path}: {flaw}; if they are, skip them and give --rate")
     scale = TIME_UNITS[found or "s"]
     begin, end = scale * times[0], scale * times[-1]
     step = (end - begin) / (times.size - 1)
@@ -137,46 +175,88 @@ def read_clock(path: Path, name: str, times: RawArray, unit: str = "") -> tuple[
         return bool(np.diff(time).min(initial=step) >= 0 and error <= LARGEST_TIME_ERROR * step)
 
     if step > 0 and math.isfinite(step) and all(is_even(*found) for found in split_points(times)):
-        return float(f"{1.0 / step:.{RATE_DIGITS}g}"), found, ""
-    flaw = f"{path}: {_describe_unevenness(scale * times, step)}"
-    is_known = step > 0 and MANY_STEPS * np.diff(times).max() < times[-1] - times[0]
-    return 1.0 / step if is_known else math.nan, found, flaw
+        return Clock(float(f"{1.0 / step:.{RATE_DIGITS}g}"), found)
+    flaw, has_gap, step = _find_flaw(times, scale)
+    is_known = step > 0 and MANY_STEPS * scale * np.diff(times).max() < end - begin
+    rate = 1.0 / step if is_known else math.nan
+    return Clock(rate, found, f"{path}: {flaw}", has_gap)
 
 
-def _describe_unevenness(time: NDArray[Any], step: float) -> str:
-    """Return why times [s] with a mean step make no sound rate."""
-    steps = np.diff(time)
+def _find_flaw(times: RawArray, scale: float) -> tuple[str, bool, float]:
+    """Return why uneven times make no rate, whether that is a gap, and their usual step [s]."""
+    steps = np.diff(times)
     if not steps.any():
-        return f"its times are rounded: all are {time[0]:g} s. Give --rate"
-    if steps.min() < 0 or not (step > 0 and math.isfinite(step)):
-        worst = int(np.argmin(steps))
-        return (
-            f"time does not grow from point {worst} to {worst + 1}"
-            f" ({time[worst]:g} s, {time[worst + 1]:g} s): is this the time column?"
-        )
-    deviation = np.abs(time - (time[0] + step * np.arange(time.size)))
-    # Rounded times are off by their last digit at most, and many are; or they repeat.
-    least = steps[steps > 0].min()
-    uneven = np.count_nonzero(np.abs(steps - np.median(steps)) > LARGEST_TIME_ERROR * least)
-    if steps.min() == 0 or (deviation.max() <= least and uneven > MANY_UNEVEN):
-        return (
-            f"its times are rounded, they have too few digits: they go on by {steps.min():.6g} to"
-            f" {steps.max():.6g} s from point to point, by {step:.6g} s on average. If its points"
-            f" are evenly spaced, give --rate, about {1.0 / step:.3g} Hz"
-        )
-    worst = int(np.argmax(np.abs(steps - step)))
-    return (
-        f"time does not run in even steps of {step:g} s: it goes on by {steps[worst]:g} s at point"
-        f" {worst}"
+        return f"its times are rounded: all are {scale * times[0]:g} s. Give --rate", False, 0.0
+    usual = find_usual_step(times)
+    worst = int(np.argmin(steps))
+    falls = (
+        f"time does not grow from point {worst} to {worst + 1} ({scale * times[worst]:g} s,"
+        f" {scale * times[worst + 1]:g} s): is this the time column?"
     )
+    if not (usual > 0 and math.isfinite(usual)):
+        return falls, False, 0.0
+    gap = find_gap(times, usual)
+    if gap is not None:
+        flaw = (
+            f"points are missing, or there twice: time goes on by {scale * steps[gap]:g} s at"
+            f" point {gap}, by {scale * usual:g} s elsewhere. No rate mends that: cut the file"
+            " there"
+        )
+        return flaw, True, scale * usual
+    if steps[worst] < 0:
+        return falls, False, scale * usual
+    flaw = (
+        "its times are uneven or rounded, they have too few digits: they go on by"
+        f" {scale * steps[worst]:.6g} to {scale * steps.max():.6g} s from point to point, by"
+        f" {scale * usual:.6g} s on average. If its points are evenly spaced, give --rate, about"
+        f" {1.0 / (scale * usual):.3g} Hz"
+    )
+    return flaw, False, scale * usual
+
+
+def find_usual_step(times: RawArray) -> float:
+    """Return the step that most points have, whatever is missing between some."""
+    reach = max(min(USUAL_POINTS, times.size // 8), 1)
+    first = np.linspace(0, times.size - 1 - reach, USUAL_POINTS).astype(int)
+    return float(np.median(times[first + reach] - times[first])) / reach
+
+
+def find_gap(times: RawArray, step: float) -> int | None:
+    """Return the point behind which points are missing or come twice; None: nowhere.
+
+    There time jumps by half a step at least, and what follows stays late or early by
+    `LEAST_GAP` steps, and more than the times are rounded to: a stamp that is late alone comes
+    back.
+    """
+    steps = np.diff(times)
+    is_coarse = steps.min() == 0.0
+    least = max(LEAST_GAP, steps[steps > 0].min() / step if is_coarse else 0.0)
+    reach = max(min(GAP_POINTS, times.size // 8), FEWEST_POINTS)
+    for first in range(0, times.size - 1, PIECE):
+        begin = max(first - reach, 0)
+        part = times[begin : first + PIECE + reach + 1]
+        late = (part - part[0]) / step - np.arange(part.size)
+        sums = np.concatenate([[0.0], np.cumsum(late)])
+        at = np.arange(first - begin, min(first + PIECE, times.size - 1) - begin)
+        low = np.maximum(at + 1 - reach, 0)
+        high = np.minimum(at + 1 + reach, late.size)
+        before, after = at + 1 - low, high - at - 1
+        shift = (sums[high] - sums[at + 1]) / after - (sums[at + 1] - sums[low]) / before
+        is_jump = np.abs(np.diff(late))[at] >= 0.5 * LEAST_GAP
+        is_sure = np.minimum(before, after) >= FEWEST_POINTS
+        found = np.flatnonzero(is_jump & is_sure & (np.abs(shift) >= least))
+        if found.size:
+            return first + int(found[np.argmax(np.abs(shift[found]))])
+    return None
 
 
 def is_clock(values: RawArray) -> bool:
-    """Tell whether a column that never falls must be one of times: no signal is like that."""
-    return (
-        values.size > 1
-        and bool(values[-1] > values[0])
-        and all(np.all(piece[1:] >= piece[:-1]) for _, piece in split_points(values))
+    """Tell whether a column must be one of times: it never falls, or rises nearly always."""
+    if values.size <= 1 or not values[-1] > values[0]:
+        return False
+    rises = np.diff(values[: PIECE + 1]) > 0
+    return bool(np.mean(rises) >= MOST_RISES) or all(
+        np.all(piece[1:] >= piece[:-1]) for _, piece in split_points(values)
     )
 
 
@@ -192,6 +272,3 @@ def split_points(values: RawArray) -> Iterator[tuple[int, RawArray]]:
         yield first, values[first : first + PIECE + 1]
         if isinstance(source, mmap.mmap):
             source.madvise(mmap.MADV_DONTNEED)
-
-
-TIME_NAMES = {"t", "time", "times", "x value", "tdxvec"}

@@ -42,7 +42,7 @@ def read_accelerations(path):
 
 def test_import_export_import_keeps_every_value(run, tmp_path, channels):
     first, again = tmp_path / "first.mcap", tmp_path / "again.mcap"
-    units = ("--hammer-unit", "N", "--hammer-mass", "0.3", *channels('[specimen]\nunit = "g"'))
+    units = ("--hammer-unit", "N", "--hammer-mass", "300g", *channels('[specimen]\nunit = "g"'))
     assert run("import", *REAL_HITS, "-o", first, "--cutoff", "off", *units).exit_code == 0
     outcome = run(
         "export", first, "-o", tmp_path / "hits", "--one-file-per-hit", "csv",

@@ -44,10 +44,10 @@ def read_json(outcome):
 @pytest.mark.parametrize(
     ("files", "words", "text"),
     [
-        pytest.param(REAL_HITS, ["--hammer-unit", "N", "--hammer-mass", "0.3"], "", id="hammer"),
+        pytest.param(REAL_HITS, ["--hammer-unit", "N", "--hammer-mass", "300g"], "", id="hammer"),
         pytest.param(
             REAL_HITS,
-            [*ACCELERATION, "--hammer-mass=0.3", "--sample-mass=0.3"],
+            [*ACCELERATION, "--hammer-mass=300g", "--sample-mass=300g"],
             "[specimen]\ncontrol = true",
             id="k",
         ),
@@ -99,7 +99,10 @@ def test_a_template_asks_for_what_its_file_does_not_say(run, save, tmp_path):
     assert run("import", *words).exit_code == 0
     # Files that state rates are told by the names of their channels.
     shock = run("import", "--template", DATA / "repeat_shock" / "Test_001_shock.lvm").stdout
-    assert "[hammer]  # 'Acceleration_0' in m/s^2\nchannel = \"Acceleration_0\"" in shock
+    assert (
+        "[hammer]  # 'Acceleration_0' (1200 points in m/s^2)\nchannel = \"Acceleration_0\""
+        in shock
+    )
 
 
 def test_good_files_are_imported_whatever_the_others_are(run, save, tmp_path):

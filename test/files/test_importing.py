@@ -33,6 +33,7 @@ from impact_rig.recordings.scan import Scan
 COUNT = 40
 NAN = math.nan
 TIME = 0.25 + np.arange(COUNT) * 4e-7
+GAPPED = np.delete(0.25 + np.arange(COUNT + 1) * 4e-7, 20)
 HAMMER = np.sin(np.arange(COUNT))
 SPECIMEN = np.cos(np.arange(COUNT))
 LONG = np.arange(5000) * 4e-7
@@ -152,8 +153,9 @@ def test_one_question_asks_for_all_that_is_missing():
     with pytest.raises(SignalError) as caught:
         map_channels(file, plan(), needs_scale=True)
     for told in (
-        "hit.x: 4 columns: give the role of each",
+        "hit.x: neither names nor units say which of its 4 channels is the hammer's",
         'columns = ["hammer", "specimen", "skip", "skip"]',
+        'channel = "?" under [hammer]',
         'sampling_rate = "?"',
         'unit = "?" under [hammer]',
         "impact-rig import --template FILE",
@@ -222,7 +224,7 @@ def test_a_channel_in_kg_is_a_thousand_g_and_says_so():
 
 def test_counts_stay_counts_beside_their_calibration():
     use = ChannelUse(sensitivity=Sensitivity(0.01, "g"), full_scale=5.0, full_scale_unit="V")
-    found = map_one(stated(channel("a", COUNTS, unit="mV")), plan(hammer=use))
+    found = map_one(stated(channel("a", COUNTS[::-1], unit="mV")), plan(hammer=use))
     assert found.block.hammer.output.dtype == np.int32
     # 10 mV/g: one millivolt is 0.1 g; 5 V are 500 g.
     assert found.block.hammer.scale == pytest.approx(0.980665, rel=1e-12)
@@ -243,7 +245,7 @@ def with_times(name, times=TIME, **fields):
 @pytest.mark.parametrize(
     ("file", "given", "told"),
     [
-        (columns(TIME[:5], HAMMER[:5]), {}, "5 points in 'column 1': a trace needs at least 16"),
+        (columns(TIME[:5], HAMMER[:5]), {}, "5 points in 'column 2': a trace needs at least 16"),
         (columns(HAMMER), {}, "has no time and states no rate: give its sampling rate"),
         (
             columns(TIME, HAMMER),
@@ -251,8 +253,9 @@ def with_times(name, times=TIME, **fields):
             "2 columns, but 3 roles are given",
         ),
         (columns(TIME, np.where(COUNTS == 7, np.nan, HAMMER)), {}, "hammer is nan at point 7"),
-        (columns(np.delete([*TIME, TIME[-1] + 4e-7], 20), HAMMER), {}, "8e-07 s at point 19"),
-        (columns(HAMMER, TIME), {}, "does not grow.*is this the time column"),
+        (columns(GAPPED, HAMMER), {}, "missing.*8e-07 s at point 19"),
+        (columns(TIME), {}, "no values beside its times 'column 1'"),
+        (with_times("time", HAMMER), {}, "does not grow.*is this the time column"),
         (stated(MeasuredChannel("t", TIME, unit="V"), channel("a", rate=NAN)), {}, "are in 'V'"),
         (stated(channel("a"), channel("b", HAMMER[:20])), {}, "'a' and 'b' have 40 and 20 points"),
         (stated(channel("a"), channel("b", rate=1e3)), {}, "sampled at 25600 Hz and 1000 Hz"),
@@ -273,7 +276,11 @@ def test_what_is_no_trace_is_named(file, given, told):
     [
         (stated(channel("a")), {"hammer": ChannelUse(unit="g")}, "in m/s.2, as the file states"),
         (stated(channel("a")), {"sampling_rate": 1e3}, "sampled at 25600 Hz, as it states"),
-        (stated(channel("a"), channel("b", unit="N")), {}, "'b' is a force"),
+        (
+            stated(channel("a"), channel("b", unit="N")),
+            {"hammer": ChannelUse("a"), "specimen": ChannelUse("b")},
+            "'b' is a force",
+        ),
         (
             stated(channel("a")),
             {"hammer": ChannelUse("a"), "specimen": ChannelUse("1")},

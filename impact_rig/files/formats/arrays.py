@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,30 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.errors import FileError
-from impact_rig.files.measurement import MeasuredChannel, Measurement, keep_values
-from impact_rig.files.times import (
-    SAMPLES,
-    SPECTRUM_WORDS,
-    TIME_HEADING,
-    TIME_NAMES,
-    TIME_UNITS,
-    normalize_time_unit,
-    read_clock,
-    round_rate,
+from impact_rig.core.errors import FileError, SignalError
+from impact_rig.files.formats.rates import compute_stated_rate, states_unit
+from impact_rig.files.measurement import (
+    NANOSECONDS,
+    MeasuredChannel,
+    Measurement,
+    keep_values,
 )
+from impact_rig.files.names import PARTS, split_name
+from impact_rig.files.times import TIME_UNITS, Axis, find_axis, is_clock, read_clock
 
-RATE_NAMES = {
-    "fs", "rate", "sampling rate", "sampling rate hz", "sample rate", "samplerate",
-    "samplefrequency", "sampling frequency",
-}  # fmt: skip
-STEP_NAMES = {
-    "dt", "delta t", "delta x", "step", "ts", "sample interval", "sampling interval", "increment",
-    "tinc", "tinterval",
-}  # fmt: skip
 UNIT_NAMES = {"unit", "units", "unit string", "quantity.label"}
-"""Names of arrays that say when the others were taken and in what unit, in small letters,
-underscores as blanks."""
+"""Names of arrays that say in what unit others are, in small letters, underscores as blanks."""
 DIMENSIONS = 3
 """Of the largest array that is taken for channels side by side: hits, channels and time."""
 
@@ -68,15 +56,22 @@ def make_measurement(path: Path, arrays: Sequence[NamedArray]) -> Measurement:
     FileError
         If no array is a channel.
     """
+    arrays = [_make_seconds(array) for array in arrays]
     rates = [array for array in arrays if read_stated_rate(array) > 0]
     clocks = [array for array in arrays if _is_time(array)]
     units = [array for array in arrays if _is_unit(array)]
     channels: list[MeasuredChannel] = []
+    spectrum: SignalError | None = None
     for array in arrays:
         if _is_channel(array) and not _is_time(array):
-            channels += _make_channels(path, _find_unit(array, units), clocks, rates)
+            try:
+                channels += _make_channels(path, _find_unit(array, units), clocks, rates)
+            except SignalError as error:  # beside traces a spectrum is left out
+                spectrum = error
     if channels:
         return Measurement(path, tuple(channels))
+    if spectrum is not None:
+        raise spectrum
     found = ", ".join(f"{a.name} ({a.values.dtype}, {a.values.shape})" for a in arrays[:5])
     raise FileError(f"{path} has no vector of real numbers: it holds {found or 'nothing'}")
 
@@ -97,13 +92,16 @@ def split_columns(values: NDArray[Any]) -> dict[str, NDArray[Any]]:
     }
 
 
-PARTS = re.compile(r"[/.]")
-"""What stands between the parts of a name: of groups in a file, or of structs."""
-
-
 def clean_name(name: str) -> str:
     """Return the last part of a name in small letters, underscores as blanks."""
-    return PARTS.split(name)[-1].replace("_", " ").strip().lower()
+    return get_last_part(name).replace("_", " ").strip().lower()
+
+
+def get_last_part(name: str) -> str:
+    """Return the last part of a name with groups; the strokes of a unit part nothing."""
+    bare, _ = split_name(name)
+    last = PARTS.split(bare)[-1]
+    return last + name[len(bare) :]
 
 
 def _make_channels(
@@ -113,19 +111,29 @@ def _make_channels(
     if math.isnan(stated.get("sampling_rate", math.nan)) and not array.is_channel:
         if rates:
             nearest = _find_nearest(rates, array)
-            is_step = clean_name(nearest.name) in STEP_NAMES
+            has_unit = states_unit(get_last_part(nearest.name))
             stated |= {
                 "sampling_rate": read_stated_rate(nearest),
-                "time_unit": "" if is_step else "s",
+                "time_unit": "s" if has_unit else "",
             }
         fitting = [clock for clock in clocks if clock.values.size == max(array.values.shape)]
         if fitting:
+            is_spectrum = [_find_axis(clock) is Axis.FREQUENCY for clock in fitting]
+            if not all(is_spectrum):
+                fitting = [c for c, is_one in zip(fitting, is_spectrum, strict=True) if not is_one]
             time = _find_nearest(fitting, array)
-            times, unit = time.values.ravel(), time.stated.get("unit", "")
-            rate, unit, flaw = read_clock(path, clean_name(time.name), times, unit)
-            stated |= {"sampling_rate": rate, "time_unit": unit, "time_flaw": flaw}
-            if not flaw:
-                stated["start"] = TIME_UNITS[unit or "s"] * float(times[0])
+            times = time.values.ravel()
+            clock = read_clock(path, clean_name(time.name), times, time.stated.get("unit", ""))
+            stated |= {
+                "sampling_rate": clock.rate,
+                "time_unit": clock.unit,
+                "time_flaw": clock.flaw,
+                "has_gap": clock.has_gap,
+            }
+            if not clock.flaw:
+                stated["start"] = TIME_UNITS[clock.unit or "s"] * float(times[0])
+            if "recorded_at" in time.stated:
+                stated["recorded_at"] = time.stated["recorded_at"]
     return [
         MeasuredChannel(array.name + place, keep_values(column, f"{path}, {array.name}"), **stated)
         for place, column in split_columns(array.values).items()
@@ -171,33 +179,38 @@ def _find_unit(array: NamedArray, units: Sequence[NamedArray]) -> NamedArray:
 
 def read_stated_rate(array: NamedArray) -> float:
     """Return the sampling rate that a number in the file states [Hz]; NaN: it does not."""
-    name = clean_name(array.name)
-    if array.values.size != 1 or name not in RATE_NAMES | STEP_NAMES:
+    if array.values.size != 1:
         return math.nan
     try:
         value = float(array.values.item())  # some write numbers as text
     except (TypeError, ValueError):
         return math.nan
-    if name in STEP_NAMES:
-        return round_rate(value)
-    return value if math.isfinite(value) else math.nan
+    return compute_stated_rate(get_last_part(array.name), value)
+
+
+def _make_seconds(array: NamedArray) -> NamedArray:
+    """Return stamps, as pandas writes them, as seconds from the first; all else as it is."""
+    stamps = array.values
+    if stamps.dtype.kind not in "mM" or not stamps.size or np.isnat(stamps).any():
+        return array
+    counts = (stamps - stamps.flat[0]).astype("timedelta64[ns]").astype(np.int64)
+    stated: dict[str, Any] = {"unit": "s"}
+    if stamps.dtype.kind == "M":
+        first = stamps.flat[0].astype("datetime64[ns]").astype(np.int64)
+        stated |= {"recorded_at": int(first)}
+    return replace(array, values=counts / NANOSECONDS, stated=stated)
+
+
+def _find_axis(array: NamedArray) -> Axis | None:
+    return find_axis(clean_name(array.name), array.stated.get("unit", ""))
 
 
 def _is_time(array: NamedArray) -> bool:
-    name = clean_name(array.name)
-    word, *rest = [word for word in TIME_HEADING.split(name) if word] or [name]
-    units = [normalize_time_unit(word) for word in rest]
-    return (
-        not array.is_channel
-        and _is_channel(array)
-        and max(array.values.shape) == array.values.size
-        and (
-            name in TIME_NAMES
-            or name in SPECTRUM_WORDS
-            or (word in TIME_NAMES and all(units))
-            or normalize_time_unit(name) == SAMPLES
-        )
-    )
+    """Tell whether an array is an axis: called time, or called otherwise and rising evenly."""
+    if array.is_channel or not _is_channel(array) or max(array.values.shape) != array.values.size:
+        return False
+    is_called_time = find_axis(clean_name(array.name)) is Axis.TIME
+    return is_called_time or (_find_axis(array) is not None and is_clock(array.values.ravel()))
 
 
 def _is_channel(array: NamedArray) -> bool:

@@ -2,6 +2,7 @@
 
 from array import array
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from impact_rig.core.errors import FileError
 from impact_rig.core.records import RawArray
 from impact_rig.files.formats.bounds import MEMORY, check_size
 from impact_rig.files.measurement import NANOSECONDS, MeasuredChannel, Measurement
-from impact_rig.files.times import read_clock
+from impact_rig.files.times import Clock, read_clock
 from impact_rig.recordings.encodings import DECODERS
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.scan import Scan
@@ -124,25 +125,27 @@ class _Topic:
             sizes = np.asarray(field.sizes)[order]
             for place, values in field.split(order):
                 points = sizes if field.is_run else np.ones_like(sizes)
-                rate, flaw = self._read_rate(seconds, points)
+                clock = self._read_clock(seconds, points)
                 yield MeasuredChannel(
                     f"{self._name}.{name}{place}",
                     values,
-                    rate,
+                    clock.rate,
                     field.unit,
                     start=(start - first) / NANOSECONDS,
                     recorded_at=first,
-                    time_flaw=flaw,
+                    time_flaw=clock.flaw,
+                    has_gap=clock.has_gap,
                 )
 
-    def _read_rate(self, seconds: NDArray[np.float64], points: NDArray[Any]) -> tuple[float, str]:
-        """Return the rate of points [Hz] by the times of messages, and why it is not sound."""
+    def _read_clock(self, seconds: NDArray[np.float64], points: NDArray[Any]) -> Clock:
+        """Return what the times of messages say of the rate of their points."""
         if seconds.size == 1 or np.ptp(points):
-            return np.nan, ""
+            return Clock()
         steps = np.arange(points[0]) / points[0] * seconds[-1] / (seconds.size - 1)
-        rate, _, flaw = read_clock(self._path, "time", (seconds[:, None] + steps).ravel(), "s")
+        clock = read_clock(self._path, "time", (seconds[:, None] + steps).ravel(), "s")
         whose = "their headers" if all(self._stamped) else "the log"
-        return rate, flaw and f"{flaw} (messages on {self._name}, by the times of {whose})"
+        told = f"{clock.flaw} (messages on {self._name}, by the times of {whose})"
+        return replace(clock, flaw=told) if clock.flaw else clock
 
 
 class _Field:

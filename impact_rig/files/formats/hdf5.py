@@ -11,20 +11,27 @@ import numpy as np
 from impact_rig.core.errors import FileError
 from impact_rig.files.formats.arrays import (
     DIMENSIONS,
-    RATE_NAMES,
-    STEP_NAMES,
     UNIT_NAMES,
     NamedArray,
     clean_name,
     make_measurement,
 )
+from impact_rig.files.formats.rates import (
+    compute_stated_rate,
+    is_rate_name,
+    is_step_name,
+    states_unit,
+)
 from impact_rig.files.measurement import ORIGIN, Measurement, make_unique
-from impact_rig.files.times import round_rate
 
 START_NAMES = {"start", "start s", "t0", "x0"}
 """Names of attributes, in small letters, underscores as blanks."""
-FAMILIES = (RATE_NAMES | STEP_NAMES, UNIT_NAMES, START_NAMES)
-"""Names that say the same."""
+FAMILIES = (
+    lambda name: is_rate_name(name) or is_step_name(name),
+    UNIT_NAMES.__contains__,
+    START_NAMES.__contains__,
+)
+"""Whether a name says one of these; in a family all say the same."""
 NAME = "name"
 """Ours: a name may have slashes, which part groups here."""
 RECORDED_AT = "recorded_at"
@@ -92,9 +99,11 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
     name = item.name.strip("/")
     if item.size and not item.id.get_storage_size():
         raise FileError(f"{path}: {name} should have {item.size} numbers, the file has none")
-    rate = _read_number(stated, RATE_NAMES)
-    if is_step := math.isnan(rate):
-        rate = round_rate(_read_number(stated, STEP_NAMES))
+    rates = {name: _read_number(stated, {name}) for name in stated}
+    rates = {name: compute_stated_rate(name, value) for name, value in rates.items()}
+    name_of_rate, rate = next(
+        ((name, rate) for name, rate in rates.items() if rate > 0), ("", math.nan)
+    )
     units = [stated[key] for key in stated if key in UNIT_NAMES]
     recorded_at = item.attrs.get(RECORDED_AT)
     return NamedArray(
@@ -106,7 +115,7 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
             "start": _read_number(stated, START_NAMES, 0.0),
             "recorded_at": int(recorded_at) if isinstance(recorded_at, np.integer) else 0,
             ORIGIN: str(item.attrs.get(ORIGIN, "")),
-            "time_unit": "" if is_step else "s",
+            "time_unit": "s" if states_unit(name_of_rate) else "",
         },
         is_channel=NAME in item.attrs and len(item.shape) == 1,
     )
@@ -114,16 +123,15 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
 
 def _inherit(stated: dict[str, Any], item: Any) -> dict[str, Any]:
     """Return what is stated around an item, as far as its own attributes do not say otherwise."""
-    known: set[str] = set().union(*FAMILIES)
     own = {}
     for name in item.attrs:
-        if clean_name(name) in known:
+        if any(says(clean_name(name)) for says in FAMILIES):
             value = item.attrs[name]
             is_bytes = isinstance(value, bytes)
             own[clean_name(name)] = value.decode("utf-8", "replace") if is_bytes else value
     for family in FAMILIES:
-        if family & own.keys():
-            stated = {name: value for name, value in stated.items() if name not in family}
+        if any(map(family, own)):
+            stated = {name: value for name, value in stated.items() if not family(name)}
     return stated | own
 
 

@@ -129,6 +129,8 @@ def _read_numbers(segment: Segment, columns: list[int]) -> dict[int, FloatArray]
         lines = rows[first : first + packet] if packet else rows
         reader = RowReader(segment.path, table)
         numbers = reader.read_lines(lines)
+        for flaw in reader.flaws.values():
+            raise FileError(f"{segment.path}, {flaw}")
         for column, values in zip(columns, numbers.T, strict=True):
             count = reader.ends.get(column, len(lines))
             stated = min(counts[column], len(lines)) if packet else count
@@ -235,6 +237,12 @@ def read_lvm(path: Path) -> Measurement:
         path,
         tuple(channel for segment in segments for channel in make_channels(segment, segments[0])),
     )
+
+
+def read_any_text(path: Path) -> Measurement:
+    """Read a file of text, that of LabVIEW by its first words, whatever it is called."""
+    head = next(read_pieces(path), "").lstrip()
+    return read_lvm(path) if head.startswith(FIRST_WORDS) else read_text(path)
 
 
 def _split_segments(path: Path, lines: Sequence[Line], style: Style) -> list[Segment]:

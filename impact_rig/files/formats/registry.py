@@ -9,12 +9,12 @@ from impact_rig.core.errors import FileError, ParameterError, RigError
 from impact_rig.files.formats.bags import read_bag
 from impact_rig.files.formats.bounds import read_apart
 from impact_rig.files.formats.hdf5 import read_hdf5, write_hdf5
-from impact_rig.files.formats.lvm import read_lvm
+from impact_rig.files.formats.lvm import read_any_text, read_lvm
 from impact_rig.files.formats.mat import read_mat, write_mat
 from impact_rig.files.formats.numpy_files import read_npy, read_npz
 from impact_rig.files.formats.parquet import read_parquet, write_parquet
 from impact_rig.files.formats.tdms import read_tdms, write_tdms
-from impact_rig.files.formats.text import read_text, write_text
+from impact_rig.files.formats.text import write_text
 from impact_rig.files.formats.uff import read_uff, write_uff
 from impact_rig.files.formats.wav import read_wav
 from impact_rig.files.measurement import Measurement
@@ -39,10 +39,10 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
     ".hdf5": (partial(read_apart, read_hdf5), None),
     ".parquet": (read_parquet, write_parquet),
     ".wav": (read_wav, None),
-    ".csv": (read_text, write_text),
-    ".txt": (read_text, None),
-    ".dat": (read_text, None),
-    ".tsv": (read_text, None),
+    ".csv": (read_any_text, write_text),
+    ".txt": (read_any_text, None),
+    ".dat": (read_any_text, None),
+    ".tsv": (read_any_text, None),
     ".npy": (read_npy, None),
     ".npz": (read_npz, None),
     ".mcap": (read_bag, None),

@@ -22,16 +22,14 @@ import numpy as np
 
 from impact_rig.core.errors import FileError
 from impact_rig.core.records import FloatArray
-from impact_rig.core.sensors import UNITS, normalize_unit
-from impact_rig.files.formats.arrays import RATE_NAMES, STEP_NAMES
+from impact_rig.files.formats.rates import compute_stated_rate, is_step_name, states_unit
 from impact_rig.files.measurement import ORIGIN, MeasuredChannel, Measurement
+from impact_rig.files.names import is_unit, split_name
 from impact_rig.files.times import (
     SAMPLES,
-    TIME_UNITS,
     find_time_unit,
     is_clock,
     normalize_time_unit,
-    round_rate,
 )
 
 WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
@@ -51,13 +49,10 @@ BLANKS_AND_MARKS = " \t#%/"
 FORMULA_MARKS = ("=", "+", "-", "@", "\t", "\r", "'")
 """Beginnings of words that spreadsheets take for formulas: written behind an apostrophe, which
 goes when they are read."""
-INFINITY = "∞"
-"""What PicoScope writes where a channel is beyond its range."""
-BRACKETS = {"]": "[", ")": "("}
-STATEMENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d]*)$")
+MINUS, INFINITY = "\N{MINUS SIGN}", "∞"
+"""A minus of typesetters; what PicoScope writes where a channel is beyond its range."""
+STATEMENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d]*(?:/s)?)$")
 """A value with its unit, at the end of `Analog:1e-8` or `20 kHz`."""
-FREQUENCIES = {"khz": 1e3, "mhz": 1e6, "ksps": 1e3, "msps": 1e6}
-"""[Hz]"""
 HORIZONTAL, VERTICAL = "horizontal units", "vertical units"
 RATE, START, TIME = "sampling rate [Hz]", "start [s]", "time"
 """What files written here state above the numbers, since times as printed may not tell."""
@@ -107,7 +102,7 @@ class Style(NamedTuple):
 
     def make_point(self, text: str) -> str:
         """Return cells with decimal points."""
-        text = text.replace(INFINITY, "inf")
+        text = text.replace(INFINITY, "inf").replace(MINUS, "-")
         return text.replace(",", ".") if self.has_decimal_comma else text
 
     def describe(self, line: str) -> str:
@@ -211,9 +206,8 @@ def _set_clock(
     channels: list[MeasuredChannel], statements: dict[str, list[str]]
 ) -> tuple[MeasuredChannel, ...]:
     """Return channels with the rate that their file states, where its times do not tell it."""
-    rate = _find_rate(statements)
-    start = _find_stated(statements, STARTS)
-    start = 0.0 if math.isnan(start) else start
+    rate, unit = _find_rate(statements)
+    start = _find_start(statements)
     first = channels[0]
     if math.isnan(rate):
         return tuple(channels)
@@ -224,21 +218,33 @@ def _set_clock(
             return tuple(channels)
         times = start + first.values / rate
         return MeasuredChannel(TIME, times, unit="s"), *channels[1:]
-    return tuple(replace(item, sampling_rate=rate, start=start) for item in channels)
+    return tuple(
+        replace(item, sampling_rate=rate, start=start, time_unit=unit) for item in channels
+    )
 
 
-def _find_rate(statements: dict[str, list[str]]) -> float:
-    rate = _find_stated(statements, RATE_NAMES | {RATE})
-    return round_rate(_find_stated(statements, STEP_NAMES)) if math.isnan(rate) else rate
+def _find_rate(statements: dict[str, list[str]]) -> tuple[float, str]:
+    """Return the rate that a file states [Hz], NaN for none, and the unit of its times."""
+    if RATE in statements:
+        return float(statements[RATE][0]), "s"
+    steps: tuple[float, str] = (math.nan, "s")
+    for name, values in statements.items():
+        match = STATEMENT.search(values[0].strip())
+        rate = compute_stated_rate(name, float(match[1]), match[2]) if match else math.nan
+        if rate > 0 and not is_step_name(name):
+            return rate, "s"
+        if rate > 0 and math.isnan(steps[0]):
+            steps = rate, "s" if match and states_unit(name, match[2]) else ""
+    return steps
 
 
-def _find_stated(statements: dict[str, list[str]], names: set[str]) -> float:
-    """Return the number above zero that a file states by one of some names; NaN: none."""
-    for name in names & statements.keys():
+def _find_start(statements: dict[str, list[str]]) -> float:
+    """Return the time of the first point that a file states [s]; 0: it states none."""
+    for name in STARTS & statements.keys():
         match = STATEMENT.search(statements[name][0].strip())
         if match:
-            return float(match[1]) * FREQUENCIES.get(match[2].lower(), 1.0)
-    return math.nan
+            return float(match[1])
+    return 0.0
 
 
 def _find_table(
@@ -380,7 +386,7 @@ class RowReader:
         self._table = table
         self._count = 0
         self.ends: dict[int, int] = {}  # numbers in the columns that end before the others
-        self.flaws: dict[int, str] = {}  # why and where a column holds words
+        self.flaws: dict[int, str] = {}  # why and where a column holds what is no number
         self._blanks: dict[int, int] = {}
 
     def read(self, piece: str, before: int) -> FloatArray:
@@ -389,19 +395,21 @@ class RowReader:
         Returns
         -------
         ndarray, shape (lines, columns)
-            NaN where a column has ended or holds words.
+            NaN where a column has ended or holds what is no number.
 
         Raises
         ------
         FileError
-            If a line has more or fewer cells, or a cell above a column's end is no number.
+            If a line has more or fewer cells.
         """
         style, kinds = self._table.style, self._table.kinds
         if '"' in piece:
             piece = "\n".join(map(unquote, piece.split("\n")))
         plain = style.make_point(piece.strip("\n"))
         lines = plain.count("\n") + 1
-        is_regular = not self.ends and all(kinds[cell] == NUMBER for cell in self._table.columns)
+        is_regular = not (self.ends or self.flaws) and all(
+            kinds[cell] == NUMBER for cell in self._table.columns
+        )
         if style.delimiter:
             is_regular &= plain.count(style.delimiter) == lines * (len(kinds) - 1)
         rows: FloatArray | None = None
@@ -438,19 +446,24 @@ class RowReader:
             self.flaws.setdefault(column, _refuse_cell(line, cell))
             self.ends[column] = 0
             return math.nan
+        if column in self.flaws:
+            return math.nan
         if not cell:
             self.ends.setdefault(column, self._count + index)
             self._blanks.setdefault(column, line)
             return math.nan
+        flaw = ""
         if column in self.ends:
-            raise FileError(
-                f"{self._path}, line {self._blanks[column]}: column {column + 1} is blank, and"
-                f" goes on in line {line}"
-            )
+            flaw = f"line {self._blanks[column]}: column {column + 1} is blank, and goes on in"
+            flaw += f" line {line}"
         try:
-            return float(self._table.style.make_point(cell))
+            value = float(self._table.style.make_point(cell))
         except ValueError:
-            raise FileError(f"{self._path}, {_refuse_cell(line, cell)}") from None
+            value, flaw = math.nan, flaw or _refuse_cell(line, cell)
+        if flaw:
+            self.flaws[column] = flaw
+            self.ends.pop(column, None)
+        return value
 
 
 def _parse_numbers(text: str, table: Table) -> FloatArray:
@@ -501,14 +514,14 @@ def _read_headings(
     names = above_units if has_units else last
     # Beside the names of all columns statements may stand, their values below them.
     reach = width if len(names) <= width else used
-    headings = [_split_name(cell) for cell in names[:reach]]
+    headings = [_split_heading_cell(cell) for cell in names[:reach]]
     if has_units:
         units = [cell.strip("()[] ") for cell in last]
         headings = [(name, unit) for (name, _), unit in zip(headings, units, strict=False)]
     elif _are_units(last[:used]):
         units = [cell.strip("()[] ") for cell in last[:reach]]
         headings = [
-            (cell, unit if _is_unit(unit) else "") for cell, unit in zip(last, units, strict=False)
+            (cell, unit if is_unit(unit) else "") for cell, unit in zip(last, units, strict=False)
         ]
     headings += [("", "")] * (width - len(headings))
     beside = zip(names[reach:], last[reach:], strict=False) if has_units else ()
@@ -539,9 +552,15 @@ def _split_heading(line: str, style: Style, kinds: str) -> list[str] | None:
     return None
 
 
+def _split_heading_cell(cell: str) -> tuple[str, str]:
+    """Return name and unit of a heading; one that is a unit alone is that of times."""
+    name, unit = split_name(cell)
+    return name or (TIME if is_unit(unit) and not cell.startswith(("[", "(")) else ""), unit
+
+
 def _is_beside(cell: str) -> bool:
     """Tell whether a cell beside the headings states something, or is such a value."""
-    is_name = cell.lower() in STEP_NAMES | STARTS
+    is_name = is_step_name(cell) or cell.lower() in STARTS
     return not cell or "=" in cell or is_name or Style().is_number(cell)
 
 
@@ -549,31 +568,11 @@ def _are_units(cells: Sequence[str]) -> bool:
     """Tell whether all are units, in brackets, or say that samples are counted."""
     return all(
         (cell[:1] + cell[-1:]) in ("[]", "()")
-        or _is_unit(cell)
+        or is_unit(cell)
         or normalize_time_unit(cell) == SAMPLES
         for cell in cells
         if cell
     )
-
-
-def _is_unit(text: str) -> bool:
-    return normalize_unit(text) in UNITS or normalize_time_unit(text) in TIME_UNITS
-
-
-def _split_name(cell: str) -> tuple[str, str]:
-    """Return name and unit of `hammer [m/s^2]`, `hammer (m/s^2)`, `hammer / N` or `C1 in V`."""
-    opening = BRACKETS.get(cell[-1:])
-    if opening is None:
-        for name, mark, unit in (cell.rpartition("/"), f" {cell}".rpartition(" in ")):
-            if mark and _is_unit(unit):
-                return name.strip() or TIME, unit.strip()
-        return cell, ""
-    depth = 0
-    for place in range(len(cell) - 1, -1, -1):
-        depth += (cell[place] == cell[-1]) - (cell[place] == opening)
-        if depth == 0:
-            return cell[:place].strip(), cell[place + 1 : -1].strip()
-    return cell, ""
 
 
 def _collect_statements(above: Sequence[str], style: Style) -> dict[str, list[str]]:
@@ -648,9 +647,6 @@ def write_text(path: Path, measurement: Measurement) -> None:
 def _make_heading(name: str, unit: str) -> str:
     name = " ".join(name.split())
     is_clear = (
-        name
-        and not _is_unit(name)
-        and not Style().is_number(name)
-        and _split_name(name)[0] == name
+        name and not is_unit(name) and not Style().is_number(name) and split_name(name)[0] == name
     )
     return name if is_clear and not unit else f"{name} [{unit}]"

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from impact_rig.files.measurement import ORIGIN, MeasuredChannel, Measurement
 from impact_rig.files.times import (
     SPECTRUM_WORDS,
     TIME_UNITS,
+    Clock,
     compute_rounding,
     normalize_time_unit,
     read_clock,
@@ -105,16 +107,17 @@ def _make_channel(path: Path, function: dict[str, Any], number: int) -> Measured
         raise FileError(
             f"{path} {what}: {name!r} should have {points} points, it has {values.size}"
         )
-    rate, start, time_unit, time_flaw = _read_clock(path, function, points)
+    clock, start = _read_clock(path, function, points)
     return MeasuredChannel(
         name=name if name not in ("", NONE) else f"channel {number}",
         values=values,
-        sampling_rate=rate,
+        sampling_rate=clock.rate,
         unit=str(function["ordinate_axis_units_lab"]).strip().replace(NONE, ""),
         start=start,
         origin=_read_origin(str(function["id2"])),
-        time_unit=time_unit,
-        time_flaw=time_flaw,
+        time_unit=clock.unit,
+        time_flaw=clock.flaw,
+        has_gap=clock.has_gap,
     )
 
 
@@ -123,25 +126,22 @@ def _read_origin(line: str) -> str:
     return line.strip().removeprefix(mark) if line.startswith(mark) else ""
 
 
-def _read_clock(
-    path: Path, function: dict[str, Any], points: int
-) -> tuple[float, float, str, str]:
-    """Return sampling rate [Hz], start [s], the unit that the file states for them, and a flaw."""
+def _read_clock(path: Path, function: dict[str, Any], points: int) -> tuple[Clock, float]:
+    """Return what the file states of the times, and the start [s]."""
     stated = STATED.match(str(function["id5"]))
     if stated is not None:
-        return float(stated[1]), float(stated[2]), "s", ""
+        return Clock(float(stated[1]), "s"), float(stated[2])
     label = str(function["abscissa_axis_units_lab"])
     unit = normalize_time_unit(label)
     scale = TIME_UNITS.get(unit, 1.0)
     if function["abscissa_spacing"] == 0:
         times = np.asarray(function["x"], dtype=np.float64)[:points]
-        rate, _, flaw = read_clock(path, "", times, unit)
-        return rate, scale * float(times[0]), unit, flaw
+        return replace(read_clock(path, "", times, unit), unit=unit), scale * float(times[0])
     step = float(function["abscissa_inc"])
     digits = next((n for n in STEP_DIGITS if float(f"{step:.{n - 1}e}") == step), None)
     error = compute_rounding(step, digits) if digits and step > 0 else 0.0
     start = scale * float(function["abscissa_min"])
-    return round_rate(scale * step, scale * error), start, unit, ""
+    return Clock(round_rate(scale * step, scale * error), unit), start
 
 
 def write_uff(path: Path, measurement: Measurement) -> None:

@@ -62,7 +62,7 @@ def test_a_number_in_the_archive_may_state_the_rate(tmp_path, stated, rate):
 def test_times_in_uneven_steps_are_refused(tmp_path):
     np.savez(tmp_path / "hit.npz", t=[0.0, 1.0, 3.0], hammer=np.zeros(3))
     (channel,) = read_channels(tmp_path / "hit.npz").values()
-    assert "hit.npz: time does not run in even steps" in channel.time_flaw
+    assert "hit.npz: its times are uneven or rounded" in channel.time_flaw
 
 
 @pytest.mark.parametrize(

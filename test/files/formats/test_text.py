@@ -81,8 +81,6 @@ def test_a_column_may_end_before_the_others_do(tmp_path):
         ("empty.csv", b"", "is empty"),
         ("names.csv", b"time,hammer\n", "holds no numbers"),
         ("short.csv", b"0,1\n1,2\n2\n", "line 3: 1 columns, above there are 2"),
-        ("hole.csv", b"0,1,2\n1,,2\n2,3,4", "line 2: column 2 is blank, and goes on in line 3"),
-        ("word.csv", b"# x\n0 1\n1 over\n", "line 3: 'over' is no number"),
         ("picture.csv", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "is no text"),
         ("wide.csv", b"\xff\xfe0", "is no text|holds no numbers|is no number"),
     ],
@@ -91,6 +89,21 @@ def test_what_cannot_be_read_is_named(tmp_path, name, content, told):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(FileError, match=f"{name}.*({told})"):
         read_measurement(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ("0,1,2\n1,,2\n2,3,4", "line 2: column 2 is blank, and goes on in line 3"),
+        ("0,1,2\n1,over,2\n2,3,4", "line 2: 'over' is no number"),
+    ],
+)
+def test_a_column_with_what_is_no_number_does_no_harm_to_the_others(tmp_path, content, told):
+    (tmp_path / "hit.csv").write_text(content)
+    first, damaged, last = read_measurement(tmp_path / "hit.csv").channels
+    assert damaged.flaw == told
+    assert (first.values.tolist(), last.values.tolist()) == ([0.0, 1.0, 2.0], [2.0, 2.0, 4.0])
+    assert (first.flaw, last.flaw) == ("", "")
 
 
 @pytest.mark.parametrize("much", [1000, 1 << 20], ids=["in a file", "in memory"])
@@ -105,8 +118,8 @@ def test_a_file_of_many_pieces_is_the_same_as_its_parts(tmp_path, monkeypatch, m
     columns = read_columns(path)
     assert columns == [rows[:, 0].tolist(), rows[:, 1].tolist(), rows[:400, 2].tolist()]
     path.write_text("a,b,c\n" + "\n".join([*lines[:300], "1,2,x"]))
-    with pytest.raises(FileError, match="line 302: 'x' is no number"):
-        read_measurement(path)
+    flaws = [channel.flaw for channel in read_measurement(path).channels]
+    assert flaws == ["", "", "line 302: 'x' is no number"]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,345 @@
+"""Which channel of a file is the hammer's, the sample's, or its time: one rule for all formats.
+
+What the user says goes first. Else names and units decide: the hammer's channel is called so, or
+is the one force; the sample's is called so, or is the one acceleration beside it. Of two channels
+of which neither says anything the first is the hammer's. What is open then is asked. Groups that
+differ by a number alone are a hit each.
+"""
+
+import json
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from impact_rig.core.errors import ParameterError, SignalError
+from impact_rig.files.measurement import MeasuredChannel, Measurement
+from impact_rig.files.names import PARTS, Kind, find_kind, find_unit, says_hammer, says_sample
+from impact_rig.files.plan import ROLES, ChannelPlan, ChannelUse
+from impact_rig.files.questions import CHOICE, Missing, Questions, list_channels
+from impact_rig.files.times import Axis, find_axis, is_clock
+
+NUMBER = re.compile(r"\d+")
+SEGMENT = re.compile(r" \(segment (\d+)\)$")
+"""Behind the names of LabVIEW's later segments."""
+HAMMER_OPTION, SAMPLE_OPTION = "--hammer-channel", "--sample-channel"
+"""What chooses a channel on the command line."""
+Channels = Sequence[MeasuredChannel]
+
+
+@dataclass(frozen=True)
+class Roles:
+    """The channels of one hit."""
+
+    hammer: MeasuredChannel
+    specimen: MeasuredChannel | None = None  # None: there is none, or it is open
+    time: MeasuredChannel | None = None  # None: the file states the rate, or nothing does
+    by_place: bool = False  # neither names nor units nor the user say which is which
+    open: tuple[str, ...] = ()  # names of channels of which each may be the sample's
+
+    def list_channels(self) -> list[tuple[str, MeasuredChannel]]:
+        """Return role and channel of those that there are."""
+        roles = (("hammer", self.hammer), ("specimen", self.specimen), ("time", self.time))
+        return [(role, channel) for role, channel in roles if channel is not None]
+
+
+def assign_roles(questions: Questions, plan: ChannelPlan) -> list[Roles]:
+    """Return the channels of each hit.
+
+    Parameters
+    ----------
+    questions : Questions
+        Of the file; gets another if it is open which channel is the hammer's.
+    plan : ChannelPlan
+        What the user says.
+
+    Returns
+    -------
+    list of Roles
+        One for each channel of the hammer; where that is asked for, by place.
+
+    Raises
+    ------
+    SignalError, ParameterError
+        If the file has no channel of values, or not those that the user names.
+    """
+    measurement = questions.measurement
+    if plan.columns is not None:
+        return _assign_columns(measurement, plan.columns)
+    time = find_clock(measurement.channels)
+    named = _find_by_name(measurement, plan.specimen.channel) if plan.specimen.channel else []
+    if plan.hammer.channel:
+        hammers = _find_by_name(measurement, plan.hammer.channel)
+        time = None if any(channel is time for channel in (*hammers, *named)) else time
+        return _pair(measurement, plan, hammers, named, time)
+    others = [
+        channel
+        for channel in measurement.channels
+        if _is_of_numbers(channel) and not any(channel is other for other in (time, *named))
+    ]
+    candidates = [channel for channel in others if not is_clock(channel.values)] or others
+    if not candidates:
+        raise _refuse_nothing(measurement, time)
+    hammers = _choose_hammers(candidates)
+    if not hammers:
+        questions.missing.append(_ask_for_hammer(measurement))
+        return [Roles(candidates[0], time=time)]
+    if named:
+        return _pair(measurement, plan, hammers, named, time)
+    groups = _group(candidates) if len(hammers) > 1 else [candidates]
+    return [
+        _add_specimen(hammer, group, time) for hammer, group in zip(hammers, groups, strict=True)
+    ]
+
+
+def find_clock(channels: Channels) -> MeasuredChannel | None:
+    """Return the channel with the times of the others, if the file does not state their rate.
+
+    One that is called so goes before one that never falls, this before one that counts, and all
+    before one of frequencies.
+    """
+    if not any(math.isnan(channel.sampling_rate) for channel in channels):
+        return None
+    ranks: dict[Axis | None, int] = {Axis.TIME: 0, None: 1, Axis.COUNT: 2, Axis.FREQUENCY: 3}
+    found: list[tuple[int, int]] = []
+    for place, channel in enumerate(channels):
+        if channel.flaw or channel.values.size <= 1:
+            continue
+        axis = find_axis(channel.name, channel.unit)
+        if axis is Axis.TIME or is_clock(channel.values):
+            is_index = axis is None and _is_index(channel)
+            found.append((ranks[Axis.COUNT if is_index else axis], place))
+    if not found and len(channels) > 1 and _is_constant(channels[0]):  # times to too few digits
+        return channels[0]
+    return channels[min(found)[1]] if found else None
+
+
+def _is_constant(channel: MeasuredChannel) -> bool:
+    values = channel.values
+    return values.size > 1 and values[0] > 0 and bool((values == values[0]).all())
+
+
+def _is_index(channel: MeasuredChannel) -> bool:
+    """Tell whether a column counts its points from 0 or 1, as tables of pandas have one."""
+    first, last = float(channel.values[0]), float(channel.values[-1])
+    return first in (0.0, 1.0) and last - first == channel.values.size - 1
+
+
+def _is_of_numbers(channel: MeasuredChannel) -> bool:
+    """Tell whether a channel is neither an axis nor of words; a damaged one is refused later."""
+    is_axis = bool(channel.flaw) and find_axis(channel.name, channel.unit) is not None
+    return not is_axis and bool(channel.values.size or not channel.flaw)
+
+
+def _choose_hammers(candidates: Channels) -> list[MeasuredChannel]:
+    """Return the channel of the hammer, one of each hit; empty: that is open."""
+    forces = [channel for channel in candidates if _get_kind(channel) is Kind.FORCE]
+    found = [channel for channel in candidates if says_hammer(channel.name)]
+    if len(found) > 1:  # a hammer with two sensors is measured by its force
+        found = [channel for channel in found if channel in forces] or found
+    found = found or [channel for channel in forces if not says_sample(channel.name)]
+    if len(found) > 1:
+        groups = _group(candidates)
+        is_one_each = len(groups) == len(found) and all(
+            any(channel is hammer for channel in group)
+            for group, hammer in zip(groups, found, strict=True)
+        )
+        return found if is_one_each else []
+    pair = _list_pair(candidates)
+    others = [channel for channel in pair if not says_sample(channel.name)]
+    if found or len(others) == 1:
+        return found or others
+    return pair[:1] if len(pair) <= 2 else []  # noqa: PLR2004 - a pair, by place
+
+
+def _list_pair(candidates: Channels) -> list[MeasuredChannel]:
+    """Return the accelerations if there are two or more, else all."""
+    moved = [channel for channel in candidates if _get_kind(channel) is Kind.ACCELERATION]
+    return moved if len(moved) > 1 else [*candidates]
+
+
+def _is_by_place(candidates: Channels) -> bool:
+    """Tell whether of two channels neither name nor unit says which is the hammer's."""
+    says = [
+        says_hammer(channel.name) or _get_kind(channel) is Kind.FORCE for channel in candidates
+    ]
+    pair = _list_pair(candidates)
+    samples = sum(says_sample(channel.name) for channel in pair)
+    return len(pair) == 2 and not any(says) and samples != 1  # noqa: PLR2004 - a pair
+
+
+def _group(channels: Channels) -> list[list[MeasuredChannel]]:
+    """Return the channels of each hit: those of groups whose names differ by a number alone."""
+    groups: dict[str, list[MeasuredChannel]] = {}
+    for channel in channels:
+        segment = SEGMENT.search(channel.name)
+        group = segment[1] if segment else ".".join(PARTS.split(channel.name)[:-1])
+        groups.setdefault(group, []).append(channel)
+    is_numbered = len({NUMBER.sub("", group) for group in groups}) == 1
+    return [*groups.values()] if is_numbered else [[*channels]]
+
+
+def _add_specimen(hammer: MeasuredChannel, group: Channels, time: MeasuredChannel | None) -> Roles:
+    """Return the roles with the sample's channel, if one is called so or is all that is left."""
+    rest = [item for item in group if item is not hammer and not says_hammer(item.name)]
+    if _is_by_place(group):
+        return Roles(hammer, _list_pair(group)[1], time, by_place=True)
+    kinds = {item.name: _get_kind(item) for item in rest}
+    named = [
+        item
+        for item in rest
+        if says_sample(item.name) and kinds[item.name] not in (Kind.FORCE, Kind.OTHER)
+    ]
+    moved = [item for item in named or rest if kinds[item.name] is Kind.ACCELERATION]
+    unknown = [item for item in rest if kinds[item.name] is Kind.UNKNOWN]
+    found = moved or named or [item for item in unknown if _fits(hammer, item)]
+    if len(found) > 1:
+        found = [item for item in found if _fits(hammer, item)] or found
+    if len(found) == 1:
+        return Roles(hammer, found[0], time)
+    return Roles(hammer, None, time, open=tuple(item.name for item in found))
+
+
+def _fits(hammer: MeasuredChannel, channel: MeasuredChannel) -> bool:
+    """Tell whether a channel has the points and the rate of the hammer's."""
+    rates = hammer.sampling_rate, channel.sampling_rate
+    return hammer.values.size == channel.values.size and (
+        rates[0] == rates[1] or all(map(math.isnan, rates))
+    )
+
+
+def _get_kind(channel: MeasuredChannel) -> Kind:
+    return find_kind(channel.name, channel.unit or find_unit(channel.name))
+
+
+def _ask_for_hammer(measurement: Measurement) -> Missing:
+    channels = measurement.channels
+    roles = json.dumps(guess_roles(channels))
+    what = (
+        f"neither names nor units say which of its {len(channels)} channels is the hammer's:"
+        f" {list_channels(measurement)}. If several are, each is a hit: columns = {roles} gives"
+        f" the role of each ({', '.join(ROLES)})"
+    )
+    return Missing(what, CHOICE, "hammer", f"{HAMMER_OPTION} {channels[-1].name!r}")
+
+
+def ask_for_specimen(roles: Roles) -> Missing:
+    """Return the question which of several channels is the sample's."""
+    names = ", ".join(map(repr, roles.open))
+    what = f"which channel is the sample's is open: {names}"
+    return Missing(what, CHOICE, "specimen", f"{SAMPLE_OPTION} {roles.open[0]!r}")
+
+
+def describe_roles(roles: Roles, plan: ChannelPlan, *, has_sample: bool) -> str:
+    """Return in one line which channel was taken as what, with its unit, and what is open."""
+    hammer = _describe_taken("hammer", roles.hammer, plan.hammer)
+    parts = [hammer, "no channel of the sample"]
+    if roles.specimen is not None and has_sample:
+        parts[1] = _describe_taken("sample", roles.specimen, plan.specimen)
+    elif roles.open:
+        parts[1] = f"which is the sample's is open: {', '.join(map(repr, roles.open))}"
+        parts[1] += f" ({SAMPLE_OPTION})"
+    if roles.by_place:
+        parts.append(f"by their places ({HAMMER_OPTION} and {SAMPLE_OPTION} change that)")
+    return ", ".join(parts)
+
+
+def _describe_taken(body: str, channel: MeasuredChannel, use: ChannelUse) -> str:
+    unit = use.unit or channel.unit or find_unit(channel.name)
+    unit = unit or ("V" if use.sensitivity else "unit not stated")
+    return f"{body} {channel.name!r} [{unit}]"
+
+
+def guess_roles(channels: Channels) -> list[str]:
+    """Return a role for each channel as a proposal, by place."""
+    time = find_clock(channels)
+    left, roles = ["hammer", "specimen"], list[str]()
+    for channel in channels:
+        if channel is time:
+            roles.append("time")
+        else:
+            is_free = left and not channel.flaw and not is_clock(channel.values)
+            roles.append(left.pop(0) if is_free else "skip")
+    return roles
+
+
+def _refuse_nothing(measurement: Measurement, time: MeasuredChannel | None) -> SignalError:
+    flawed = next((channel for channel in measurement.channels if channel.flaw), None)
+    if flawed is not None:
+        return SignalError(
+            f"{measurement.path}, {flawed.flaw}: {flawed.name!r} is not of numbers, and no other"
+            " channel has values"
+        )
+    times = measurement.channels[0] if time is None else time
+    return SignalError(
+        f"{measurement.path} has no values beside its times {times.name!r}: no channel goes up and"
+        " down"
+    )
+
+
+def _assign_columns(measurement: Measurement, roles: tuple[str, ...]) -> list[Roles]:
+    channels = measurement.channels
+    if len(roles) != len(channels):
+        raise SignalError(
+            f"{measurement.path} has {len(channels)} columns, but {len(roles)} roles are given:"
+            f" {', '.join(roles)}"
+        )
+    of: dict[str, list[MeasuredChannel]] = {role: [] for role in ROLES}
+    for role, channel in zip(roles, channels, strict=True):
+        of[role].append(channel)
+    time = of["time"][0] if of["time"] else None
+    return _make_roles(of["hammer"], of["specimen"], time)
+
+
+def _make_roles(
+    hammers: Channels, specimens: Channels, time: MeasuredChannel | None
+) -> list[Roles]:
+    """Return the channels of each hit: the first of each make the first."""
+    if not specimens:
+        return [Roles(hammer, None, time) for hammer in hammers]
+    return [
+        Roles(hammer, specimen, time) for hammer, specimen in zip(hammers, specimens, strict=True)
+    ]
+
+
+def _pair(
+    measurement: Measurement,
+    plan: ChannelPlan,
+    hammers: Channels,
+    specimens: Channels,
+    time: MeasuredChannel | None,
+) -> list[Roles]:
+    """Return the channels of each hit; refuse numbers of both that do not go together."""
+    if specimens and len(specimens) != len(hammers):
+        raise ParameterError(
+            f"{measurement.path}: {plan.hammer.channel or 'the hammers'!r} are"
+            f" {len(hammers)} channels and {plan.specimen.channel!r} are {len(specimens)}:"
+            " several hits need as many of both"
+        )
+    if any(hammer is specimen for hammer in hammers for specimen in specimens):
+        raise ParameterError(
+            f"{measurement.path}: {plan.hammer.channel!r} and {plan.specimen.channel!r} are the"
+            " same channel: hammer and sample have one each"
+        )
+    return _make_roles(hammers, specimens, time)
+
+
+def _find_by_name(measurement: Measurement, name: str) -> list[MeasuredChannel]:
+    """Return the channel of a name or a number, or all that fit a pattern with * or ?."""
+    channels = measurement.channels
+    same = [channel for channel in channels if channel.name == name]
+    if len(same) == 1:
+        return same
+    if len(same) > 1:
+        raise SignalError(
+            f"{measurement.path} has {len(same)} channels {name!r}: name one by its number"
+        )
+    if name.isdecimal() and 1 <= int(name) <= len(channels):
+        return [channels[int(name) - 1]]
+    pattern = re.compile(re.escape(name).replace(r"\*", ".*").replace(r"\?", "."))
+    fitting = [channel for channel in channels if pattern.fullmatch(channel.name)]
+    if fitting:
+        return fitting
+    raise SignalError(
+        f"{measurement.path} has no channel {name!r}: it has {list_channels(measurement)}"
+    )
