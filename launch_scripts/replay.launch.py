@@ -19,6 +19,7 @@ from launch.actions import (
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
+from impact_rig.configuration.parameters import check_parameter_file
 from impact_rig.configuration.processes import (
     WINDOW,
     choose_view,
@@ -26,7 +27,7 @@ from impact_rig.configuration.processes import (
     parse_number,
     split_names,
 )
-from impact_rig.recordings.source import find_recording
+from impact_rig.recordings.source import find_recordings
 
 SWITCH = ["true", "false"]
 ARGUMENTS = (
@@ -91,16 +92,20 @@ def make_replay(context: LaunchContext) -> list[Action]:
         listeners["visualizer"] = choose_destination(read("viewer"), read("view"))
     elif read("visualizer") == "auto":
         actions.append(LogInfo(msg="rerun-sdk is not installed: the replay goes without the view"))
-    recording = find_recording(Path(read("file")).expanduser())
+    path = Path(read("file")).expanduser()
+    find_recordings(path)  # refuses what is none before a node starts
     replayer = {
-        "file": str(recording.resolve()),
+        "file": str(path.resolve()),
         "rate": parse_number("rate", read("rate"), float),
         "loop": parse_number("loop", read("loop"), int),
         "required_subscribers": ", ".join(listeners),
         "exit_when_done": read("exit_when_done") == "true",
     }
+    params_file = read("params_file") and str(Path(read("params_file")).expanduser())
+    if params_file:
+        check_parameter_file(Path(params_file))
     actions += [
-        make_node(name, parameters, read("params_file"))
+        make_node(name, parameters, params_file)
         for name, parameters in {**listeners, "replayer": replayer}.items()
     ]
     if read("namespace"):

@@ -21,9 +21,11 @@ from launch.actions import (
 )
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
+from launch_ros.utilities import make_namespace_absolute, prefix_namespace
 
 from impact_rig.analysis.resuming import find_rig_of_run
 from impact_rig.configuration.node_claim import check_free, join_names
+from impact_rig.configuration.parameters import check_parameter_file
 from impact_rig.configuration.processes import (
     LAUNCHER,
     MEASURING,
@@ -164,20 +166,31 @@ def make_rig(context: LaunchContext) -> list[Action]:
         viewers=split_names(read("viewer")),
         only=split_names(read("only")),
     )
-    check_free(join_names(read("namespace"), (process.name for process in processes)))
+    namespace = find_namespace(context)
+    check_free(join_names(namespace, (process.name for process in processes)))
+    params_file = read("params_file") and str(Path(read("params_file")).expanduser())
+    if params_file:
+        check_parameter_file(Path(params_file))
     is_written = any("output" in process.parameters for process in processes)
     if is_written and not read("resume"):
         make_run_folder(folder)
     respawn = read("respawn") == "true"
-    actions = [make_node(process, read("params_file"), respawn=respawn) for process in processes]
+    actions = [make_node(process, params_file, respawn=respawn) for process in processes]
     if read("namespace"):
         actions = [GroupAction([PushRosNamespace(read("namespace")), *actions])]
     impacts = parse_number("impacts", read("impacts"), int)
     if impacts is not None:
-        actions.append(make_campaign(impacts, read("resume"), read("namespace")))
+        actions.append(make_campaign(impacts, read("resume"), namespace))
     variables = make_network_variables(os.environ, network=read("network") == "true")
     variables[LAUNCHER] = str(os.getpid())
     return [*(SetEnvironmentVariable(*item) for item in variables.items()), *actions]
+
+
+def find_namespace(context: LaunchContext) -> str:
+    """Return the rig's whole namespace: the argument, in what other launch files have pushed."""
+    pushed = context.launch_configurations.get("ros_namespace")
+    argument = LaunchConfiguration("namespace").perform(context)
+    return make_namespace_absolute(prefix_namespace(pushed, argument or None)) or ""
 
 
 def make_node(process: NodeProcess, params_file: str, *, respawn: bool) -> Action:

@@ -1,5 +1,6 @@
 """The processes of a rig: one list for the command line and the ROS launch files."""
 
+import itertools
 import json
 import os
 import sys
@@ -9,6 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from impact_rig.configuration.parameters import check_parameters
 from impact_rig.core.errors import FileError, ParameterError
 
 if TYPE_CHECKING:
@@ -151,7 +153,7 @@ def list_rig_processes(
     ------
     ParameterError
         If a viewer is unknown or has no visualizer, if there is no stream to record, or if the
-        rig has no such node.
+        rig has no such node or parameter.
     """
     further = overrides or {}
     path = str(rig.path) if rig and rig.path else ""
@@ -182,6 +184,7 @@ def list_rig_processes(
     }
     nodes["hammer"] |= rig.hammer if rig else {}
     for name in nodes:
+        check_parameters(further.get(name, ()), name)
         nodes[name] |= further.get(name, {})
     if record_stream and nodes["accelerometer"].get("mode") != CONTINUOUS:
         raise ParameterError("there is no running stream to record: choose continuous mode, too")
@@ -231,9 +234,13 @@ def make_viewer_parameters(viewers: Sequence[str]) -> dict[str, Any]:
 
 
 def choose_run_folder(output: Path | None = None) -> Path:
-    """Return the given folder of a run, or ``runs/<time>``."""
-    now = datetime.now().astimezone()
-    return output or Path("runs") / now.strftime("%Y-%m-%dT%H-%M-%S")
+    """Return the given folder of a run, or a new one, ``runs/<time>``."""
+    if output:
+        return output
+    time = datetime.now().astimezone().strftime("%Y-%m-%dT%H-%M-%S")
+    # Two rigs may start in one second.
+    names = itertools.chain([time], (f"{time}-{number}" for number in itertools.count(2)))
+    return next(folder for name in names if not (folder := Path("runs", name)).exists())
 
 
 SOURCE = "source"

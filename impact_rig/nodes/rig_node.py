@@ -20,6 +20,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
+from impact_rig.configuration.parameters import check_parameters
 from impact_rig.configuration.processes import ACTIVE
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.async_node import AsyncNode
@@ -149,6 +150,12 @@ class RigNode(AsyncNode):
                 reason = f"{name} is read when the node is configured: {way} the node first"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
+
+    def check_overrides(self) -> None:
+        """Raise a `ParameterError` if a parameter is given that no node of the rig has."""
+        check_parameters(
+            name for name in self._parameter_overrides if name not in self._parameters
+        )
 
     def get_value(self, name: str) -> Any:
         """Return a parameter's present value."""

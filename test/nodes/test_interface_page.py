@@ -7,6 +7,8 @@ import pytest
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import HammerState
 
+from impact_rig.configuration.parameters import PARAMETERS, check_parameters
+from impact_rig.core.errors import ParameterError
 from impact_rig.nodes import guarded_hammer, interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import TRANSITIONS, CampaignNode, State
@@ -39,7 +41,12 @@ def test_every_parameter_of_a_node_is_on_the_page_and_no_other(harness):
     for name, kind in NODES.items():
         (row,) = [row for row in ROWS if row[0] == f"`{name}`"]
         node = harness.add(kind, autostart=False)
-        assert set(list_names(row[2])) == set(node.get_parameters_by_prefix("")) - OF_EVERY_NODE
+        own = set(node.get_parameters_by_prefix("")) - OF_EVERY_NODE
+        assert set(list_names(row[2])) == own
+        # What is refused elsewhere.
+        assert set(PARAMETERS[name]) == own
+        with pytest.raises(ParameterError):
+            check_parameters(["swing_tme"], name)
 
 
 def test_every_topic_service_and_action_is_on_the_page():
