@@ -1,7 +1,9 @@
 """``impact-rig campaign``: run a campaign on a rig that is up."""
 
+import math
 import shlex
 import signal
+import sys
 from pathlib import Path
 from typing import Any, Self
 
@@ -125,18 +127,22 @@ def advise_resuming(folder: Path) -> str:
     return f"to go on: impact-rig campaign --resume {shlex.quote(str(folder))}"
 
 
+UNATTENDED_PAUSE = 10.0  # [s] after which a campaign ends that nobody can go on with
+
+
 def run_campaign(
-    client: CampaignClient, goal: CampaignGoal, view: CampaignView
+    client: CampaignClient, goal: CampaignGoal, view: CampaignView, *, is_attended: bool
 ) -> CampaignOutcome:
     """Run a campaign under a view.
 
-    Ctrl-C, SIGTERM and a closed terminal cancel it on the rig.
+    Ctrl-C, SIGTERM and a closed terminal cancel it on the rig, and so does a pause that only a
+    person can end where nobody is there.
     """
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, signal.default_int_handler)
     try:
-        return client.run(goal, view)
+        return client.run(goal, view, math.inf if is_attended else UNATTENDED_PAUSE)
     except (KeyboardInterrupt, click.Abort):
         client.cancel()
         if folder := client.run_folder:
@@ -178,7 +184,8 @@ def run(
         if resume and resumed is not None:
             client.check_run(resume)
             goal.resumed = resumed
-        outcome = run_campaign(client, goal, view)
+        is_attended = sys.stdin.isatty() or sys.stderr.isatty()
+        outcome = run_campaign(client, goal, view, is_attended=is_attended)
     recorded = Path(outcome.recording) if outcome.recording else None
     folder = output or resume
     if folder is None and recorded is not None and recorded.exists():

@@ -11,7 +11,7 @@ import click
 
 from impact_rig.cli import options
 from impact_rig.cli.campaign import CampaignView, report_outcome, run_campaign
-from impact_rig.cli.up import RunningNodes
+from impact_rig.cli.up import RunningNodes, check_open_files
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     LOG_NAME,
@@ -46,9 +46,19 @@ def run_rig(processes: Sequence[NodeProcess], log: Path) -> Iterator[Callable[[]
     check_free(join_names("", (process.name for process in processes)))
     with log.open("w", encoding="utf-8") as output:
         nodes = RunningNodes(output, _show_page)
-        thread = threading.Thread(target=nodes.run, args=(processes,), daemon=True)
+        failures: list[RigError] = []
+
+        def follow() -> None:
+            try:
+                nodes.run(processes)
+            except RigError as error:
+                failures.append(error)
+
+        thread = threading.Thread(target=follow, daemon=True)
 
         def check() -> None:
+            if failures:
+                raise failures[0]
             if not thread.is_alive():
                 lines = log.read_text("utf-8", errors="replace").splitlines()[-SHOWN_LOG_LINES:]
                 raise RigError("\n".join([f"the rig has ended; the end of {log}:", *lines]))
@@ -86,6 +96,7 @@ def run(
         rig.setup.samples.find(name)
     if angles:
         rig.setup.at_angles(angles)
+    check_open_files()
     folder = choose_run_folder(output)
     source = {key: chosen.pop(key) for key in options.SOURCE_KEYS}
     processes = list_rig_processes(
@@ -107,7 +118,7 @@ def run(
                 samples=samples, impacts=impacts, attempts_per_impact=ATTEMPTS,
                 release_angles=angles,
             )  # fmt: skip
-            outcome = run_campaign(client, goal, view)
+            outcome = run_campaign(client, goal, view, is_attended=False)
     except KeyboardInterrupt:
         recorded = folder / RECORDING_NAME
         if recorded.exists():

@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -16,7 +17,6 @@ from typing import IO, Any
 
 import click
 
-from impact_rig.analysis.resuming import find_rig_of_run
 from impact_rig.cli import options
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
@@ -36,6 +36,7 @@ from impact_rig.core.errors import RigError
 from impact_rig.devices.drivers import read_driver_name
 from impact_rig.present.console import print_warning
 
+OPEN_FILES = 100  # that a process of a rig may need: three times what they were seen to have
 END_TIMEOUT = 10.0  # [s] in which a node ends after SIGTERM; then it is killed
 COLOURS = ("cyan", "yellow", "green", "magenta", "red", "blue", "bright_cyan")  # of the nodes
 
@@ -51,6 +52,18 @@ def make_command(process: NodeProcess, namespace: str = "") -> list[str]:
         # JSON is YAML: texts are quoted, true and false are lower case.
         words += ["-p", f"{name}:={json.dumps(value)}"]
     return words
+
+
+def check_open_files() -> None:
+    """Raise `RigError` if this process, or a node, may not open as many files as a rig needs."""
+    allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if most != resource.RLIM_INFINITY and most < OPEN_FILES:
+        raise RigError(
+            f"at most {most} files may be open here, and a rig needs {OPEN_FILES}: raise the"
+            " limit, as by `ulimit -n 1024`"
+        )
+    if allowed != resource.RLIM_INFINITY:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (max(allowed, OPEN_FILES), most))
 
 
 class RunningNodes:
@@ -121,14 +134,17 @@ class RunningNodes:
 
     def _start(self, name: str, command: Sequence[str]) -> None:
         # In new sessions: Ctrl-C reaches this process alone, which stops them.
-        node = self._nodes[name] = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            env={**os.environ, "PYTHONUNBUFFERED": "1", LAUNCHER: str(os.getpid())},
-            start_new_session=True,
-        )
+        try:
+            node = self._nodes[name] = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, "PYTHONUNBUFFERED": "1", LAUNCHER: str(os.getpid())},
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise RigError(f"the node {name} cannot be started: {error.strerror}") from None
         self._print("rig", f"{name} started (pid={node.pid})")
 
         def follow() -> None:
@@ -172,9 +188,12 @@ def run(
     if resume is None:
         rig = options.load_rig(rig_file)
     else:
+        from impact_rig.analysis.resuming import find_rig_of_run
+
         found = find_rig_of_run(resume, rig_file, source)
         rig, source = options.load_rig(found.rig.path), {**found.source}
         chosen["continuous"] |= found.is_continuous
+    check_open_files()
     folder = resume or choose_run_folder(output)
     options.set_discovery(network=network)
     processes = list_rig_processes(

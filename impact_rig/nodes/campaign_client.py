@@ -40,6 +40,8 @@ RESEND_PERIOD = 3.0
 """How soon an unanswered goal is sent again [s]."""
 GONE_TIMEOUT = 60.0
 """How long the campaign node may give no sign of life before its client gives up [s]."""
+LOOKING = (RunCampaign.Feedback.JOINING, RunCampaign.Feedback.COUNTING)
+"""States in which a campaign that is paused looks whether it can go on."""
 SERVICE_TIMEOUT = 20.0
 """How long the rig may take to answer what a person has done [s]."""
 
@@ -102,6 +104,7 @@ class CampaignClient(RigClient):
         self._sent: list[Future] = []  # the goal of the running campaign, each time it was sent
         self._result = Future()
         self._gone_since = math.inf
+        self._paused_since = math.inf
         self._recording = ""
         self._operator: Operator | None = None
         self._feedback = RunCampaign.Feedback()
@@ -169,8 +172,15 @@ class CampaignClient(RigClient):
         """Whether no hammer strikes anything: hits are computed."""
         return self._acquisition is not None and self._acquisition.hammerless
 
-    def run(self, goal: CampaignGoal, operator: Operator) -> CampaignOutcome:
+    def run(
+        self, goal: CampaignGoal, operator: Operator, longest_pause: float = math.inf
+    ) -> CampaignOutcome:
         """Run a campaign to its end; the operator sees it, and does what is asked of a person.
+
+        Parameters
+        ----------
+        longest_pause : float
+            After so long a pause [s] the campaign ends: nobody is there to arm the hammer again.
 
         Raises
         ------
@@ -185,13 +195,17 @@ class CampaignClient(RigClient):
         # From now on only the messages of this campaign count.
         self._intake.membership.join(Identity(campaign_id))
         self._recording = ""
-        self._operator, self._gone_since = operator, math.inf
+        self._operator, self._gone_since, self._paused_since = operator, math.inf, math.inf
+        vain = ""  # why a campaign that nobody could go on with was cancelled
         self._sent.clear()
         self._duties.clear()
         self._result = self._send_goal(goal).get_result_async()
         while not self._result.done():
             if time.monotonic() - self._gone_since > GONE_TIMEOUT:
                 raise DeviceError("the campaign node has gone")
+            if not vain and time.monotonic() - self._paused_since > longest_pause:
+                vain = self._feedback.message
+                self._goal.cancel_goal_async()
             if self._duties:
                 self._duties.pop(0)(operator)
             elif not self.spin_until(lambda: self._result.done() or bool(self._duties), 1.0):
@@ -217,7 +231,7 @@ class CampaignClient(RigClient):
         }
         return CampaignOutcome(
             success=result.success and answer.status == GoalStatus.STATUS_SUCCEEDED,
-            message=result.message,
+            message=f"nobody is there to end this pause: {vain}" if vain else result.message,
             results=results_from_msg(result, faults),
             recording=result.recording,
         )
@@ -275,6 +289,10 @@ class CampaignClient(RigClient):
         self._feedback = feedback
         if self._operator is None:
             return
+        if feedback.state == RunCampaign.Feedback.PAUSED:
+            self._paused_since = min(self._paused_since, time.monotonic())
+        elif feedback.state not in LOOKING:
+            self._paused_since = math.inf
         self._operator.follow(feedback)
         if feedback.state != RunCampaign.Feedback.STRIKING:
             self._is_to_let_go = False

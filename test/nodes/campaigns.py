@@ -56,3 +56,15 @@ def begin(harness, client, **goal) -> tuple[Any, Any]:
         )
     )
     return handle, feedback
+
+
+class Onlooker:
+    """Sees how far a campaign is; there is nothing to do for a person."""
+
+    def __init__(self, follow):
+        self.follow = follow
+
+    def mount(self, sample):
+        raise AssertionError("no question was expected")
+
+    put_back = let_go = mount

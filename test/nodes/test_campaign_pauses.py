@@ -7,15 +7,17 @@ from std_srvs.srv import Trigger
 from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
+from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.ledger import Ledger
 
-from .campaigns import begin, start_rig
+from .campaigns import Onlooker, begin, start_rig
 
 STRIKING, PAUSED = RunCampaign.Feedback.STRIKING, RunCampaign.Feedback.PAUSED
 WAITING_FOR_HAMMER = RunCampaign.Feedback.WAITING_FOR_HAMMER
+START_PATIENCE = 60.0
 MANY = 100_000
 """Impacts that no test waits for."""
 FOR_GOOD = {"reconnect_period": 0.0}
@@ -80,6 +82,27 @@ def test_whatever_disarms_the_hammer_a_person_arms_it(harness):
         arm(harness)
         wait_for_more_hits(feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
+
+
+def test_where_nobody_is_there_a_pause_that_a_person_would_end_is_an_end(
+    harness, ros_domain, monkeypatch
+):
+    start_rig(harness, campaign=SOON)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+
+    def disarm(feedback):
+        if feedback.impact == 1 and not calls:
+            calls.append(harness.peer.create_client(Trigger, interfaces.DISARM_HAMMER))
+            calls[0].call_async(Trigger.Request())
+
+    calls = []
+    goal = RunCampaign.Goal(samples=["steel small"], impacts=MANY)
+    with CampaignClient() as client:
+        client.wait_for_rig(START_PATIENCE)
+        outcome = client.run(goal, Onlooker(disarm), longest_pause=1.0)
+    assert not outcome.success
+    assert outcome.message.startswith("nobody is there to end this pause: the hammer is not armed")
+    assert [hit.impact for hit in outcome.results.hits if hit.accepted][:1] == [1]
 
 
 def test_a_device_that_was_lost_and_is_back_is_used_again_once_a_person_has_armed(harness):

@@ -13,7 +13,7 @@ from impact_rig.nodes.campaign_plan import read_newest_campaign
 from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import format_json, results_to_json
 
-from .campaigns import begin, start_rig
+from .campaigns import Onlooker, begin, start_rig
 
 SAMPLES = ["steel small", "brass small"]
 IMPACTS = 6
@@ -44,18 +44,6 @@ def test_a_cancelled_campaign_goes_on_on_the_same_rig(harness):
     assert second.accepted[: len(first.accepted)] == first.accepted
     struck = [(hit.sample, hit.impact) for hit in second.accepted]
     assert struck == [(name, number) for name in SAMPLES for number in range(1, IMPACTS + 1)]
-
-
-class Onlooker:
-    """Sees how far a campaign is; there is nothing to do for a person."""
-
-    def __init__(self, follow):
-        self.follow = follow
-
-    def mount(self, sample):
-        raise AssertionError("no question was expected")
-
-    put_back = let_go = mount
 
 
 @pytest.fixture
