@@ -19,6 +19,7 @@ from impact_rig.core.setup import AnalysisSettings
 from impact_rig.core.tail import judge_zeros
 from impact_rig.core.verdict import (
     CHANNELS,
+    SHARE_NO_MEAN,
     Finding,
     Reason,
     check_channels,
@@ -96,14 +97,14 @@ def judge_hit(
     -------
     JudgedHit
 
-    Raises
-    ------
-    ParameterError
-        If the sampling rate is too low for the low-pass.
     """
-    check_cutoff(settings.cutoff_frequency, record.sampling_rate)
     found = check_stream(record)
     if any(item.reason is not Reason.GAP for item in found):
+        return JudgedHit(record.label, tuple(found), record.stamp)
+    try:
+        check_cutoff(settings.cutoff_frequency, record.sampling_rate)
+    except ParameterError as error:
+        found.append(Finding(Reason.FEW_POINTS, str(error)))
         return JudgedHit(record.label, tuple(found), record.stamp)
     found += check_channels(record)
     overloaded = any(item.reason is Reason.OVERLOAD for item in found)
@@ -288,9 +289,7 @@ class TraceSum:
     origin: int  # point at which the middles of the pulses lie
 
     def add(self, hit: FilteredHit) -> Self:
-        """Return the sum with one more hit; of other channels it is left out."""
-        if len(hit.traces) != len(self.total):
-            return self
+        """Return the sum with one more hit."""
         origin = min(self.origin, hit.origin)
         after = min(self.total.shape[1] - self.origin, hit.traces.shape[1] - hit.origin)
         total = (
@@ -315,20 +314,8 @@ def make_mean(
 
     The only hit in a mean may be given as it was before the shift, which would cost some of a
     coarse pulse's peak.
-
-    Raises
-    ------
-    SignalError
-        If the hits do not belong together.
     """
     count = len(hits)
-    rates = {hit.sampling_rate for hit in hits}
-    channels = {len(hit.traces) for hit in hits}
-    if len(rates) > 1 or len(channels) > 1:
-        raise SignalError(
-            f"hits sampled at {sorted(rates)} Hz with {sorted(channels)} channels"
-            " cannot be averaged: all hits of a sample need the same"
-        )
     traces, shown = total.total / count, tuple(hits[::step])
     if alone is not None:
         traces = alone.traces
@@ -341,7 +328,7 @@ def make_mean(
     baseline_points = min(hit.baseline_points - hit.origin for hit in hits) + total.origin
     return MeanHit(
         traces=make_read_only(traces),
-        sampling_rate=rates.pop(),
+        sampling_rate=hits[0].sampling_rate,
         origin=total.origin,
         noise=make_read_only(noise),
         raw_noise=make_read_only(raw_noise),
@@ -365,8 +352,6 @@ def average_hits(hits: Sequence[FilteredHit]) -> MeanHit:
     ------
     NotDeterminedError
         If there is no hit.
-    SignalError
-        If the hits do not belong together.
     """
     shifted = [shift_hit(hit) for hit in hits]
     total = sum_up(shifted)
@@ -437,7 +422,8 @@ def overrule_hit(hit: JudgedHit, overrules: Overrules) -> JudgedHit:
     Raises
     ------
     ParameterError
-        If a hit is to be accepted that has no pulse that could be measured, or the other sign.
+        If a hit is to be accepted that has no pulse that could be measured, or that is of
+        another kind or sign than those before.
     """
     if hit.label in overrules.rejected:
         return replace(
@@ -451,10 +437,11 @@ def overrule_hit(hit: JudgedHit, overrules: Overrules) -> JudgedHit:
             f"hit {describe_label(hit.label)} cannot be accepted by hand: it has no pulse that"
             f" could be measured ({why})"
         )
-    if any(item.reason is Reason.POLARITY for item in hit.rejections):
+    apart = [str(item) for item in hit.rejections if item.reason in SHARE_NO_MEAN]
+    if apart:
         raise ParameterError(
-            f"hit {describe_label(hit.label)} cannot be accepted by hand: a mean of both signs is"
-            " of neither"
+            f"hit {describe_label(hit.label)} cannot be accepted by hand: a mean of both would be"
+            f" of neither ({'; '.join(apart)})"
         )
     confirmed = Finding(Reason.OPERATOR, "accepted by hand")
     return replace(hit, rejections=(), overruled=(*hit.rejections, confirmed))

@@ -16,7 +16,7 @@ from impact_rig.core.hits import (
     shift_hit,
     sum_up,
 )
-from impact_rig.core.records import FloatArray
+from impact_rig.core.records import SIMULATED, FloatArray
 from impact_rig.core.verdict import CHANNELS, Finding, Reason
 
 FEWEST_HITS = 5
@@ -133,10 +133,45 @@ class Selection:
     left_out: tuple[JudgedHit, ...]  # all others, with their reasons
 
 
+@dataclass(frozen=True)
+class HitCount:
+    """How many hits of one sample are averaged so far, and how many are left out."""
+
+    kept: int = 0
+    left_out: int = 0
+    attempts: int = 0  # at the next impact, the one behind those that are kept
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What all hits in a mean have in common."""
+
+    origin: str  # measured, imported; of a simulated hit also by what
+    sampling_rate: float  # [Hz]
+    channels: int
+
+    def explain(self, other: "Kind") -> tuple[Finding, ...]:
+        """Return why hits of another kind share no mean with these; none: they may."""
+        pairs = zip(other.list_features(), self.list_features(), strict=True)
+        told = [f"{one}, the hits before {two}" for one, two in pairs if one != two]
+        return (Finding(Reason.OTHER_KIND, "; ".join(told)),) if told else ()
+
+    def list_features(self) -> tuple[str, str, str]:
+        """Return in words what hits of this kind are."""
+        channels = "one channel" if self.channels == 1 else f"{self.channels} channels"
+        return self.origin, f"sampled at {self.sampling_rate:.17g} Hz", f"of {channels}"
+
+
+def _find_kind(hit: JudgedHit, filtered: FilteredHit) -> Kind:
+    origin = str(hit.origin) if hit.origin.kind == SIMULATED else hit.origin.kind
+    return Kind(origin, filtered.sampling_rate, len(filtered.traces))
+
+
 class HitSeries:
     """Hits of one sample in the order of arrival."""
 
     def __init__(self) -> None:
+        self.kind: Kind | None = None  # of the first accepted hit, which says what all are
         self._hits: list[JudgedHit] = []
         # Of accepted hits, by their places in the list of all hits.
         self._figures: dict[int, FloatArray] = {}
@@ -174,16 +209,19 @@ class HitSeries:
             )
         return tuple(corrected), tuple(doubtful)
 
-    def check(self, hit: JudgedHit) -> tuple[Finding, ...]:
-        """Return what the hits before have against an accepted one: its sign, or its figures.
+    def check(self, hit: JudgedHit) -> JudgedHit:
+        """Return a hit with what those before have against it: its kind, sign, or figures.
 
-        The first hit says how the sensors are: a mean of both signs would be of neither.
+        The first hit says how source and sensors are. Figures are compared of a good hit alone.
         """
-        turned = _find_turned(hit.filtered, self._sum) if hit.filtered and self._sum else []
-        if turned:
-            names = " and ".join(CHANNELS[channel] for channel in turned)
-            why = f"{names} of the other sign than in the hits before"
-            return (Finding(Reason.POLARITY, why),)
+        if hit.filtered is not None and self.kind is not None:
+            apart = self.kind.explain(_find_kind(hit, hit.filtered))
+            apart = apart or _find_turned(hit.filtered, self._sum)
+            hit = replace(hit, rejections=(*hit.rejections, *apart))
+        return replace(hit, rejections=self._compare(hit)) if hit.accepted else hit
+
+    def _compare(self, hit: JudgedHit) -> tuple[Finding, ...]:
+        """Return in which figures a hit is an outlier among those before."""
         figures = read_figures(hit)
         others = [self._figures[place] for place in self._list_compared()]
         return compute_criteria(np.array([*others, figures])).explain(figures)
@@ -194,6 +232,8 @@ class HitSeries:
         self._hits.append(replace(hit, filtered=None))
         if not hit.accepted or hit.filtered is None:
             return
+        if self.kind is None:
+            self.kind = _find_kind(hit, hit.filtered)
         self._alone = None if self._traces else hit.filtered
         self._figures[place] = read_figures(hit)
         self._traces[place] = traces = shift_hit(hit.filtered)
@@ -206,13 +246,7 @@ class HitSeries:
             self._sum = sum_up([self._traces[kept] for kept in self._list_kept()])
 
     def compute_mean(self) -> MeanHit | None:
-        """Return the mean hit; None: there is none in it.
-
-        Raises
-        ------
-        SignalError
-            If the hits do not belong together.
-        """
+        """Return the mean hit; None: there is none in it."""
         if self._mean is None and self._sum is not None:
             kept = [self._traces[place] for place in self._list_kept()]
             # Every one, every other, every fourth ...: a new hit seldom changes the others.
@@ -233,11 +267,17 @@ class HitSeries:
                 kept.append(self._complete(hit) if hit.overruled else hit)
         return Selection(tuple(kept), tuple(left_out))
 
+    def count(self) -> HitCount:
+        """Return how many hits are in the mean so far, and how many are not."""
+        kept = len(self._traces) - len(self._left_out)
+        attempts = sum(hit.label.impact == kept + 1 for hit in self._hits)
+        return HitCount(kept, len(self._hits) - kept, attempts)
+
     def _complete(self, hit: JudgedHit) -> JudgedHit:
         """Return a hit accepted by hand with what the others have against it, once."""
         if any(item.reason is Reason.INCONSISTENT for item in hit.overruled):
             return hit
-        return replace(hit, overruled=(*self.check(hit), *hit.overruled))
+        return replace(hit, overruled=(*self._compare(hit), *hit.overruled))
 
     def _list_kept(self) -> list[int]:
         """Return the places of the hits in the mean."""
@@ -259,8 +299,10 @@ class HitSeries:
         }
 
 
-def _find_turned(hit: FilteredHit, before: TraceSum) -> list[int]:
-    """Return the channels of the other sign."""
+def _find_turned(hit: FilteredHit, before: TraceSum | None) -> tuple[Finding, ...]:
+    """Return a reason against a hit of which a channel has the other sign than those before."""
+    if before is None:
+        return ()
     middle, reach = round(hit.pulse.middle), math.ceil(hit.pulse.half_amplitude_width)
     reach = min(
         reach,
@@ -276,5 +318,6 @@ def _find_turned(hit: FilteredHit, before: TraceSum) -> list[int]:
         scale = math.sqrt(float(one @ one) * float(other @ other))
         # Good hits correlate by 0.95 and more, signs apart.
         if float(one @ other) < -0.5 * scale:
-            turned.append(channel)
-    return turned
+            turned.append(CHANNELS[channel])
+    text = f"{' and '.join(turned)} of the other sign than in the hits before"
+    return (Finding(Reason.POLARITY, text),) if turned else ()

@@ -39,7 +39,7 @@ from impact_rig.core.sample import (
     estimate_traces,
     look_at_model,
 )
-from impact_rig.core.series import HitSeries, Selection
+from impact_rig.core.series import HitCount, HitSeries, Selection
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.speed_exponents import SpeedExponents, estimate_speed_exponents
 from impact_rig.core.uncertainty import RigInputs
@@ -82,9 +82,8 @@ class Session:
         Raises
         ------
         ParameterError
-            If the block names a sample that is not in the set, or is sampled too slowly for
-            the low-pass, or a hit is to be accepted by hand that has no pulse that could be
-            measured.
+            If the block names a sample that is not in the set, or a hit is to be accepted by
+            hand that cannot be.
         """
         return tuple(hit for _, hit in self.feed_records(block))
 
@@ -102,9 +101,7 @@ class Session:
         judged = judge_hit(record, self.setup.analysis, self.setup.responses)
         hit = replace(judged, origin=record.origin)
         series = self._series.setdefault(hit.label.sample, HitSeries())
-        if hit.accepted:
-            hit = replace(hit, rejections=series.check(hit))
-        hit = overrule_hit(hit, self._overrules)
+        hit = overrule_hit(series.check(hit), self._overrules)
         series.add(hit)
         return hit
 
@@ -131,18 +128,29 @@ class Session:
             return HammerEstimate(Quantity(setup.hammer_stiffness), control_sample=control)
         if not control:
             return HammerEstimate(notes=("k1: the sample set has no control sample",))
-        mean, unknown = self.compute_mean(control), setup.find_unknown_masses(control)
-        if mean is None or unknown:
-            note = f"k1: the control sample {control!r} has no accepted hit yet"
-            if mean is not None:
-                note = f"k1: the mass of {' and '.join(unknown)} is not known"
-            return HammerEstimate(notes=(note,), control_sample=control)
+        mean = self.compute_mean(control)
+        problem: str | None = f"the control sample {control!r} has no accepted hit yet"
+        if mean is not None:
+            problem = self._find_problem(name or control, control)
+        if mean is None or problem is not None:
+            return HammerEstimate(notes=(f"k1: {problem}",), control_sample=control)
         reading = self._read_mean(control, mean)
         known = self._hammers.get(control)
         # Every hit on every sample asks for it.
         if known is None or known[0] is not reading:
             known = self._hammers[control] = reading, estimate_hammer(reading, setup)
         return known[1]
+
+    def _find_problem(self, name: str, control: str) -> str | None:
+        """Say why a control sample with hits does not give k1 for a sample; None: it does."""
+        if unknown := self.setup.find_unknown_masses(control):
+            return f"the mass of {' and '.join(unknown)} is not known"
+        kinds = [series.kind for key in (name, control) if (series := self._series.get(key))]
+        origins = [kind.origin for kind in kinds if kind is not None]
+        if len(set(origins)) > 1:
+            ours, theirs = origins
+            return f"the control sample {control!r} has hits that are {theirs}, not {ours}"
+        return None
 
     def _read_mean(self, name: str, mean: MeanHit) -> MeanReading:
         """Return the reading of a sample's mean hit, the same one until another hit changes it."""
@@ -266,14 +274,12 @@ class Session:
         )
 
     def compute_mean(self, name: str) -> MeanHit | None:
-        """Return the mean hit of one sample so far; None: no hit was accepted.
-
-        Raises
-        ------
-        SignalError
-            If the hits do not belong together.
-        """
+        """Return the mean hit of one sample so far; None: no hit was accepted."""
         return self._series[name].compute_mean() if name in self._series else None
+
+    def count_hits(self) -> dict[str, HitCount]:
+        """Return the number of hits of each sample that has some."""
+        return {name: series.count() for name, series in self._series.items()}
 
     def get_selection(self, name: str) -> Selection:
         """Return which hits of one sample are averaged so far, and which are left out."""

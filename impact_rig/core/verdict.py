@@ -38,6 +38,7 @@ class Reason(Enum):
     SMOOTHED = "smoothed"
     FEW_POINTS = "few_points"
     UNSTEADY_ZERO = "unsteady_zero"
+    OTHER_KIND = "other_kind"
     POLARITY = "polarity"
     INCONSISTENT = "inconsistent"
     OPERATOR = "operator"
@@ -54,6 +55,10 @@ class Finding:
     def __str__(self) -> str:
         """Return ``code: explanation``."""
         return f"{self.reason.value}: {self.explanation}"
+
+
+SHARE_NO_MEAN = frozenset({Reason.OTHER_KIND, Reason.POLARITY})
+"""Reasons that nobody can overrule: a mean of both would be of neither."""
 
 
 @dataclass(frozen=True)

@@ -298,7 +298,7 @@ class CampaignNode(RigNode):
         campaign.hit = {
             "sample": sample,
             "impact": counts[sample].accepted + 1,
-            "attempt": counts[sample].rejected_in_a_row + 1,
+            "attempt": counts[sample].attempts + 1,
         }
         if campaign.mounted != sample and self._is_person_needed(campaign, sample):
             return State.WAITING_FOR_SAMPLE

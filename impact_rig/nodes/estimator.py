@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from impact_rig_msgs.msg import RecordStored, RigSetup
+from impact_rig_msgs.msg import RecordStored, RigSetup, SampleCount
 from impact_rig_msgs.srv import GetResults, JoinCampaign
 
 from impact_rig.core import setup as core_setup
@@ -233,7 +233,15 @@ class EstimatorNode(RigNode):
         if ledger is None or self._setup is None:
             return response
         response.setup = self._setup
-        response.counts = list(ledger.counts.values())
+        response.counts = [
+            SampleCount(
+                sample=name,
+                accepted=count.kept,
+                rejected=count.left_out,
+                attempts=count.attempts,
+            )
+            for name, count in ledger.session.count_hits().items()
+        ]
         response.newest_record = ledger.newest_record
         response.waiting_record = ledger.waiting_record
         if request.counts_only:

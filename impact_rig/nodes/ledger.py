@@ -1,10 +1,10 @@
-"""The ledger of a campaign: every hit that was judged, each once, and only if it is stored."""
+"""The ledger of a campaign: every record is judged once, and only if it is stored."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from impact_rig_msgs.msg import AccelerationBlock, RecordStored, SampleCount
+from impact_rig_msgs.msg import AccelerationBlock, RecordStored
 
 from impact_rig.core.errors import RigError
 from impact_rig.core.hits import JudgedHit
@@ -27,20 +27,12 @@ def find_key(message: AccelerationBlock | RecordStored) -> Key:
 
 @dataclass
 class Ledger:
-    """Judges the records of one campaign as they are stored, and counts them.
+    """Gives the records of one campaign to its session, each once, when it is stored."""
 
-    Attributes
-    ----------
-    session : Session
-        Which judges, and estimates.
-    recording : str
-        Where the hits are recorded, on the recorder's host; empty: nowhere, and blocks are judged
-        as they come.
-    """
-
-    session: Session
+    session: Session  # which judges, counts and estimates
+    # Where the hits are recorded, on the recorder's host; empty: nowhere, and blocks are judged as
+    # they come.
     recording: str = ""
-    counts: dict[str, SampleCount] = field(default_factory=dict)
     newest_record: int = 0
     _known: set[Key] = field(default_factory=set)
     _waiting: dict[Key, list[Block]] = field(default_factory=dict)
@@ -111,6 +103,8 @@ class Ledger:
         for path in filter(Path.exists, list_parts(Path(self.recording))):
             try:
                 for found, block in _read_blocks(path, campaign_id, namespace):
+                    if found in self._known:
+                        continue
                     if key is not None and found != key:
                         self._feed(key, record)
                         record = []
@@ -127,7 +121,7 @@ class Ledger:
 
     def _clear(self) -> None:
         self.session = Session(self.session.setup)
-        for memory in (self.counts, self._known, self._waiting, self._stored):
+        for memory in (self._known, self._waiting, self._stored):
             memory.clear()
         self.newest_record, self._cut = 0, None
 
@@ -148,20 +142,7 @@ class Ledger:
         if self.recording or blocks[-1].last:
             self._known.add(key)
         self.newest_record = max(self.newest_record, key[1])
-        hits = tuple(hit for block in blocks for hit in self.session.feed(block))
-        for hit in hits:
-            self._count(hit)
-        return hits
-
-    def _count(self, hit: JudgedHit) -> None:
-        name = hit.label.sample
-        count = self.counts.setdefault(name, SampleCount(sample=name))
-        if hit.accepted:
-            count.accepted += 1
-            count.rejected_in_a_row = 0
-        else:
-            count.rejected += 1
-            count.rejected_in_a_row += 1
+        return tuple(hit for block in blocks for hit in self.session.feed(block))
 
 
 def _read_blocks(path: Path, campaign_id: bytes, namespace: str) -> Iterator[tuple[Key, Block]]:

@@ -3,17 +3,27 @@
 import gc
 import weakref
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.hits import JudgedHit, Overrules
 from impact_rig.core.quantity import drop_internals
-from impact_rig.core.records import HitLabel
+from impact_rig.core.records import (
+    MEASURED,
+    SIMULATED,
+    Block,
+    ChannelBlock,
+    HitLabel,
+    Origin,
+)
 from impact_rig.core.session import Session
 from impact_rig.core.verdict import Reason
 
-from .blocks import SETUP, strike, strike_series
-from .struck import Impact
+from .blocks import FULL_SCALE, RATE, SETUP, strike, strike_series
+from .struck import DURATION, Impact
 
 
 def test_a_rejected_hit_changes_no_estimate():
@@ -135,6 +145,103 @@ def test_a_hit_of_the_other_sign_is_named_and_in_no_mean(signs, named):
     assert str(told) == f"polarity: {named} of the other sign than in the hits before"
     ours, theirs = (session.estimate_sample("alike") for session in (mixed, sound))
     assert ours.paper.contact_time.value == theirs.paper.contact_time.value
+
+
+SIMULATED_ORIGIN = Origin(SIMULATED, "virtual rig, plant published")
+
+
+def judge_another(**changes: Any) -> tuple[Session, JudgedHit]:
+    """Strike a sample three times, then once with other blocks; return session and last hit."""
+    session = Session(SETUP)
+    strike_series(session, [900.0, 890.0, 910.0])
+    (hit,) = session.feed(replace(make_block(4), **changes))
+    return session, hit
+
+
+def make_block(record: int, sample: str = "alike", rate: float = RATE) -> Block:
+    """Return a hit of 200 us, whole, at another rate if need be."""
+    place, width = round(500e-6 * rate), round(200e-6 * rate)
+    rise = np.sin(np.pi * np.arange(width) / width) ** 2
+    hammer = np.random.default_rng(record).standard_normal(round(2500e-6 * rate))
+    hammer[place : place + width] += 900.0 * rise
+    counts = np.rint(hammer).astype(np.int32)
+    channel = ChannelBlock(counts, FULL_SCALE / 2048, 0.0, FULL_SCALE)
+    label = HitLabel(sample, record, record)
+    return Block(0, rate, channel, replace(channel, output=-counts), label, last=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (
+            {"origin": SIMULATED_ORIGIN},
+            "simulated (virtual rig, plant published), the hits before unknown",
+        ),
+        (
+            {"specimen": ChannelBlock(np.empty(0), 1.0, 0.0, 0.0)},
+            "of one channel, the hits before of 2",
+        ),
+        (
+            vars(make_block(4, rate=2e6)),
+            "sampled at 2000000 Hz, the hits before sampled at 1000000 Hz",
+        ),
+    ],
+)
+def test_hits_of_another_kind_share_no_mean(changes, told):
+    session, hit = judge_another(**changes)
+    assert [item.reason for item in hit.rejections] == [Reason.OTHER_KIND]
+    assert told in str(hit.rejections[0])
+    sound = Session(SETUP)
+    strike_series(sound, [900.0, 890.0, 910.0])
+    ours, theirs = (each.estimate_sample("alike") for each in (session, sound))
+    assert ours.paper.contact_time == theirs.paper.contact_time
+    assert (ours.impacts_accepted, ours.impacts_rejected) == (3, 1)
+
+
+def test_a_rate_that_is_too_low_for_the_low_pass_shuts_no_other_hits_away():
+    session, hit = judge_another(**vars(make_block(4, rate=100e3)))
+    (found,) = hit.rejections
+    assert found.reason is Reason.FEW_POINTS
+    assert "a sampling rate of 100 kHz is too low for the 50 kHz low-pass" in str(found)
+    assert session.estimate_all().samples[0].impacts_accepted == 3
+
+
+@pytest.mark.parametrize("changes", [{"origin": SIMULATED_ORIGIN}, {"signs": -1}])
+def test_a_hit_of_another_kind_or_sign_cannot_be_accepted_although_it_is_weak(changes):
+    """What is wrong with it besides hides nothing."""
+    block = make_block(4)
+    weak = replace(block.hammer, scale=changes.pop("signs", 1) * 0.1 * block.hammer.scale)
+    session = Session(SETUP, Overrules(accepted=frozenset({block.label})))
+    strike_series(session, [900.0, 890.0, 910.0])
+    with pytest.raises(ParameterError, match="a mean of both would be of neither"):
+        session.feed(replace(block, hammer=weak, **changes))
+
+
+def test_a_simulated_control_sample_says_nothing_of_a_measured_one():
+    session = Session(SETUP)
+    session.feed(replace(make_block(1), origin=SIMULATED_ORIGIN))
+    session.feed(replace(make_block(2, "heavy"), origin=Origin(MEASURED, "sound card")))
+    session.feed(replace(make_block(3, "third"), origin=SIMULATED_ORIGIN))
+    heavy, third = map(session.estimate_sample, ("heavy", "third"))
+    why = "k1: the control sample 'alike' has hits that are simulated"
+    assert any(note.startswith(why) and note.endswith(", not measured") for note in heavy.notes)
+    assert not heavy.paper.stiffness.is_known
+    assert heavy.paper.contact_time.is_known
+    assert third.paper.stiffness.is_known
+
+
+def test_what_counts_is_what_is_averaged():
+    """As the first hit turns out to be the odd one."""
+    session = Session(SETUP)
+    for record in range(1, 11):
+        wide = 1.1 if record == 1 else 1.0
+        impact = Impact(seed=record, resonance=300e3, duration=wide * DURATION)
+        session.feed(impact.make_block(HitLabel("alike", record, record)))
+    count = session.count_hits()["alike"]
+    results = session.estimate_all()
+    assert (count.kept, count.left_out) == (len(results.accepted), len(results.rejected)) == (9, 1)
+    # The tenth impact had an attempt already.
+    assert count.attempts == 1
 
 
 def test_traces_stay_in_single_precision_only():
