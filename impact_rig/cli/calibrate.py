@@ -37,11 +37,12 @@ from impact_rig.present.console import (
     print_warning,
 )
 from impact_rig.recordings.run import Run
-from impact_rig.results.numbers import is_dated
+from impact_rig.results.numbers import format_uncertain, is_dated
 from impact_rig.results.tables import tabulate_budget
 
 PERCENT = 100.0
 MILLIVOLT = 1e3
+MOST_DIGITS = 6  # decimals of a sensitivity whose uncertainty is 0 [-]
 REVERSED = (
     "the traces have opposite signs: one of the sensors looks the other way; the sign of the"
     " sensitivity is kept"
@@ -124,21 +125,22 @@ def describe_sensitivity(calibration: Calibration) -> str:
     """Return the new sensitivity with its expanded uncertainty, and what has changed."""
     sensor, ratio = calibration.sensor, calibration.ratio
     new, old = (value * MILLIVOLT for value in (calibration.sensitivity, sensor.sensitivity))
-    return (
-        f"{sensor.channel} sensor: {new:.6g} mV per {sensor.unit}"
-        f" ± {abs(old) * ratio.expanded:.2g} (95 %), {PERCENT * (ratio.value - 1.0):+.3g} % on"
-        f" {old:.6g}"
-    )
+    shown = format_uncertain(new, abs(old) * ratio.expanded, MOST_DIGITS)
+    change = format_uncertain(PERCENT * (ratio.value - 1.0), PERCENT * ratio.expanded, MOST_DIGITS)
+    return f"{sensor.channel} sensor: {shown} mV per {sensor.unit} (95 %), {change} % on {old:.6g}"
 
 
 def format_sheet(calibration: Calibration, day: str) -> str:
     """Return the lines of a rig file that state a calibration."""
     sensor, ratio = calibration.sensor, calibration.ratio
     unit = f"({sensor.unit})" if "/" in sensor.unit else sensor.unit
+    new = calibration.sensitivity * MILLIVOLT
+    expanded = abs(sensor.sensitivity) * MILLIVOLT * ratio.expanded
+    rounded = format_uncertain(new, expanded, MOST_DIGITS).partition(" ±")[0]
     uncertainty = ratio.standard / abs(ratio.value)
     return (
         f"[source.{sensor.channel}]\n"
-        f'sensitivity = "{calibration.sensitivity * MILLIVOLT:.6g} mV/{unit}"\n'
+        f'sensitivity = "{rounded} mV/{unit}"\n'
         f"sensitivity_uncertainty = {uncertainty:.2g}\n"
         f"calibration_date = {day}\n"
     )
@@ -230,10 +232,10 @@ def run(
     else:
         setup, found = read_hits(recording, sample)
         names = dict.fromkeys(hit.label.sample for hit in found)
-        if method.has_known_mass and len(names) > 1:
+        if len(names) > 1:
             raise ParameterError(
-                f"{recording} holds hits on {', '.join(names)}: choose the body of known mass by"
-                " --sample"
+                f"{recording} holds hits on {', '.join(names)}: choose by --sample the body of"
+                " known mass, or that on which both sensors were mounted"
             )
         fits = _fit((setup, found), method)
     result = estimate_sensitivity(fits, method, setup, find_tested_sensor(setup, sheet))

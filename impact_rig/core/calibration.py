@@ -16,7 +16,7 @@ from impact_rig.core.errors import (
 )
 from impact_rig.core.hits import JudgedHit
 from impact_rig.core.quantity import Comparable, Quantity
-from impact_rig.core.records import HitLabel
+from impact_rig.core.records import FloatArray, HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.uncertainty import compute_quantity, make_input, make_scatter
@@ -93,6 +93,12 @@ def fit_hit(hit: JudgedHit, channel: str, factor: float) -> HitFit:
 
 FEWEST_HITS = 3
 """Fewest hits that give a sensitivity [-], our choice: the scatter of two says little."""
+LARGEST_SCATTER = 0.05
+"""Standard deviation of the ratios of hits that agree, over their mean [-], our choice: sensors
+repeat within a per cent, and strikes beside the axis leave a few."""
+LARGEST_CHANGE = 1.5
+"""Factor by which a sensitivity may differ from that of the sheet [-], our choice: what is farther
+off is another sensor, or two bodies that do not move alike."""
 
 
 @dataclass(frozen=True)
@@ -218,6 +224,7 @@ def estimate_sensitivity(
         )
     ratios = np.array([fit.ratio for fit in used])
     mean = float(ratios.mean())
+    _check_agreement(ratios, sensor)
     scatter = make_scatter("scatter of the hits", abs(mean), ratios, len(used))
     # What the misfit may have changed: its square, taken as rectangular.
     misfit = float(np.mean([fit.misfit for fit in used]))
@@ -231,6 +238,24 @@ def estimate_sensitivity(
         is_reversed=mean < 0.0,
         remarks=(remark,) if unstated else (),
     )
+
+
+def _check_agreement(ratios: FloatArray, sensor: Sensor) -> None:
+    """Refuse ratios that are not of one sensor beside another; raises `NotDeterminedError`."""
+    mean = float(ratios.mean())
+    least, most = float(ratios.min()), float(ratios.max())
+    if ratios.std(ddof=1) > LARGEST_SCATTER * abs(mean):
+        raise NotDeterminedError(
+            f"the hits do not agree: their ratios are {least:.3g} to {most:.3g}, and should differ"
+            f" by a few per cent. Are they all of one body and one mounting (--sample)?"
+        )
+    if not 1.0 / LARGEST_CHANGE <= abs(mean) <= LARGEST_CHANGE:
+        raise NotDeterminedError(
+            f"the traces have a ratio of {mean:.3g}, where 1 is expected: both channels do not"
+            " show what was named (back to back, or force on a known mass), or the sensitivity of"
+            f" {1e3 * sensor.sensitivity:.6g} mV per {sensor.unit} in the rig file is another"
+            f" sensor's; if it was a guess, begin with {1e3 * abs(mean) * sensor.sensitivity:.3g}"
+        )
 
 
 def _make_reference(

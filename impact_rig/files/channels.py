@@ -319,7 +319,9 @@ def _choose_rate(
         return plan.sampling_rate
     rate = clock.rate
     if math.isnan(rate):
-        what = "it has no time and states no rate: give its sampling rate"
+        words = [item for item in questions.measurement.channels if item.flaw]
+        why = f"its {words[0].name!r} is not of numbers" if words else "it has no time"
+        what = f"{why} and states no rate: give its sampling rate"
         questions.missing.append(Missing(what, 'sampling_rate = "?"', option='--rate "25.6 kHz"'))
     elif plan.time_unit and not clock.unit:
         rate = float(f"{rate / TIME_UNITS[plan.time_unit]:.{RATE_DIGITS}g}")

@@ -57,12 +57,13 @@ class Remark:
     effect: float = 0.0  # on a result, as a part of it [-]
 
 
-MISSING_RESULT = math.inf
-"""Effect of what leaves a result undetermined [-]."""
+NO_RESULT, MISSING_RESULT = math.inf, 1e-3
+"""Effect of what leaves a sample without any result, and of what leaves one out [-]: a number that
+is not shown is not wrong, so it comes behind what makes a shown one wrong."""
 UNSTATED_EFFECT = 0.1
 """Effect of what core warns of without a number [-], our choice: a tenth of k or c."""
 FALSE = Reason.SMOOTHED.value
-"""Beginning of a warning that says that a contact time is wrong: as much as a missing one."""
+"""Beginning of a warning that says that a contact time is wrong: as bad as none."""
 LARGEST_IMBALANCE = 0.05
 """Of the forces on hammer and sample [-], our choice: accelerometers are calibrated to a few per
 cent."""
@@ -136,7 +137,7 @@ def gather_remarks(results: Results, reading: Iterable[str] = ()) -> list[Remark
     remarks = [
         *_list_samples_without_hits(results),
         *_check(struck),
-        *_merge([item for item in warnings if item[1].startswith(FALSE)], samples, MISSING_RESULT),
+        *_merge([item for item in warnings if item[1].startswith(FALSE)], samples, NO_RESULT),
         *_merge([item for item in warnings if not item[1].startswith(FALSE)], samples),
         *(Remark(text, "file", UNSTATED_EFFECT) for text in dict.fromkeys(reading)),
         *_merge(undetermined, samples, 0.0),
@@ -218,10 +219,11 @@ def _list_notes(
                 or note in sample.contact_law.notes
             )
             (others if is_other else needed).append((sample.name, note))
+    told = {note for _, note in needed}
     effect = 0.0 if hammer.stiffness.is_known else MISSING_RESULT
     return [
         *_merge(needed, samples, MISSING_RESULT),
-        *(Remark(note, "hammer", effect) for note in hammer.notes),
+        *(Remark(note, "hammer", effect) for note in hammer.notes if note not in told),
         *_merge(others, samples, 0.0),
     ]
 
@@ -236,7 +238,7 @@ def _list_samples_without_hits(results: Results) -> list[Remark]:
         return []
     rejected = [hit for hit in results.rejections if hit.sample in names]
     text = f"no hit was accepted: {count_reasons(rejected)}. Strike again."
-    return [Remark(text, _name_subjects(names, len(results.samples)), MISSING_RESULT)]
+    return [Remark(text, _name_subjects(names, len(results.samples)), NO_RESULT)]
 
 
 def _list_rejections(results: Results) -> list[Remark]:

@@ -18,7 +18,7 @@ from impact_rig.core.calibration import (
     estimate_sensitivity,
     fit_hit,
 )
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.errors import NotDeterminedError, ParameterError
 from impact_rig.core.hits import judge_hit
 from impact_rig.core.records import HitLabel
 from impact_rig.core.sensors import Sensor
@@ -117,6 +117,19 @@ def test_the_new_sensitivity_is_the_old_one_times_the_ratio():
     assert found.ratio.expanded == pytest.approx(4.303 * 0.01 / math.sqrt(3), rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("ratios", "told"),
+    [
+        ((0.9, 1.1, 0.9, 1.1), "ratios are 0.9 to 1.1, and should differ by a few per cent"),
+        ((1.7, 1.7, 1.7), "ratio of 1.7, where 1 is expected.*begin with -17$"),
+        ((-0.5, -0.5, -0.5), "ratio of -0.5, where 1 is expected"),
+    ],
+)
+def test_ratios_that_are_of_no_sensor_are_refused(ratios, told):
+    with pytest.raises(NotDeterminedError, match=told):
+        estimate_sensitivity(make_fits(*ratios), CalibrationMethod("hammer"), MASSES, HAMMER)
+
+
 def test_what_is_known_otherwise_is_in_the_budget():
     method = CalibrationMethod("hammer", 0.2, 0.002, 0.005)
     found = estimate_sensitivity(make_fits(1.0, 1.0, 1.0, misfit=0.04), method, MASSES, HAMMER)
@@ -145,7 +158,7 @@ def test_the_hammers_mass_cancels_out_where_its_force_is_measured():
 def test_what_is_not_stated_is_told():
     method = CalibrationMethod("hammer", 0.2)
     setup = replace(MASSES, hammer_mass_uncertainty=0.0)
-    found = estimate_sensitivity(make_fits(1.0, 1.1, 1.2), method, setup, HAMMER)
+    found = estimate_sensitivity(make_fits(1.0, 1.01, 1.02), method, setup, HAMMER)
     (remark,) = found.remarks
     assert remark.startswith("the uncertainty of the reference and of the known mass and of the")
     assert remark.endswith("mass of the hammer is not stated, and not in it")

@@ -118,9 +118,9 @@ def test_what_changes_a_result_most_comes_first_and_further_methods_need_no_atte
     remarks = gather(*samples, hits=hits, reading=["it is cut"])
     assert [(remark.about, remark.text.partition(":")[0]) for remark in remarks] == [
         ("iron", "no hit was accepted"),
-        ("lead", "k and c"),
         ("tin", "the pulse is no versed-sine"),
         ("file", "it is cut"),
+        ("lead", "k and c"),
         ("hits", "1 of 2 rejected"),
         ("lead", "free decay"),
         ("lead", "no law fits"),

@@ -1,6 +1,8 @@
 """What a file may take of memory and time: by its heading, or in a second process."""
 
 import contextlib
+import faulthandler
+import os
 import resource
 import signal
 from collections.abc import Callable
@@ -60,6 +62,10 @@ def read_apart(parse: Callable[[Path], Measurement], path: Path) -> Measurement:
 def _parse_within_limits(
     parse: Callable[[Path], Measurement], path: Path, sender: Connection
 ) -> None:
+    # What a crash prints, its library's or Python's, is no news: the parent says it in a sentence.
+    faulthandler.disable()
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
     size = path.stat().st_size
     pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
     limit = pages * resource.getpagesize() + MEMORY + MEMORY_PER_BYTE * size

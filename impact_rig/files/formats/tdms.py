@@ -4,6 +4,7 @@ import contextlib
 import logging
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,9 @@ RECORDED_AT = "wf_start_time"
 RATE, NAME = "sampling_rate", "name"
 """Ours: the step alone would not bring each rate back to the last bit, nor the path each name."""
 
+CUT = "Last segment of file has less data"
+ODD_REST = "Data size "
+"""Beginnings of what npTDMS prints of a file that is cut, and then of what is left of it."""
 EPOCH = 2_082_844_800
 """Seconds from 1904, which these files count from, to 1970."""
 FRACTION_BITS = 64
@@ -41,14 +45,15 @@ def read_tdms(path: Path) -> Measurement:
     Raises
     ------
     FileError
-        If the file is no TDMS, is cut off, or has no channel of real numbers.
+        If the file is no TDMS, contradicts itself, or has no channel of real numbers. One that is
+        cut at its end is read as far as it goes, and says so.
     """
     from nptdms import TdmsFile
 
     # As an open file: an index beside it may be of another one.
     with (
         path.open("rb") as file,
-        _refuse_doubtful(),
+        _refuse_doubtful() as remarks,
         TdmsFile.open(file, raw_timestamps=True) as tdms,
     ):
         groups = tdms.groups()
@@ -63,7 +68,7 @@ def read_tdms(path: Path) -> Measurement:
             for group in groups
             for channel in group.channels()
         ]
-    return make_measurement(path, arrays)
+    return replace(make_measurement(path, arrays), remarks=tuple(remarks))
 
 
 def _read_channel(channel: Any, group: str, properties: dict[str, Any]) -> NamedArray:
@@ -110,17 +115,26 @@ def _read_number(properties: dict[str, Any], name: str, default: float = math.na
 
 
 @contextlib.contextmanager
-def _refuse_doubtful() -> Iterator[None]:
-    """Make errors of what npTDMS would print: lengths that contradict each other, odd scales."""
+def _refuse_doubtful() -> Iterator[list[str]]:
+    """Make errors of what npTDMS would print: lengths that contradict each other, odd scales.
+
+    Yields what is no error: that the file is cut at its end, as when a program was ended.
+    """
     from nptdms.log import log_manager
 
+    remarks: list[str] = []
+
     def refuse(record: logging.LogRecord) -> None:
+        if str(record.msg).startswith(CUT):
+            remarks.append("the file is cut at its end: its channels end early")
+        if remarks and str(record.msg).startswith((CUT, ODD_REST)):
+            return
         raise ValueError(record.getMessage())
 
     console: Any = log_manager.console_handler
     console.emit = refuse
     try:
-        yield
+        yield remarks
     finally:
         del console.emit
 

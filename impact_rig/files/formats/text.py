@@ -547,7 +547,8 @@ def _split_heading(line: str, style: Style, kinds: str) -> list[str] | None:
         splits.append(text.split())
     for cells in splits:
         is_long = len(cells) > len(kinds) and all(map(_is_beside, cells[used:]))
-        if (used <= len(cells) <= len(kinds) or is_long) and all(cells[:used]):
+        is_indexed = used > 2 and not cells[0]  # noqa: PLR2004 - as pandas writes its index
+        if (used <= len(cells) <= len(kinds) or is_long) and all(cells[is_indexed:used]):
             return cells
     return None
 
