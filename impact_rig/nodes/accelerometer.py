@@ -8,9 +8,9 @@ from impact_rig_msgs.srv import Arm, JoinCampaign
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.processes import CONTINUOUS
-from impact_rig.core import setup
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.accelerometer_source import (
     COMPLETE,
@@ -22,7 +22,7 @@ from impact_rig.nodes.accelerometer_source import (
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
-from impact_rig.recordings.messages import NO_ID, setup_from_msg
+from impact_rig.recordings.messages import NO_ID
 
 TRIGGERED = "triggered"
 
@@ -61,7 +61,7 @@ class AccelerometerNode(DeviceNode):
             "how long after the latest contact a trigger may come, and how long the rest of a"
             " record may take from block to block [s]", low=0.0, high=60.0,
         )  # fmt: skip
-        self._setup: setup.RigSetup | None = None
+        self._setup: RigSetup | None = None
         self._open: OpenSource | None = None
         self._thread: SourceThread | None = None
         self._arming: Arming | None = None
@@ -145,18 +145,20 @@ class AccelerometerNode(DeviceNode):
 
     # Campaign and set-up.
 
-    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> None:
+    def join(
+        self, setup: RigSetup, request: JoinCampaign.Request, response: JoinCampaign.Response
+    ) -> None:
         """Take part in a campaign: what is streamed from now on belongs to it."""
         self._use_stream()
         response.stream_id = id_to_msg(self._stream_id)
-        self._setup = setup_from_msg(request.setup)
+        self._setup = setup
         self._use_setup()
 
     def _use_stream(self) -> None:
         campaign_id = self.membership.identity.campaign_id
         self.membership.identity = Identity(campaign_id, self._stream_id)
 
-    def _on_setup(self, received: Received[setup.RigSetup]) -> None:
+    def _on_setup(self, received: Received[RigSetup]) -> None:
         """Use set-ups without a campaign, until one has asked this node to join."""
         if not self.membership.is_joined:
             self._setup = received.value

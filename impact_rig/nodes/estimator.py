@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from impact_rig_msgs.msg import RecordStored, RigSetup, SampleCount
+from impact_rig_msgs import msg
 from impact_rig_msgs.srv import GetResults, JoinCampaign
 
-from impact_rig.core import setup as core_setup
 from impact_rig.core.errors import RigError
 from impact_rig.core.hits import JudgedHit
 from impact_rig.core.records import Block
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import Session
+from impact_rig.core.setup import RigSetup
 from impact_rig.core.stream import StreamCutter
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity
@@ -29,7 +29,6 @@ from impact_rig.nodes.result_messages import (
 )
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.campaigns import begins_campaign
-from impact_rig.recordings.messages import setup_from_msg
 
 LIBRARIES = (
     "GTC",
@@ -54,7 +53,7 @@ class EstimatorNode(RigNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("estimator", **options)
-        self._setup: RigSetup | None = None
+        self._setup: msg.RigSetup | None = None
         self._ledger: Ledger | None = None
         self._incomplete: dict[str, None] = {}
         # Runs down when no hit comes: the next one would replace what it completes.
@@ -109,15 +108,17 @@ class EstimatorNode(RigNode):
             " hits that lack points are rejected"
         )
 
-    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> None:
+    def join(
+        self, setup: RigSetup, request: JoinCampaign.Request, response: JoinCampaign.Response
+    ) -> None:
         """Take part in a campaign, with what the run's recordings have of it."""
         ledger = self._ledger
         is_same = self._setup is not None and self._setup.campaign_id == request.setup.campaign_id
         if ledger is None or not is_same or ledger.recording != request.recording:
-            self._begin(request.setup, setup_from_msg(request.setup), request.recording)
+            self._begin(request.setup, setup, request.recording)
         self._catch_up()
 
-    def _begin(self, message: RigSetup, setup: core_setup.RigSetup, recording: str) -> None:
+    def _begin(self, message: msg.RigSetup, setup: RigSetup, recording: str) -> None:
         self._setup, self._ledger = message, Ledger(Session(setup), recording)
         self._incomplete.clear()
         if self._cutter is None or setup.analysis != self._cutter.settings:
@@ -140,7 +141,7 @@ class EstimatorNode(RigNode):
         else:
             self._publish_hits(ledger.session, ledger.judge_incomplete())
 
-    def _on_setup(self, received: Received[core_setup.RigSetup]) -> None:
+    def _on_setup(self, received: Received[RigSetup]) -> None:
         """Follow the set-ups of a replay."""
         current = None if self._setup is None else self.membership.identity.campaign_id
         if self.membership.is_joined or not begins_campaign(received.message, current):
@@ -173,7 +174,7 @@ class EstimatorNode(RigNode):
             for cut in self._cutter.feed(received.value):
                 self._cuts.publish(block_to_msg(cut, received.identity))
 
-    def _on_stored(self, received: Received[RecordStored]) -> None:
+    def _on_stored(self, received: Received[msg.RecordStored]) -> None:
         if self._ledger is not None and self._ledger.recording:
             self._publish_hits(self._ledger.session, self._ledger.add_stored(received.value))
 
@@ -234,7 +235,7 @@ class EstimatorNode(RigNode):
             return response
         response.setup = self._setup
         response.counts = [
-            SampleCount(
+            msg.SampleCount(
                 sample=name,
                 accepted=count.kept,
                 rejected=count.left_out,

@@ -19,6 +19,8 @@ from impact_rig.recordings.messages import NO_ID
 T = TypeVar("T")
 LOOK_PERIOD = 1.0
 """How often it is looked up who publishes foreign messages [s]: they may come as a flood."""
+UNSOUND = (RigError, ValueError, OverflowError)
+"""What a conversion raises if a message cannot be meant."""
 UNKNOWN = "a node that has gone"
 
 
@@ -68,7 +70,7 @@ class Intake:
             return None
         try:
             return Received(topic.convert(message), message)
-        except (RigError, ValueError, OverflowError) as error:
+        except UNSOUND as error:
             self.dropped[topic.name] += 1
             if self.dropped[topic.name] == 1:
                 self._node.get_logger().warning(

@@ -27,6 +27,7 @@ from impact_rig.configuration.processes import (
     split_names,
 )
 from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.executor import accept_message_info
 from impact_rig.nodes.identity import Identity
@@ -189,7 +190,9 @@ class RecorderNode(RigNode):
         )
         self._publish_state("closed")
 
-    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> None:
+    def join(
+        self, setup: RigSetup, request: JoinCampaign.Request, response: JoinCampaign.Response
+    ) -> None:
         """Record what belongs to a campaign, and nothing of any other."""
         if self._writer is not None and not self._writer.closed:
             response.recording = str(self._writer.path)

@@ -23,9 +23,11 @@ from rclpy.parameter import Parameter
 from impact_rig.configuration.parameters import check_parameters
 from impact_rig.configuration.processes import ACTIVE
 from impact_rig.core.errors import RigError
+from impact_rig.core.setup import RigSetup
+from impact_rig.nodes import interfaces
 from impact_rig.nodes.async_node import AsyncNode
 from impact_rig.nodes.identity import Identity, id_from_msg
-from impact_rig.nodes.intake import Intake, Received
+from impact_rig.nodes.intake import UNSOUND, Intake, Received
 from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic, make_join_name
 
 RCLError = rclpy_implementation.RCLError
@@ -90,7 +92,9 @@ class RigNode(AsyncNode):
         """Return figures for the diagnostics, by name."""
         return {}
 
-    def join(self, request: JoinCampaign.Request, response: JoinCampaign.Response) -> None:
+    def join(
+        self, setup: RigSetup, request: JoinCampaign.Request, response: JoinCampaign.Response
+    ) -> None:
         """Take part in a campaign, or go on with it; the message says why no hit can come now."""
 
     def describe_warning(self) -> str | None:
@@ -245,6 +249,11 @@ class RigNode(AsyncNode):
         self, request: JoinCampaign.Request, response: JoinCampaign.Response
     ) -> JoinCampaign.Response:
         asked = Identity(id_from_msg(request.setup.campaign_id), id_from_msg(request.stream_id))
+        try:
+            setup = interfaces.SETUP.convert(request.setup)
+        except UNSOUND as error:
+            response.message = f"{self.get_name()}: the campaign's set-up cannot be meant: {error}"
+            return response
         if request.announced:
             self.membership.join(replace(asked, stream_id=self.membership.identity.stream_id))
             response.success = True
@@ -255,7 +264,7 @@ class RigNode(AsyncNode):
                 why = self.fault or "activate it to go on"
                 response.message = f"the {self.get_name()} node is not active: {why}"
             else:
-                self.join(request, response)
+                self.join(setup, request, response)
         except RigError as error:
             self.report_fault(str(error))
             response.message = f"{self.get_name()}: {error}"
