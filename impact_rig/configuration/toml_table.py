@@ -171,14 +171,14 @@ class TomlTable(Mapping[str, Any]):
     def locating(self, key: str = "") -> Iterator[None]:
         """Add the line of a key to an error that is raised in the block.
 
-        Without a key it is the longest one that the error names, else the line of the table.
+        Without a key it is the longest one in the name of what has the value, else the line of
+        the table.
         """
         try:
             yield
         except ParameterError as error:
-            subject = str(error).partition(" is ")[0]
-            subject = subject.replace("_", " ").replace("-", " ")
-            named = [name for name in self._values if name.replace("_", " ") in subject]
+            name = error.name.replace("_", " ").replace("-", " ")
+            named = [item for item in self._values if item.replace("_", " ") in name]
             key = key or max(named, key=len, default="")
             raise self.make_error(key, str(error)) from None
 

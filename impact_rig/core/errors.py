@@ -12,6 +12,10 @@ class ParameterError(RigError, ValueError):
 
     line: int | None = None  # of the rig file, which the message names, too; None: of no file
 
+    def __init__(self, message: str, name: str = "") -> None:
+        super().__init__(message)
+        self.name = name  # of what has the value; empty: of nothing with a name
+
 
 class SignalError(RigError, ValueError):
     """A trace or a stream that cannot be evaluated."""
@@ -45,7 +49,9 @@ def check_positive(name: str, value: float, unit: str) -> None:
         If `value` is not a finite positive number.
     """
     if not (math.isfinite(value) and value > 0):
-        raise ParameterError(f"{name} is {value!r} {unit}: it must be a finite number above zero")
+        raise ParameterError(
+            f"{name} is {value!r} {unit}: it must be a finite number above zero", name
+        )
 
 
 def check_if_known(name: str, value: float, unit: str) -> None:
@@ -57,13 +63,17 @@ def check_if_known(name: str, value: float, unit: str) -> None:
 def check_not_negative(name: str, value: float, unit: str) -> None:
     """Require a finite number of zero or more; parameters and errors as `check_positive`."""
     if not (math.isfinite(value) and value >= 0):
-        raise ParameterError(f"{name} is {value!r} {unit}: it must be a finite number, 0 or more")
+        raise ParameterError(
+            f"{name} is {value!r} {unit}: it must be a finite number, 0 or more", name
+        )
 
 
 def check_between(name: str, value: float, low: float, high: float) -> None:
     """Require a finite number in the closed interval [low, high]; raises `ParameterError`."""
     if not (math.isfinite(value) and low <= value <= high):
-        raise ParameterError(f"{name} is {value!r}: it must lie between {low:g} and {high:g}")
+        raise ParameterError(
+            f"{name} is {value!r}: it must lie between {low:g} and {high:g}", name
+        )
 
 
 def check_mass_uncertainty(name: str, uncertainty: float, mass: float) -> None:
@@ -77,5 +87,6 @@ def check_mass_uncertainty(name: str, uncertainty: float, mass: float) -> None:
     check_not_negative(name, uncertainty, "kg")
     if uncertainty > 0.0 and uncertainty >= mass:
         raise ParameterError(
-            f"{name} is {uncertainty!r} kg: it must be less than the mass, which is {mass!r} kg"
+            f"{name} is {uncertainty!r} kg: it must be less than the mass, which is {mass!r} kg",
+            name,
         )

@@ -52,12 +52,15 @@ class Sensitivity:
     def __post_init__(self) -> None:
         """Refuse a sensitivity of zero and a unit of neither acceleration nor force."""
         if not math.isfinite(self.voltage) or self.voltage == 0.0:
-            raise ParameterError(f"sensitivity is {self.voltage!r} V: it must not be zero")
+            raise ParameterError(
+                f"sensitivity is {self.voltage!r} V: it must not be zero", "sensitivity"
+            )
         unit = normalize_unit(self.unit)
         if unit not in ACCELERATIONS and unit not in FORCES:
             raise ParameterError(
                 f"sensitivity is per {self.unit!r}: it must be a voltage per"
-                f" {', '.join((*ACCELERATIONS, *FORCES))}, for example 10 mV/g"
+                f" {', '.join((*ACCELERATIONS, *FORCES))}, for example 10 mV/g",
+                "sensitivity",
             )
 
 
@@ -200,13 +203,15 @@ class Sensor(Comparable):
         """Refuse what cannot be meant."""
         if self.channel not in CHANNELS:
             raise ParameterError(
-                f"sensor channel is {self.channel!r}: it must be one of {', '.join(CHANNELS)}"
+                f"sensor channel is {self.channel!r}: it must be one of {', '.join(CHANNELS)}",
+                "sensor channel",
             )
         name = f"{self.channel} sensor"
         if self.quantity not in QUANTITIES:
             raise ParameterError(
                 f"quantity of the {name} is {self.quantity!r}: it must be one of"
-                f" {', '.join(QUANTITIES)}"
+                f" {', '.join(QUANTITIES)}",
+                f"quantity of the {name}",
             )
         if self.quantity == "force" and self.channel != "hammer":
             raise ParameterError(
@@ -216,13 +221,15 @@ class Sensor(Comparable):
         if self.unit not in QUANTITIES[self.quantity]:
             raise ParameterError(
                 f"unit of the {name} is {self.unit!r}: {self.quantity} is in one of"
-                f" {', '.join(QUANTITIES[self.quantity])}"
+                f" {', '.join(QUANTITIES[self.quantity])}",
+                f"unit of the {name}",
             )
         check_not_negative(f"full scale of the {name}", self.full_scale, self.unit)
         if self.calibration_date and not _DATE.fullmatch(self.calibration_date):
             raise ParameterError(
                 f"calibration date of the {name} is {self.calibration_date!r}: write it as"
-                " year-month-day, like 2026-03-01"
+                " year-month-day, like 2026-03-01",
+                f"calibration date of the {name}",
             )
         check_response(name, self.response)
         for what, standard, unit in (
@@ -312,15 +319,18 @@ def check_response(name: str, response: SensorResponse) -> None:
     if not 0.0 < response.damping <= 1.0:
         raise ParameterError(
             f"resonance damping of the {name} is {response.damping!r}: it must be above 0 and 1 at"
-            " most, of critical damping"
+            " most, of critical damping",
+            f"resonance damping of the {name}",
         )
     if response.resonance and response.low_corner >= response.resonance:
         raise ParameterError(
             f"low corner of the {name} is {response.low_corner:g} Hz: it must lie below the"
-            f" resonance of {response.resonance:g} Hz"
+            f" resonance of {response.resonance:g} Hz",
+            f"low corner of the {name}",
         )
     if response.upper_corner and response.low_corner >= response.upper_corner:
         raise ParameterError(
             f"low corner of the {name} is {response.low_corner:g} Hz: it must lie below the"
-            f" upper corner of {response.upper_corner:g} Hz"
+            f" upper corner of {response.upper_corner:g} Hz",
+            f"low corner of the {name}",
         )

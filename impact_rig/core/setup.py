@@ -66,7 +66,8 @@ class AnalysisSettings:
         if self.pre_trigger >= self.record_duration:
             raise ParameterError(
                 f"pre_trigger is {self.pre_trigger} s: it must be shorter than the record"
-                f" of {self.record_duration} s"
+                f" of {self.record_duration} s",
+                "pre_trigger",
             )
         for name, low, high in (
             ("pulse_factor", 1.0, 4.0),
@@ -79,7 +80,8 @@ class AnalysisSettings:
         if self.maximum_peak <= self.minimum_peak:
             raise ParameterError(
                 f"maximum_peak is {self.maximum_peak!r}: it must lie above the minimum_peak of"
-                f" {self.minimum_peak!r}"
+                f" {self.minimum_peak!r}",
+                "maximum_peak",
             )
         if self.contact_exponent:
             # 1 is a linear spring, 3/2 Hertz; the family of laws ends a little beyond.
@@ -101,9 +103,13 @@ def check_release_angles(angles: Sequence[float]) -> None:
     names = [format_angle(angle) for angle in angles]
     for angle, name in zip(angles, names, strict=True):
         if not 0.0 < angle <= math.pi / 2.0:
-            raise ParameterError(f"release angle is {name}: it must be above 0° and 90° at most")
+            raise ParameterError(
+                f"release angle is {name}: it must be above 0° and 90° at most", "release angle"
+            )
         if names.count(name) > 1:
-            raise ParameterError(f"release angle {name} is given twice: once is enough")
+            raise ParameterError(
+                f"release angle {name} is given twice: once is enough", "release angle"
+            )
 
 
 @dataclass(frozen=True)
@@ -145,7 +151,8 @@ class Sample(Comparable):
             # Progress and logs show it as it is: it must not steer a terminal.
             if not text.isprintable():
                 raise ParameterError(
-                    f"the {what} of a sample is {text!r}: it must be of letters that can be shown"
+                    f"the {what} of a sample is {text!r}: it must be of letters that can be shown",
+                    what,
                 )
         check_if_known(f"mass of sample {self.name!r}", self.mass, "kg")
         check_mass_uncertainty(

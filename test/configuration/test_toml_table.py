@@ -144,7 +144,7 @@ def test_an_error_of_others_gets_the_line_of_the_longest_key_that_it_is_about(
     table, sentence, line
 ):
     with pytest.raises(ParameterError) as error, table.locating():
-        raise ParameterError(sentence)
+        raise ParameterError(sentence, sentence.partition(" is ")[0])
     assert str(error.value) == line + sentence
 
 

@@ -124,7 +124,8 @@ class DigitizerSettings:
         if self.count < SHORTEST_RECORD:
             raise ParameterError(
                 f"record duration is {self.record_duration:g} s, which is {self.count} points at"
-                f" {self.sampling_rate:g} Hz: a record needs {SHORTEST_RECORD}"
+                f" {self.sampling_rate:g} Hz: a record needs {SHORTEST_RECORD}",
+                "record duration",
             )
         check_between("pre-trigger", self.pre_trigger, 0.0, self.record_duration)
         check_between("bits", self.bits, 4, 31)
