@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.hits import (
@@ -25,6 +25,7 @@ from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import Block, HitLabel, Record
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup
+from impact_rig.core.verdict import Reason
 from impact_rig.results.campaign import (
     FileResults,
     drop_scale,
@@ -41,7 +42,7 @@ from impact_rig.results.traces import (
     sample_traces_from_estimate,
 )
 
-Settings = Mapping[str, Any]
+Settings = Mapping[str, float]
 """Fields of `AnalysisSettings` to use in place of the recorded ones, by name."""
 NO_CHANGES: Settings = {}
 Report = Callable[[str, int, int], None]
@@ -73,6 +74,7 @@ class Analysis:
 
     campaigns: tuple[TracedCampaign, ...]  # with hits, in their order; traces if asked for
     warnings: tuple[str, ...]  # what the user should know
+    reasons: frozenset[Reason]  # for which hits were rejected
 
 
 @dataclass(frozen=True)
@@ -164,7 +166,11 @@ def analyze(
     )
     if not campaigns:
         raise FileError(f"{source.path} holds no complete hit")
-    return Analysis(campaigns, source.warnings)
+    sessions = [campaign.session for campaign in judged]
+    selections = [session.get_selection(name) for session in sessions for name in session.names]
+    rejected = (hit for selection in selections for hit in selection.left_out)
+    reasons = frozenset(finding.reason for hit in rejected for finding in hit.rejections)
+    return Analysis(campaigns, source.warnings, reasons)
 
 
 def _describe_file(

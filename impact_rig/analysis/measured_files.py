@@ -5,10 +5,9 @@
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.detection import ImpactDetector
@@ -21,6 +20,7 @@ from impact_rig.core.verdict import Reason, check_channels, check_stream
 from impact_rig.files.channels import MeasuredHit
 from impact_rig.files.import_file import (
     ImportFile,
+    MeasurementOptions,
     add_options,
     read_analysis_settings,
     read_import_file,
@@ -53,14 +53,8 @@ class TraceSeries:
     is_filter_optional: bool = False
 
 
-def make_series(given: Mapping[str, Any]) -> TraceSeries:
+def make_series(options: MeasurementOptions) -> TraceSeries:
     """Return what files are taken for.
-
-    Parameters
-    ----------
-    given : mapping
-        Options of measured files as given: `channels`, the path of a file of channels; `rig_file`,
-        that of a rig file with masses and settings; those of `add_options`.
 
     Raises
     ------
@@ -69,9 +63,9 @@ def make_series(given: Mapping[str, Any]) -> TraceSeries:
     FileError
         If the rig file or the file of channels cannot be used.
     """
-    channels, rig_file = given.get("channels"), given.get("rig_file")
-    file = ImportFile() if channels is None else read_import_file(channels)
-    file = add_options(file, given)
+    rig_file = options.rig_file
+    file = ImportFile() if options.channels is None else read_import_file(options.channels)
+    file = add_options(file, options)
     if not math.isnan(file.hammer_stiffness):
         check_positive("stiffness of [hammer]", file.hammer_stiffness, "N/m")
         if file.control:
@@ -93,18 +87,18 @@ def make_series(given: Mapping[str, Any]) -> TraceSeries:
     )
 
 
-def make_recorded_settings(given: Mapping[str, Any]) -> dict[str, Any]:
+def make_recorded_settings(options: MeasurementOptions) -> dict[str, float]:
     """Return the analysis settings to use in place of recorded ones, by name.
 
     Parameters and errors as of `make_series`; a recording states all else itself.
     """
-    for name in given.keys() - {"channels", "cutoff"}:
+    for name in {*options.given} - {"channels", "cutoff"}:
         raise ParameterError(
             f"--{name.replace('_', '-')} is for plain traces: a recording explains itself"
         )
-    settings = read_analysis_settings(given["channels"]) if "channels" in given else {}
-    if "cutoff" in given:
-        settings["cutoff_frequency"] = given["cutoff"]
+    settings = {} if options.channels is None else read_analysis_settings(options.channels)
+    if options.cutoff is not None:
+        settings["cutoff_frequency"] = options.cutoff
     return settings
 
 
@@ -215,10 +209,9 @@ class MeasuredFiles:
         self.hammer_unit: str | None = self.hits[0].unit if self.hits else ""
         self._has_window = series.has_window
 
-    def advise(self, reasons: Iterable[str]) -> tuple[str, ...]:
+    def advise(self, reasons: Collection[Reason]) -> tuple[str, ...]:
         """Return what else should be said of hits that were rejected for these reasons."""
-        codes = {reason.partition(":")[0] for reason in reasons}
-        return (CUT,) if Reason.DOUBLE_HIT.value in codes and not self._has_window else ()
+        return (CUT,) if Reason.DOUBLE_HIT in reasons and not self._has_window else ()
 
     def events(self, _report: Callable[[int], None]) -> Iterator[RigSetup | Block]:
         """Yield the set-up and the hits."""

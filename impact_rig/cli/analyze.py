@@ -1,12 +1,12 @@
 """`impact-rig analyze`: recordings and plain traces, without ROS."""
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from impact_rig.analysis.analyze import analyze
+from impact_rig.analysis.analyze import Settings, analyze
 from impact_rig.analysis.batch import analyze_batch
 from impact_rig.analysis.measured_files import (
     MeasuredFiles,
@@ -24,6 +24,7 @@ from impact_rig.cli.output import (
     show_results,
 )
 from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.files.import_file import MeasurementOptions
 from impact_rig.present.console import make_console, print_warning
 from impact_rig.present.screen import print_batch
 from impact_rig.recordings.run import Run
@@ -34,7 +35,7 @@ from impact_rig.results.results_file import read_results, results_to_json
 
 def report_batch(
     runs: Sequence[Run],
-    settings: Mapping[str, Any],
+    settings: Settings,
     workers: int | None,
     scheduler: str | None,
     *,
@@ -95,21 +96,21 @@ def run(
     workers: int | None,
     scheduler: str | None,
     namespace: str | None,
-    **measured: Any,
+    **given: Any,
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
     show = partial(show_results, is_full=is_full, as_json=as_json)
     results = [path for path in files if path.suffix == RESULTS_SUFFIX]
     if results:
         options.refuse_given(
-            {"accept", "reject", "workers", "scheduler", *measured},
+            {"accept", "reject", "workers", "scheduler", *given},
             f"does not change {results[0]}, a results file: analyze its recording",
         )
         if len(files) > 1:
             raise ParameterError(f"{results[0]} is a results file: it must be the only file")
         show(results[0], [read_results(results[0])])
         return
-    measured = options.drop_missing(measured)
+    measured = MeasurementOptions(**given)
     recorded, plain = _sort_files([find_bag(path) for path in files])
     # The workers of a cluster have other working folders.
     runs, errors = find_runs(
@@ -155,7 +156,7 @@ def _report_traces(
         return files.errors
     analysis = analyze(files, accept=accept, reject=reject)
     (results,) = [campaign.results for campaign in analysis.campaigns]
-    advice = files.advise(reason for file in results.files for reason in file.reasons)
+    advice = files.advise(analysis.reasons)
     show(files.hits[0].path, [results], (*analysis.warnings, *advice))
     if not any(hit.accepted for hit in results.hits):
         return [*files.errors, "no hit was accepted: the contact time is not determined"]

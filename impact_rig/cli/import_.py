@@ -12,19 +12,18 @@ from impact_rig.analysis.measured_files import (
     make_series,
 )
 from impact_rig.analysis.sources import find_repeated_files
-from impact_rig.cli.options import drop_missing
 from impact_rig.cli.output import print_taken, raise_errors
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.files.channels import make_template
 from impact_rig.files.formats.registry import read_measurement
-from impact_rig.files.import_file import read_import_template
+from impact_rig.files.import_file import MeasurementOptions, read_import_template
 from impact_rig.files.importing import write_imported
 from impact_rig.present.console import print_warning
 from impact_rig.recordings.source import SUFFIX, find_bag
 from impact_rig.results.numbers import format_count
 
 
-def run(files: tuple[Path, ...], output: Path | None, template: bool, **measured: Any) -> None:
+def run(files: tuple[Path, ...], output: Path | None, template: bool, **given: Any) -> None:
     """Run the command; its options are declared in `commands.py`."""
     files = tuple(map(find_bag, files))
     if template:
@@ -35,7 +34,7 @@ def run(files: tuple[Path, ...], output: Path | None, template: bool, **measured
         raise click.UsageError("name the files, and the recording: FILE... -o OUT.mcap")
     if output.suffix != SUFFIX:
         raise ParameterError(f"{output} should be a recording: give it the suffix .mcap")
-    errors = _import_files(files, output, make_series(drop_missing(measured)))
+    errors = _import_files(files, output, make_series(MeasurementOptions(**given)))
     raise_errors(errors)
 
 
@@ -49,7 +48,7 @@ def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) ->
         return [*errors, f"no file could be used: {output} is not written"]
     print_taken(read.taken)
     judged = [hit for _, _, found in judge(read) for _, hit in found]
-    reasons = [str(reason) for hit in judged for reason in hit.rejections]
+    reasons = {finding.reason for hit in judged for finding in hit.rejections}
     for remark in (*read.warnings, *read.advise(reasons)):
         print_warning(remark)
     try:

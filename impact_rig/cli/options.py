@@ -3,7 +3,7 @@
 import contextlib
 import math
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -244,12 +244,7 @@ measurement_options = _combine(
         "Of each hit, if a file holds many. [the whole file is one hit]",
     ),
 )
-"""Options of files of other instruments; see `impact_rig.analysis.measured_files`."""
-
-
-def drop_missing(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options that were given."""
-    return {name: value for name, value in values.items() if value is not None}
+"""Options of files of other instruments: the fields of `MeasurementOptions`."""
 
 
 def refuse_given(names: Collection[str], reason: str) -> None:

@@ -37,7 +37,7 @@ ANALYSIS_QUANTITIES = {
 """Settings that have a unit; the others are plain numbers."""
 
 
-def parse_settings(document: TomlTable) -> dict[str, Any]:
+def parse_settings(document: TomlTable) -> dict[str, float]:
     """Return the settings that the table [analysis] gives, in SI units, by their names.
 
     Parameters
@@ -52,7 +52,7 @@ def parse_settings(document: TomlTable) -> dict[str, Any]:
     """
     table = document.take_table("analysis")
     table.check_keys(*(item.name for item in fields(AnalysisSettings)))
-    values: dict[str, Any] = {}
+    values: dict[str, float] = {}
     for key in table:
         if key in ANALYSIS_QUANTITIES:
             values[key] = table.take_quantity(key, *ANALYSIS_QUANTITIES[key])

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from impact_rig.configuration.rig_file import parse_response, parse_settings
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
@@ -27,6 +27,7 @@ CHANNEL_KEYS = (
 )
 PRE_TRIGGER_PART = 0.1  # of a record, before its hit; as 0.2 ms of 2 ms
 NAN = math.nan
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,29 @@ class ImportFile(Comparable):
     accelerometer_mass: float = NAN  # [kg]
     hammer_stiffness: float = NAN  # k1 [N/m]
     control: bool = False  # hammer and sample are alike
-    settings: Mapping[str, Any] = field(default_factory=dict)  # of `AnalysisSettings`, by name
+    settings: Mapping[str, float] = field(default_factory=dict)  # of `AnalysisSettings`, by name
+
+
+@dataclass(frozen=True)
+class MeasurementOptions:
+    """Options of the command line for measured files; None: not given."""
+
+    channels: Path | None = None  # a file of channels
+    hammer_channel: str | None = None
+    sample_channel: str | None = None
+    hammer_unit: str | None = None
+    rate: float | None = None  # [Hz]
+    hammer_mass: float | None = None  # [kg]
+    sample_mass: float | None = None  # [kg], without accelerometer
+    rig_file: Path | None = None  # with masses and settings
+    sample: str | None = None
+    cutoff: float | None = None  # [Hz]
+    record_duration: float | None = None  # [s]
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """The names of those that were given."""
+        return tuple(item.name for item in fields(self) if getattr(self, item.name) is not None)
 
 
 def read_import_template() -> str:
@@ -61,7 +84,7 @@ def read_import_file(path: Path) -> ImportFile:
     return read_toml_file(path, "file of channels", parse_import_file)
 
 
-def read_analysis_settings(path: Path) -> dict[str, Any]:
+def read_analysis_settings(path: Path) -> dict[str, float]:
     """Read a file of channels for a recording, which takes only the table [analysis] from it.
 
     Returns
@@ -75,7 +98,7 @@ def read_analysis_settings(path: Path) -> dict[str, Any]:
         As `read_import_file`; or if the file holds anything else.
     """
 
-    def parse(text: str) -> dict[str, Any]:
+    def parse(text: str) -> dict[str, float]:
         document = parse_toml_table(text)
         document.check_keys("analysis")
         return parse_settings(document)
@@ -113,11 +136,8 @@ def parse_import_file(text: str) -> ImportFile:
     )
 
 
-def add_options(file: ImportFile, given: Mapping[str, Any]) -> ImportFile:
+def add_options(file: ImportFile, options: MeasurementOptions) -> ImportFile:
     """Return a file in which options of the command line replace what it states.
-
-    These are `rate` [Hz], `hammer_unit`, `hammer_channel`, `sample_channel`, `sample`,
-    `hammer_mass` and `sample_mass` [kg], `cutoff` [Hz] and `record_duration` [s].
 
     Raises
     ------
@@ -127,25 +147,35 @@ def add_options(file: ImportFile, given: Mapping[str, Any]) -> ImportFile:
     plan = file.plan
     hammer = replace(
         plan.hammer,
-        unit=given.get("hammer_unit", plan.hammer.unit),
-        channel=given.get("hammer_channel", plan.hammer.channel),
+        unit=_choose(options.hammer_unit, plan.hammer.unit),
+        channel=_choose(options.hammer_channel, plan.hammer.channel),
     )
-    specimen = replace(plan.specimen, channel=given.get("sample_channel", plan.specimen.channel))
-    rate = given.get("rate", plan.sampling_rate)
+    specimen = replace(
+        plan.specimen, channel=_choose(options.sample_channel, plan.specimen.channel)
+    )
     settings = dict(file.settings)
-    if "cutoff" in given:
-        settings["cutoff_frequency"] = given["cutoff"]
-    if "record_duration" in given:
-        settings["record_duration"] = given["record_duration"]
-        settings.setdefault("pre_trigger", PRE_TRIGGER_PART * given["record_duration"])
+    if options.cutoff is not None:
+        settings["cutoff_frequency"] = options.cutoff
+    if options.record_duration is not None:
+        settings["record_duration"] = options.record_duration
+        settings.setdefault("pre_trigger", PRE_TRIGGER_PART * options.record_duration)
     return replace(
         file,
-        plan=replace(plan, hammer=hammer, specimen=specimen, sampling_rate=rate),
-        sample=given.get("sample", file.sample),
-        hammer_mass=given.get("hammer_mass", file.hammer_mass),
-        sample_mass=given.get("sample_mass", file.sample_mass),
+        plan=replace(
+            plan,
+            hammer=hammer,
+            specimen=specimen,
+            sampling_rate=_choose(options.rate, plan.sampling_rate),
+        ),
+        sample=_choose(options.sample, file.sample),
+        hammer_mass=_choose(options.hammer_mass, file.hammer_mass),
+        sample_mass=_choose(options.sample_mass, file.sample_mass),
         settings=settings,
     )
+
+
+def _choose(given: _T | None, stated: _T) -> _T:
+    return stated if given is None else given
 
 
 def _parse_plan(document: TomlTable, hammer: TomlTable, specimen: TomlTable) -> ChannelPlan:

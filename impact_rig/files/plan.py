@@ -59,7 +59,8 @@ class ChannelUse:
         check_response("channel's sensor", self.response)
         if self.sensitivity and self.unit and normalize_unit(self.unit) not in VOLTAGES:
             raise ParameterError(
-                f"a channel in {self.unit} has no use for a sensitivity: that is for channels in V",
+                f"a channel in {self.unit} has no use for a sensitivity: that is for channels in"
+                " V",
                 "sensitivity",
             )
 

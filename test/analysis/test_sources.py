@@ -1,6 +1,7 @@
 """What a person names: files and their description, runs, the same file twice."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,16 +10,17 @@ from impact_rig.analysis.measured_files import make_series
 from impact_rig.analysis.sources import find_repeated_files, find_run
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.sensors import FLAT, SensorResponse
+from impact_rig.files.import_file import MeasurementOptions
 
 
 @pytest.fixture
 def channels(tmp_path):
-    """Return a function that writes a file of channels and returns the option that names it."""
+    """Return a function that writes a file of channels and returns the options that name it."""
 
     def write(text):
         path = tmp_path / "channels.toml"
         path.write_text(text)
-        return {"channels": path}
+        return MeasurementOptions(channels=path)
 
     return write
 
@@ -31,17 +33,19 @@ def test_the_file_describes_the_sensors(channels):
 
 def test_options_go_before_the_file(channels):
     text = '[hammer]\nunit = "g"\nmass = "1 kg"\n[analysis]\ncutoff_frequency = "9 kHz"'
-    series = make_series(channels(text) | {"hammer_mass": 0.1, "cutoff": 0.0, "rate": 5e4})
+    series = make_series(replace(channels(text), hammer_mass=0.1, cutoff=0.0, rate=5e4))
     assert series.plan.hammer.unit == "g"
     assert series.plan.sampling_rate == 5e4
     assert (series.setup.hammer_mass, series.setup.analysis.cutoff_frequency) == (0.1, 0.0)
 
 
 def test_a_record_begins_a_tenth_of_it_before_its_hit_unless_the_file_says_otherwise(channels):
-    given = {"record_duration": 20e-3}
+    given = MeasurementOptions(record_duration=20e-3)
     assert make_series(given).setup.analysis.pre_trigger == pytest.approx(2e-3)
     said = channels('[analysis]\npre_trigger = "5 ms"')
-    assert make_series(given | said).setup.analysis.pre_trigger == pytest.approx(5e-3)
+    assert make_series(
+        replace(said, record_duration=20e-3)
+    ).setup.analysis.pre_trigger == pytest.approx(5e-3)
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,7 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.files.formats.registry import WRITABLE, write_measurement
+from impact_rig.files.import_file import MeasurementOptions
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.messages import MessageEncoder
@@ -168,7 +169,7 @@ def judge_recording(path: Path) -> None:
 
 
 SERIES = make_series(
-    {"hammer_mass": 0.5, "sample_mass": 1.0, "hammer_unit": "m/s^2", "cutoff": 0.0},
+    MeasurementOptions(hammer_mass=0.5, sample_mass=1.0, hammer_unit="m/s^2", cutoff=0.0)
 )
 """What is stated of all files."""
 
