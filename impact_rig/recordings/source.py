@@ -62,7 +62,10 @@ def find_recordings(path: Path) -> tuple[Path, ...]:
             raise FileError(f"{path} cannot be read: {_advise_conversion(path)}")
     except OSError as error:
         raise FileError(f"{path} cannot be read: {error.strerror}") from None
-    raise FileError(f"{path} is a folder without a recording: there is no {SUFFIX} file in it")
+    raise FileError(
+        f"{path} is a folder without a recording: there is no {SUFFIX} file in it; name other"
+        " files one by one"
+    )
 
 
 def _drop_empty(parts: tuple[Path, ...], named: Path) -> tuple[Path, ...]:
