@@ -44,7 +44,7 @@ PURE = {
 ROS = {"rclpy", "rcl_interfaces", "std_srvs"}
 WRAPS = {
     "core": {"GTC"},
-    "configuration": {"pint"},
+    "configuration": {"pint", "yaml"},
     "devices": {"nidaqmx", "pyvisa", "pyvisa_py", "serial", "sounddevice"},
     "files": {"RigolWFM", "h5py", "idelib", "nptdms", "openpyxl", "pyarrow", "pyuff"},
     "recordings": {"lz4", "mcap", "mcap_protobuf", "rosbags", "yaml", "zstandard"},

@@ -1,52 +1,29 @@
-"""What all nodes of the rig share: parameters, topics, lifecycle and diagnostics."""
+"""What all nodes of the rig share: topics with one way in, campaigns, and diagnostics."""
 
-import json
-import platform
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from impact_rig_msgs.srv import JoinCampaign
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
-from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
-from rclpy.parameter import Parameter
 
-from impact_rig.configuration.parameters import check_parameters
-from impact_rig.configuration.processes import ACTIVE
 from impact_rig.core.errors import RigError
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.async_node import AsyncNode
+from impact_rig.nodes.diagnostics import DIAGNOSTIC_PERIOD, make_diagnostics
 from impact_rig.nodes.identity import Identity, id_from_msg
 from impact_rig.nodes.intake import UNSOUND, Intake, Received
-from impact_rig.nodes.interfaces import DIAGNOSTICS, Topic, make_join_name
+from impact_rig.nodes.interfaces import Topic, make_join_name
+from impact_rig.nodes.managed_node import ManagedNode
 
-RCLError = rclpy_implementation.RCLError
-DIAGNOSTIC_PERIOD = 1.0
-"""Time between two diagnostic messages of a node [s]."""
-PARAMETERS = "parameters"
-"""A node's diagnostics have a second status of this name: its parameters in JSON, and, as its
-message, the id of its campaign."""
 _NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 """rclpy's own callbacks warn of a QoS that does not fit, as the subscriber's do; each callback
 adds to the cost of every message."""
 
 
-class RigNode(AsyncNode):
-    """A lifecycle node of the rig.
-
-    Subclasses override `configure`, `activate`, `deactivate` and `cleanup`; a `RigError` raised
-    there fails the transition, is logged as one sentence and shown in the diagnostics, and the
-    node can be configured again.
+class RigNode(ManagedNode):
+    """A node of the rig.
 
     Parameters
     ----------
@@ -56,37 +33,15 @@ class RigNode(AsyncNode):
 
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, **options)
-        self._choices: dict[str, Sequence[str]] = {}
-        self._fixed: set[str] = set()
-        self.is_configured = False  # in the state inactive or active
-        self.is_active = False
-        self.fault = ""  # what the diagnostics call an error
-        self.add_on_set_parameters_callback(self._on_set_parameters)
-        self.declare(
-            "autostart", True, "configure and activate at start-up, without a lifecycle manager"
-        )
         self.intake = Intake(self)
         self.membership = self.intake.membership
         self._states: list[tuple[Any, Callable[[], None]]] = []
         self._stated = b""  # the campaign for which they were published when it was joined
-        self._diagnostics = self.create_publisher(
-            DiagnosticArray, DIAGNOSTICS.name, 10, event_callbacks=_NO_PUBLISHER_EVENTS
-        )
-        self.create_timer(DIAGNOSTIC_PERIOD / self.pace, self._publish_diagnostics)
+        self._diagnostics = self.advertise(interfaces.DIAGNOSTICS)
+        # After a transition at once: a rig waits for a node that is not active.
+        self.create_timer(DIAGNOSTIC_PERIOD / self.pace, self.on_changed)
 
     # Overridden by the nodes.
-
-    def configure(self) -> None:
-        """Read the parameters and open what is needed."""
-
-    def activate(self) -> None:
-        """Start working."""
-
-    def deactivate(self) -> None:
-        """Stop working."""
-
-    def cleanup(self) -> None:
-        """Close what `configure` opened."""
 
     def diagnose(self) -> dict[str, Any]:
         """Return figures for the diagnostics, by name."""
@@ -101,69 +56,7 @@ class RigNode(AsyncNode):
         """Return what needs attention though the node works."""
         return None
 
-    # Used by the nodes.
-
-    def declare(
-        self,
-        name: str,
-        default: Any,
-        description: str,
-        *,
-        low: float | None = None,
-        high: float | None = None,
-        choices: Sequence[str] = (),
-        live: bool = False,
-        read_only: bool = False,
-    ) -> None:
-        """Declare a parameter with its range or its choices.
-
-        One that is `live` takes effect at once, one that is `read_only` is set when the node
-        starts; any other is read when the node is configured, and cannot be set until it is
-        cleaned up.
-        """
-        descriptor = ParameterDescriptor(description=description, read_only=read_only)
-        if choices:
-            descriptor.additional_constraints = f"one of {', '.join(choices)}"
-            self._choices[name] = choices
-        if not live:
-            self._fixed.add(name)
-        if low is not None and high is not None:
-            if isinstance(default, int):
-                descriptor.integer_range = [
-                    IntegerRange(from_value=int(low), to_value=int(high), step=0)
-                ]
-            else:
-                descriptor.floating_point_range = [
-                    FloatingPointRange(from_value=float(low), to_value=float(high), step=0.0)
-                ]
-        given = self._parameter_overrides.get(name)
-        if isinstance(default, float) and given and given.type_ is Parameter.Type.INTEGER:
-            self._parameter_overrides[name] = Parameter(name, value=float(given.value))
-        self.declare_parameter(name, default, descriptor)
-
-    def _on_set_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        for parameter in parameters:
-            name, value = parameter.name, parameter.value
-            choices = self._choices.get(name, ())
-            if choices and value not in choices:
-                reason = f"{name} is {value!r}: it must be one of {', '.join(choices)}"
-                return SetParametersResult(successful=False, reason=reason)
-            is_fixed = self.is_configured and name in self._fixed
-            if is_fixed and value != self.get_value(name):
-                way = "deactivate and clean up" if self.is_active else "clean up"
-                reason = f"{name} is read when the node is configured: {way} the node first"
-                return SetParametersResult(successful=False, reason=reason)
-        return SetParametersResult(successful=True)
-
-    def check_overrides(self) -> None:
-        """Raise a `ParameterError` if a parameter is given that no node of the rig has."""
-        check_parameters(
-            name for name in self._parameter_overrides if name not in self._parameters
-        )
-
-    def get_value(self, name: str) -> Any:
-        """Return a parameter's present value."""
-        return self.get_parameter(name).value
+    # Topics.
 
     def advertise(self, topic: Topic) -> Any:
         """Create a publisher of one of the rig's topics."""
@@ -241,6 +134,8 @@ class RigNode(AsyncNode):
         self._states.append((publisher, lambda: publish() if newest else None))
         return publish
 
+    # Campaigns.
+
     def offer_to_join(self) -> None:
         """Offer the service by which a campaign asks this node to take part."""
         self.create_service(JoinCampaign, make_join_name(self.get_name()), self._join)
@@ -275,122 +170,29 @@ class RigNode(AsyncNode):
                 publish()
         return response
 
-    def report_fault(self, text: str) -> None:
-        """Log an error, once while it stays the same; the next good transition ends it."""
-        if text != self.fault:
-            self.fault = text
-            self.get_logger().error(text)
+    # Diagnostics, and the end.
 
-    # Lifecycle.
-
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Run `configure`."""
-        return self._run_transition(self.configure, configured=True, active=False)
-
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Run `activate`."""
-        result = self._run_transition(self.activate, configured=True, active=True)
-        if result == TransitionCallbackReturn.SUCCESS:
-            self.get_logger().info(ACTIVE)
-        return result
-
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Run `deactivate`."""
-        return self._run_transition(self.deactivate, configured=True, active=False)
-
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Run `cleanup`."""
-        return self._run_transition(self.cleanup, configured=False, active=False)
-
-    def _LifecycleNodeMixin__change_state(self, transition: int) -> TransitionCallbackReturn:  # noqa: N802
-        """Refuse a transition that the state does not have: by rclpy it would end the process."""
-        try:
-            return super()._LifecycleNodeMixin__change_state(transition)
-        except RCLError as error:
-            self.get_logger().warning(f"the node stays {self._lifecycle}: {error}")
-            return TransitionCallbackReturn.FAILURE
-
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop and close, whatever the state was."""
-        self.close()
-        return TransitionCallbackReturn.SUCCESS
-
-    def autostart(self) -> None:
-        """Configure and activate, if the parameter of that name says so."""
-        if not self.get_value("autostart"):
-            return
-        if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
-            self.trigger_activate()
-
-    def close(self) -> None:
-        """Leave the states active and configured, whatever led here; safe to call twice."""
-        if self.is_active:
-            self.is_active = False
-            self.deactivate()
-        if self.is_configured:
-            self.is_configured = False
-            self.cleanup()
-        if self.context.ok():
-            # Else the middleware may end before the last state has reached all subscribers.
-            for publisher, _ in self._states:
-                publisher.wait_for_all_acked(Duration(seconds=0.2))
-
-    def _run_transition(
-        self, work: Callable[[], None], *, configured: bool, active: bool
-    ) -> TransitionCallbackReturn:
-        try:
-            work()
-        except RigError as error:
-            self.report_fault(str(error))
-            return TransitionCallbackReturn.FAILURE
-        except ModuleNotFoundError as error:
-            self.report_fault(
-                f"this needs the Python package {error.name!r}, which is not installed:"
-                " `impact-rig doctor` says how to get it"
-            )
-            return TransitionCallbackReturn.FAILURE
-        self.fault = ""
-        self.is_configured = configured
-        self.is_active = active
-        # At once: a rig waits for a node that is not active.
-        self._publish_diagnostics()
-        return TransitionCallbackReturn.SUCCESS
-
-    @property
-    def _lifecycle(self) -> str:
-        """The state that the node is in, as ROS calls it."""
-        return ("unconfigured", "inactive", "active")[self.is_configured + self.is_active]
-
-    def _publish_diagnostics(self) -> None:
-        state = self._lifecycle
-        level, message = DiagnosticStatus.OK, state
-        if self.fault:
-            level, message = DiagnosticStatus.ERROR, self.fault
-        elif warning := self.describe_warning():
-            level, message = DiagnosticStatus.WARN, warning
-        status = DiagnosticStatus(
-            name=self.get_fully_qualified_name(),
-            hardware_id=platform.node(),
-            level=level,
-            message=message,
-            values=[
-                KeyValue(key=key, value=str(value))
-                for key, value in {
-                    "lifecycle": state,
-                    "messages dropped": self.intake.dropped.total(),
-                    **self.diagnose(),
-                }.items()
-            ],
+    def on_changed(self) -> None:
+        """Publish how the node is, and its parameters."""
+        array = make_diagnostics(
+            self.get_fully_qualified_name(),
+            {
+                "lifecycle": self.lifecycle,
+                "messages dropped": self.intake.dropped.total(),
+                **self.diagnose(),
+            },
+            fault=self.fault,
+            warning=self.describe_warning(),
+            state=self.lifecycle,
+            parameters=self._parameters.values(),
+            campaign_id=self.membership.identity.campaign_id,
         )
-        parameters = DiagnosticStatus(
-            name=f"{status.name}/{PARAMETERS}",
-            hardware_id=status.hardware_id,
-            message=self.membership.identity.campaign_id.hex(),
-            values=[
-                KeyValue(key=name, value=json.dumps(parameter.value, ensure_ascii=False))
-                for name, parameter in self._parameters.items()
-            ],
-        )
-        array = DiagnosticArray(status=[status, parameters])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
+
+    def close(self) -> None:
+        """Close, and let the last states reach all subscribers before the middleware ends."""
+        super().close()
+        if self.context.ok():
+            for publisher, _ in self._states:
+                publisher.wait_for_all_acked(Duration(seconds=0.2))

@@ -26,9 +26,10 @@ from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.conversions import Truth
+from impact_rig.nodes.diagnostics import DIAGNOSTIC_PERIOD
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.interfaces import Topic
-from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, RigNode
+from impact_rig.nodes.rig_node import RigNode
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.health import Level, NodeHealth
 from impact_rig.present.rerun.view_log import ViewLog
@@ -98,7 +99,7 @@ class ShownCampaign:
         self._detector = ImpactDetector(setup.analysis)
         self._records: deque[Record] = deque(maxlen=10)  # one waits for its verdict
         self._numbers: Counter[str] = Counter()
-        self._hits: dict[HitLabel, HitResults] = {}
+        self._hits: dict[HitLabel, HitResults] = {}  # the newest, as many as are shown
         self._faults: dict[HitLabel, tuple[str, ...]] = {}
         self._hammer = HammerEstimate()
         self.estimates: dict[str, SampleEstimate] = {}
@@ -128,6 +129,9 @@ class ShownCampaign:
             case HitResults():
                 label = found.label
                 self._hits[label] = replace(found, injected_faults=self._faults.get(label, ()))
+                for kept in (self._hits, self._faults):
+                    if len(kept) > LARGEST_CAMPAIGN:
+                        del kept[next(iter(kept))]
             case SampleEstimate():
                 self.estimates[found.name] = found
             case HammerEstimate():
@@ -151,7 +155,7 @@ class ShownCampaign:
             samples=tuple(
                 estimates[name] for name in self.setup.samples.names if name in estimates
             ),
-            hits=tuple(self._hits.values())[-LARGEST_CAMPAIGN:],
+            hits=tuple(self._hits.values()),
         )
 
     def make_traces(self, sample: str) -> SampleTraces:
