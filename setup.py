@@ -105,11 +105,10 @@ setup(
         "formats": [
             "RigolWFM>=1.6",
             "h5py>=3.10",
-            "idelib>=3.4",
             "mcap-protobuf-support>=0.5",
             "npTDMS>=1.9",
-            "openpyxl>=3.1",
             "pyarrow>=15",
+            "python-calamine>=0.5",
             "pyuff>=2.4",
         ],
         "batch": ["dask>=2024.5", "distributed>=2024.5"],

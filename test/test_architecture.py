@@ -46,7 +46,7 @@ WRAPS = {
     "core": {"GTC"},
     "configuration": {"pint", "yaml"},
     "devices": {"nidaqmx", "pyvisa", "pyvisa_py", "serial", "sounddevice"},
-    "files": {"RigolWFM", "h5py", "idelib", "nptdms", "openpyxl", "pyarrow", "pyuff"},
+    "files": {"RigolWFM", "h5py", "nptdms", "pyarrow", "python_calamine", "pyuff"},
     "recordings": {"lz4", "mcap", "mcap_protobuf", "rosbags", "yaml", "zstandard"},
     "analysis": {"dask", "distributed"},
     "present": {"jinja2", "matplotlib", "pyarrow", "rerun", "rich"},

@@ -15,7 +15,9 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import mcap.writer
 import numpy as np
+import openpyxl
 from scipy.io import wavfile
 
 from bench.measure import Bench, Figure
@@ -24,7 +26,7 @@ from impact_rig.analysis.measured_files import MeasuredFiles, make_series
 from impact_rig.configuration.rig_file import read_rig_file, read_template
 from impact_rig.core.errors import RigError
 from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.records import HitLabel
+from impact_rig.core.records import FloatArray, HitLabel
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import Session
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
@@ -92,7 +94,33 @@ def write_files(folder: Path) -> int:
     results = Results(PAPER_SETUP, HammerEstimate(), (SampleEstimate("tin", 3, 1),), ())
     write_results(folder / "a.json", results)
     (folder / "a.toml").write_text(read_template(), "utf-8")
+    for scope in ("agilent.bin", "lecroy.trc", "tektronix.wfm"):
+        shutil.copy(DATA.parent / "scopes" / scope, folder)
+    book = openpyxl.Workbook()
+    for number, value in enumerate(trace[:500]):
+        book.active.append([number / 51_200, value])
+    book.save(folder / "a.xlsx")
+    write_bag(folder / "a.mcap", trace)
     return len(list(folder.iterdir()))
+
+
+def write_bag(path: Path, trace: FloatArray) -> None:
+    """Write a recording of other nodes: a vector in ROS's own encoding, a number in JSON."""
+    text = "geometry_msgs/Vector3 force\n" + "=" * 80 + "\nMSG: geometry_msgs/Vector3\n"
+    text += "float64 x\nfloat64 y\nfloat64 z\n"
+    with path.open("wb") as file:
+        writer = mcap.writer.Writer(file)
+        writer.start("ros2")
+        schema = writer.register_schema("lab_msgs/msg/Force", "ros2msg", text.encode())
+        vector = writer.register_channel("/tip", "cdr", schema)
+        schema = writer.register_schema("Force", "jsonschema", b"{}")
+        number = writer.register_channel("/force", "json", schema)
+        for at, value in enumerate(trace[:500]):
+            time = TIME + at * 1_000_000
+            data = struct.pack("<4x3d", value, 0.0, -value)
+            writer.add_message(vector, time, b"\0\1" + data[2:], time)
+            writer.add_message(number, time, json.dumps({"force": value}).encode(), time)
+        writer.finish()
 
 
 def read_damaged(folder: Path, first: int, total: int) -> list[str]:
@@ -154,7 +182,7 @@ def try_to_read(read: Callable[[Path], object], path: Path) -> str | None:
 def choose_ways(suffix: str) -> list[Callable[[Path], object]]:
     """Return the ways of reading a file."""
     if suffix == SUFFIX:
-        return [judge_recording, lambda path: inspect_run(Run(path))]
+        return [judge_recording, lambda path: inspect_run(Run(path)), analyze_file]
     return [{".json": read_results, ".toml": read_rig_file}.get(suffix, analyze_file)]
 
 

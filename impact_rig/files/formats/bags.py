@@ -92,7 +92,10 @@ class _Topic:
 
     def add(self, message: RawMessage) -> int:
         """Take a message; return how many bytes its numbers have."""
-        content = self._decode(message)
+        try:
+            content = self._decode(message)
+        except FileError as error:  # it knows the topic
+            raise FileError(f"{self._path}: {error}") from None
         self._logged.append(message.log_time)
         self._stamped.append(_find_stamp(content))
         size = 0

@@ -29,17 +29,23 @@ def check_size(path: Path, size: int) -> None:
         raise MemoryError
 
 
-def read_apart(parse: Callable[[Path], Measurement], path: Path) -> Measurement:
+def read_apart(library: str, parse: Callable[[Path], Measurement], path: Path) -> Measurement:
     """Read a file in a second process: damaged ones crash scipy, and libhdf5 never ends on some.
+
+    Parameters
+    ----------
+    library : str
+        What reads it: loaded here, once, so that its size and time do not count.
+    parse : callable
+        Reads the file.
 
     Raises
     ------
     FileError
         As `parse`, or if that process crashes or takes too long.
     """
-    for library in ("scipy.io", "h5py"):  # loaded once, and not counted
-        with contextlib.suppress(ImportError):
-            import_module(library)
+    with contextlib.suppress(ImportError):
+        import_module(library)
     context = get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_parse_within_limits, args=(parse, path, sender))

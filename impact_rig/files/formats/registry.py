@@ -13,6 +13,8 @@ from impact_rig.files.formats.lvm import read_any_text, read_lvm
 from impact_rig.files.formats.mat import read_mat, write_mat
 from impact_rig.files.formats.numpy_files import read_npy, read_npz
 from impact_rig.files.formats.parquet import read_parquet, write_parquet
+from impact_rig.files.formats.scopes import read_scope
+from impact_rig.files.formats.sheets import read_sheets
 from impact_rig.files.formats.tdms import read_tdms, write_tdms
 from impact_rig.files.formats.text import write_text
 from impact_rig.files.formats.uff import read_uff, write_uff
@@ -34,9 +36,9 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
     ".uff": (read_uff, write_uff),
     ".unv": (read_uff, None),
     ".58": (read_uff, None),
-    ".mat": (partial(read_apart, read_mat), write_mat),
-    ".h5": (partial(read_apart, read_hdf5), write_hdf5),
-    ".hdf5": (partial(read_apart, read_hdf5), None),
+    ".mat": (partial(read_apart, "scipy.io", read_mat), write_mat),
+    ".h5": (partial(read_apart, "h5py", read_hdf5), write_hdf5),
+    ".hdf5": (partial(read_apart, "h5py", read_hdf5), None),
     ".parquet": (read_parquet, write_parquet),
     ".wav": (read_wav, None),
     ".csv": (read_any_text, write_text),
@@ -46,10 +48,31 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
     ".npy": (read_npy, None),
     ".npz": (read_npz, None),
     ".mcap": (read_bag, None),
+    **dict.fromkeys(
+        (".xlsx", ".xlsm", ".xls", ".xlsb", ".ods"),
+        (partial(read_apart, "python_calamine", read_sheets), None),
+    ),
+    **dict.fromkeys(
+        (".wfm", ".trc", ".bin", ".isf"), (partial(read_apart, "RigolWFM.wfm", read_scope), None)
+    ),
+    ".asc": (read_any_text, None),
 }
 """Who reads and writes a format, by suffix; None: it is not written."""
 WRITABLE = tuple(suffix for suffix, (_, write) in FORMATS.items() if write)
 """Suffixes of what can be written."""
+_ASAMMDF = "from asammdf import MDF; MDF('{0}').export('csv', '{0}.csv', add_units=True)"
+_MENU = "the program that wrote it exports it as text or MATLAB's"
+OTHER_WAYS = {
+    **dict.fromkeys((".mf4", ".mdf"), f'asammdf makes text of it: python3 -c "{_ASAMMDF}"'),
+    ".bag": "rosbags makes MCAP of it: rosbags-convert --src {0} --dst {0}.converted"
+    " --dst-storage mcap",
+    ".ide": "enDAQ's idelib makes text of it: ideexport -r -t csv {0}",
+    **dict.fromkeys((".dxd", ".dxz", ".d7d", ".d7z"), f"{_MENU} (Dewesoft: Export)"),
+    ".psdata": f"{_MENU} (PicoScope: File, Save as)",
+    ".tdm": "DIAdem or LabVIEW saves it as .tdms",
+    ".wdf": f"{_MENU} (Yokogawa: Xviewer, or the oscilloscope itself)",
+}
+"""How to make a file that is read out of one that is not."""
 SHOWN_LETTERS = 200
 """Of a library's complaint, our choice."""
 
@@ -121,6 +144,8 @@ def write_measurement(path: Path, measurement: Measurement) -> None:
 
 
 def _make_suffix_error(path: Path, known: tuple[str, ...]) -> FileError:
+    if way := OTHER_WAYS.get(path.suffix.lower()):
+        return FileError(f"{path} cannot be read here: {way.format(path)}")
     return FileError(
         f"{path} is of a kind unknown here ({path.suffix or 'no suffix'}): it should be"
         f" {', '.join(known)}"

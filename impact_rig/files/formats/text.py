@@ -176,7 +176,11 @@ def read_text(path: Path) -> Measurement:
     FileError
         If the file is not of numbers in columns.
     """
-    pieces = read_pieces(path)
+    return read_table(path, read_pieces(path))
+
+
+def read_table(path: Path, pieces: Iterator[str]) -> Measurement:
+    """Read the columns of a text in pieces of whole lines, as `read_text` does."""
     head = next(pieces, "")
     table, headings, statements = _find_table(path, split_lines(head))
     columns = _read_columns(path, table, head, pieces)
