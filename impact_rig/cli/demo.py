@@ -34,7 +34,6 @@ SETTINGS = {"hammer": {"swing_time": 0.02}, "accelerometer": {"trigger_timeout":
 ATTEMPTS = 50  # rejected hits in a row that end the demo: with --faults 0.1 half the hits are bad
 SUBSCRIBERS = 3  # estimator, recorder and visualizer: the view has all hits
 VIEW_TIMEOUT = 10.0  # [s] for the visualizer, which does not start without its library
-PAGE_NOTICE = "the view is at"  # begins the address of the visualizer's web page
 
 
 @contextlib.contextmanager
@@ -45,7 +44,7 @@ def run_rig(processes: Sequence[NodeProcess], log: Path) -> Iterator[Callable[[]
     """
     check_free(join_names("", (process.name for process in processes)))
     with log.open("w", encoding="utf-8") as output:
-        nodes = RunningNodes(output, _show_page)
+        nodes = RunningNodes(output, lambda page: click.echo(f"the view is at {page}", err=True))
         failures: list[RigError] = []
 
         def follow() -> None:
@@ -71,12 +70,6 @@ def run_rig(processes: Sequence[NodeProcess], log: Path) -> Iterator[Callable[[]
             nodes.stop()
             thread.join()
             signal.signal(signal.SIGINT, previous)
-
-
-def _show_page(line: str) -> None:
-    _, notice, address = line.partition(PAGE_NOTICE)
-    if notice:
-        click.echo(notice + address, err=True)
 
 
 def run(

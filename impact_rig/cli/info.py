@@ -144,6 +144,9 @@ def inspect_with_progress(run: Run) -> Contents:
 def describe_verdict(contents: Contents) -> str:
     """Return in one sentence what a recording holds, or how it is damaged."""
     found = describe_hits(contents)
+    if contents.years_apart is not None:
+        apart = f"its messages are {contents.years_apart:.0f} years apart"
+        found += f"; its times are wrong: {apart}, which no clock counted"
     if contents.problems:
         return (
             f"damaged: {'; '.join(contents.problems)}. Left of it: {found}."
@@ -205,10 +208,11 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
 
 def _list_facts(contents: Contents) -> list[tuple[str, str]]:
     duration = (contents.end_time - contents.start_time) * 1e-9
+    period = f", {duration:.1f} s" if contents.years_apart is None else ""
     notes = read_fields(contents, PROVENANCE_RECORD).get("notes", "")
     facts = [
         *(("recording", f"{scan.path}, {scan.size / 1e6:.4g} MB") for scan in contents.scans),
-        ("when", f"{format_time(contents.start_time)}, {duration:.1f} s"),
+        ("when", f"{format_time(contents.start_time)}{period}"),
         ("campaigns", str(len({(hit.rig, hit.campaign) for hit in contents.hits}) or "")),
         ("origin", str(join_origins(hit.origin for hit in contents.hits)) * bool(contents.hits)),
         *(("sensor", f"{item.channel}: {item.describe()}") for item in read_sensors(contents)),
@@ -237,9 +241,7 @@ def _print_samples(console: Console, contents: Contents) -> None:
         return
     verdicts = Counter((name, hit.is_accepted) for name, hit in hits)
     # A hit may have several reasons.
-    reasons = Counter(
-        reason.partition(":")[0] for hit in contents.hits for reason in hit.rejections
-    )
+    reasons = Counter(code for hit in contents.hits for code in hit.codes)
     given = ", ".join(f"{reason} ({number})" for reason, number in reasons.most_common())
     columns = [
         make_text_column("Sample", names),

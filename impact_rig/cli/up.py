@@ -20,16 +20,18 @@ import click
 from impact_rig.cli import options
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
-    ACTIVE,
     LAUNCHER,
     MEASURING,
+    NOTICES,
     RECORDING_NAME,
     SOURCE,
     NodeProcess,
+    Notice,
     choose_run_folder,
     list_rig_processes,
     make_run_folder,
     parse_parameters,
+    read_notice,
 )
 from impact_rig.configuration.rig_file import RigFile, read_template
 from impact_rig.core.errors import RigError
@@ -73,13 +75,13 @@ class RunningNodes:
     ----------
     output : IO of str
         Gets each line of a node, with time and node in front.
-    on_line : callable, optional
-        Gets each line, too.
+    on_page : callable, optional
+        Gets the address of a web page that a node serves.
     """
 
-    def __init__(self, output: IO[str], on_line: Callable[[str], None] = lambda _: None) -> None:
+    def __init__(self, output: IO[str], on_page: Callable[[str], None] = lambda _: None) -> None:
         self._output = output
-        self._on_line = on_line
+        self._on_page = on_page
         self._nodes: dict[str, subprocess.Popen[bytes]] = {}  # those that have not ended
         self._colours: dict[str, str] = {}
         # A node's name with a line, or with b"" at its end; without a name: a request to stop.
@@ -110,9 +112,11 @@ class RunningNodes:
                 name, line = self._events.get()
                 if line:
                     text = line.decode(errors="replace").rstrip("\n")
-                    self._print(name, text)
-                    self._on_line(text)
-                    if name in starting and ACTIVE in text:
+                    if (found := read_notice(text)) is None:
+                        self._print(name, text)
+                    elif found[0] is Notice.PAGE:
+                        self._on_page(found[1])
+                    elif name in starting:
                         starting.remove(name)
                         if not starting:
                             self._print("rig", ready)
@@ -140,7 +144,12 @@ class RunningNodes:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, "PYTHONUNBUFFERED": "1", LAUNCHER: str(os.getpid())},
+                env={
+                    **os.environ,
+                    "PYTHONUNBUFFERED": "1",
+                    LAUNCHER: str(os.getpid()),
+                    NOTICES: "1",
+                },
                 start_new_session=True,
             )
         except OSError as error:

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,6 +84,32 @@ ACTIVE = "this node is active"
 """Every node logs this when it becomes active."""
 LAUNCHER = "IMPACT_RIG_LAUNCHER"
 """Number of the process that started a node; when that process ends, the node stops."""
+NOTICES = "IMPACT_RIG_NOTICES"
+"""1: the process that started a node reads notices among what it prints."""
+NOTICE_MARK = "\x1e"
+"""First character of a line that is a notice; the others are for people."""
+
+
+class Notice(Enum):
+    """What a node tells the process that started it."""
+
+    ACTIVE = "active"
+    PAGE = "page"  # and its address
+
+
+def notify(notice: Notice, value: str = "") -> None:
+    """Tell the process that started this node, if it reads notices."""
+    if os.environ.get(NOTICES):
+        print(f"{NOTICE_MARK}{notice.value} {value}", flush=True)
+
+
+def read_notice(line: str) -> tuple[Notice, str] | None:
+    """Return the notice that a line is; None: it is for people."""
+    if not line.startswith(NOTICE_MARK):
+        return None
+    name, _, value = line[1:].partition(" ")
+    return Notice(name), value
+
 
 CONTINUOUS = "continuous"
 """Mode of accelerometers that stream all the time."""

@@ -6,7 +6,7 @@ from typing import Any
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
-from impact_rig.configuration.processes import ACTIVE
+from impact_rig.configuration.processes import ACTIVE, Notice, notify
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.parameter_node import ParameterNode
 
@@ -63,6 +63,7 @@ class ManagedNode(ParameterNode):
         result = self._run_transition(self.activate, configured=True, active=True)
         if result == TransitionCallbackReturn.SUCCESS:
             self.get_logger().info(ACTIVE)
+            notify(Notice.ACTIVE)
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:

@@ -16,6 +16,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 
+from impact_rig.configuration.processes import Notice, notify
 from impact_rig.core.contact_law import NO_LAW
 from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.errors import RigError
@@ -215,6 +216,8 @@ class VisualizerNode(RigNode):
             announce=log.info,
             notify=log.warning,
         )
+        if self._view.page is not None:
+            notify(Notice.PAGE, self._view.page)
         # What is replaced as a whole is replaced once a second.
         self._refreshing = self.create_timer(1.0, self._refresh)
         self._campaign = None

@@ -87,6 +87,12 @@ class Contents:
         return tuple(_list_problems(self))
 
     @property
+    def years_apart(self) -> float | None:
+        """Between its first message and its last, if no run lasts so long; None: it may."""
+        apart = self.end_time - self.start_time
+        return apart / A_YEAR if apart > LONGEST_RUN else None
+
+    @property
     def is_live(self) -> bool:
         """Whether it is being recorded."""
         return self.scans[-1].is_live
@@ -284,9 +290,6 @@ def _list_problems(contents: Contents) -> Iterator[str]:
     lost = sum(topic.lost for topic in contents.topics.values())
     if lost and not any(scan.damages for scan in contents.scans):
         yield f"{lost} messages are missing: their numbers, or the index, tell"
-    if (apart := contents.end_time - contents.start_time) > LONGEST_RUN:
-        years = apart / A_YEAR
-        yield f"its messages are {years:.0f} years apart: a clock was wrong, or a time is damaged"
 
 
 def _list_file_problems(scan: Scan) -> Iterator[str]:

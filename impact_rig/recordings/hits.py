@@ -120,6 +120,7 @@ class RecordedHit(BlockCount):
     reason: str = "nothing of it is left"  # what is missing; empty: nothing
     is_accepted: bool | None = None  # None: there is no verdict
     rejections: tuple[str, ...] = ()  # every reason, "code: explanation"
+    codes: tuple[str, ...] = ()  # of the reasons
     origin: Origin = UNSTATED
     expected: int | None = 0
     stored_blocks: int | None = None  # that the recorder has stored; None: it does not say
@@ -201,6 +202,8 @@ class HitWatch:
             hit.rejections = tuple(
                 str(text)[:LONGEST_TEXT] for text in message.reasons[:MOST_TEXTS]
             )
+            # Here the message becomes ours; nothing behind it looks into a sentence.
+            hit.codes = tuple(text.partition(":")[0] for text in hit.rejections)
             hit.is_accepted = bool(message.accepted)
 
     @property

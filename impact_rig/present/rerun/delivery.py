@@ -124,6 +124,11 @@ class LiveView:
             self._page = WebPage(server, [server])
             announce(f"the view is at {self._page.address}")
 
+    @property
+    def page(self) -> str | None:
+        """Address of the web page that it serves."""
+        return self._page.address if self._page is not None else None
+
     def flush(self) -> bool:
         """Return whether file and viewers have taken everything that was logged."""
         try:
