@@ -13,17 +13,7 @@ from impact_rig.core.hits import MeanHit
 from impact_rig.core.identification import compute_raw_noise, find_largest_residual
 from impact_rig.core.law_pulses import LIMITS as TABLES
 from impact_rig.core.law_pulses import LOSSES, LossForm, compute_pulses
-from impact_rig.core.momenta import (
-    check_hit_momenta,
-    check_momenta,
-    check_speed,
-    compare_momenta,
-    compute_stated_restitution,
-    cut_contact,
-    find_odd_hits,
-    name_hits,
-    restore_levels,
-)
+from impact_rig.core.momenta import find_odd_hits, name_hits
 from impact_rig.core.pulse_shape import (
     Evaluation,
     PulseWindow,
@@ -237,14 +227,6 @@ class ContactLaw(Comparable):
     equivalent_stiffness: Quantity = field(
         default=UNKNOWN, metadata=describe("N/m", "k_lin", "linear stiffness", shown="MN/m")
     )
-    # m2 dv2 / (m1 dv1) [-]: 1 for two free bodies and right gains
-    momentum_ratio: Quantity = field(
-        default=UNKNOWN, metadata=describe("", "m2Δv2/m1Δv1", "momentum ratio")
-    )
-    # J / (m_eq v1) - 1 by the impact speed that is stated, whatever the law is
-    stated_restitution: Quantity = field(
-        default=UNKNOWN, metadata=describe("", "J/(m v1) - 1", "restitution by the stated speed")
-    )
     form: str = ""  # of the loss, of `LossForm`
     loss: float = math.nan  # B of `impact_rig.core.law_pulses` [-]
     residual_percent: float = math.nan  # RMS of what the best law leaves, over the peak [%]
@@ -266,7 +248,7 @@ class ContactLaw(Comparable):
 
 NO_LAW = ContactLaw()
 """Where it is not determined."""
-_QUANTITIES = tuple(item.name for item in fields(ContactLaw) if item.type is Quantity)[:-2]
+_QUANTITIES = tuple(item.name for item in fields(ContactLaw) if item.type is Quantity)
 """What follows from the hammer's trace alone, in the order of `_describe_law`."""
 
 LIKE_CONTACT = "no law of contact describes the pulse"
@@ -288,10 +270,8 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     SignalError
         If there is no pulse.
     """
-    masses, impact_speed = make_rig_numbers(setup, sample), setup.impact_speed
-    cutoff_frequency = setup.analysis.cutoff_frequency
+    masses = make_rig_numbers(setup, sample)
     exponent = setup.analysis.contact_exponent or None
-    sensors = setup.find_sensor("hammer"), setup.find_sensor("specimen")
     pulse = measure_pulse(mean.traces[0])
     width, peak = pulse.half_amplitude_width, abs(pulse.peak)
     if width < LIMITS.points:
@@ -306,23 +286,18 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     noise = float(compute_raw_noise(mean)[0]) * math.sqrt(correlation[0]) / peak
     fits = fit_forms(window, exponent, noise)
     form, fit = next(iter(fits.items()))
-    restored = restore_levels(mean, sensors)
-    whole = slice(window.points.start, window.points.stop)
     scatter, leaves = _compute_scatter(mean, fit, window, pulse.peak)
     without = ContactLaw(
         residual_percent=100.0 * fit.residual,
-        stated_restitution=compute_stated_restitution(
-            restored, whole, masses, impact_speed, sample
-        ),
-        warnings=_check_hits(restored, leaves),
+        warnings=_check_hits(mean, leaves),
     )
     is_worse, excludes_versed_sine = _compare_with_versed_sine(fit, window)
-    changes = _change_sensor(mean, pulse, (form, fit), sensors[0], chain)
+    changes = _change_sensor(mean, pulse, (form, fit), setup.find_sensor("hammer"), chain)
     largest = find_largest_residual(noise)
     largest += 2.0 * max((fit.find_rest(change) for _, change in changes), default=0.0)
     reason = _find_misfit(form, fit, largest, is_worse=is_worse)
     if reason is not None:
-        return _check_speed(replace(without, notes=(reason,)), impact_speed)
+        return replace(without, notes=(reason,))
     scales = np.array([1.0, width / mean.sampling_rate, peak, 1.0, 1.0, 1.0])
     unit = fit.compute_covariance(correlation / correlation[0])
     # Anything of that size, in the worst direction: no noise, so that it does not average out.
@@ -350,27 +325,19 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
             f"{LIKE_CONTACT}: e would be {restitution.value:.3f} ± {restitution.expanded:.3f},"
             f" above 1, and free bodies gain no energy{CRUSHED}"
         )
-        return _check_speed(replace(without, notes=(reason,)), impact_speed)
+        return replace(without, notes=(reason,))
     touch = pulse.middle + width * float(fit.parameters[START])
-    contact = cut_contact(restored, touch, quantities["duration"].value, cutoff_frequency)
-    ratio = compare_momenta(restored, contact, masses, sample)
-    law = ContactLaw(
+    return ContactLaw(
         **quantities,
-        stated_restitution=without.stated_restitution,
         residual_percent=without.residual_percent,
-        momentum_ratio=ratio,
         form=form.value,
         loss=float(fit.parameters[LOSS]),
         own_covariances=own,
         separation=(touch - pulse.middle) / mean.sampling_rate + quantities["duration"].value,
         notes=_list_notes(exponent, masses, fits),
-        warnings=check_momenta(ratio)
-        + check_hit_momenta(restored, contact)
-        + without.warnings
-        + _check_rest(fit.residual, noise),
+        warnings=without.warnings + _check_rest(fit.residual, noise),
         excludes_versed_sine=excludes_versed_sine,
     )
-    return _check_speed(law, impact_speed)
 
 
 def _find_misfit(form: LossForm, fit: WindowFit, largest: float, *, is_worse: bool) -> str | None:
@@ -408,11 +375,6 @@ def _check_rest(residual: float, noise: float) -> tuple[str, ...]:
         " speed and energy may be farther off than their ±"
     )
     return (warning,)
-
-
-def _check_speed(law: ContactLaw, stated: float) -> ContactLaw:
-    warning = check_speed(law.impact_speed, law.stated_restitution, stated)
-    return law if warning is None else replace(law, warnings=(warning, *law.warnings))
 
 
 def look_at_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:

@@ -209,6 +209,8 @@ class FreeDecay:
         Standard deviation of what the fit leaves over that of the noise [-]; NaN: no noise known.
     periods : float
         Periods in the tail while the envelope stands out of the noise [-].
+    tail : slice
+        Points of the trace that were fitted.
     """
 
     decay_rate: float
@@ -217,6 +219,7 @@ class FreeDecay:
     r_squared: float
     residual_over_noise: float
     periods: float
+    tail: slice
 
     @property
     def frequency(self) -> float:
@@ -298,6 +301,7 @@ def estimate_free_decay(
         r_squared=r_squared,
         residual_over_noise=excess,
         periods=periods,
+        tail=tail,
     )
 
 

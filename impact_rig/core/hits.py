@@ -69,6 +69,7 @@ class JudgedHit:
     width_ratio: float = math.nan  # w10 / w50 [-]
     hammer_peak: float = math.nan  # largest |acceleration| after the low-pass [m/s^2]
     specimen_peak: float = math.nan
+    sample_mass: float = math.nan  # m2 by the traces of this hit, accelerometer included [kg]
     filtered: FilteredHit | None = None  # of a hit with a pulse, rejected or not
     overruled: tuple[Finding, ...] = ()  # reasons that were set aside by hand
     findings: tuple[Finding, ...] = ()  # what was corrected, or may be harmless

@@ -1,157 +1,177 @@
-"""Momentum, velocity change and energy from both traces."""
+"""What both traces say of momenta, by integration: no law of contact is asked."""
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
+import scipy
 
+from impact_rig.core.damping import fit_amplitudes
 from impact_rig.core.detection import SPREAD_OF_MEDIAN
-from impact_rig.core.filtering import restore_level
-from impact_rig.core.hits import MeanHit
-from impact_rig.core.quantity import UNKNOWN, Quantity
+from impact_rig.core.filtering import Chain, restore_level
+from impact_rig.core.hits import FilteredHit, MeanHit
+from impact_rig.core.pulse_width import TENTH_LEVEL, PulseWidth, find_crossing
 from impact_rig.core.records import FloatArray
-from impact_rig.core.sensors import Sensor
-from impact_rig.core.tail import ZERO_AFTER
-from impact_rig.core.uncertainty import (
-    LEAST_HITS,
-    ONE_HIT,
-    RigNumbers,
-    compute_quantity,
-    make_ensemble,
-    make_input,
-    make_scatter,
-)
 
-_T = TypeVar("_T", bound=np.floating)
+FEWEST_HITS = 5
+"""Hits that tell an odd one among them [-], our choice."""
+
+
+AS_GOOD_AS = 0.1
+"""Difference from 0 or 1 of a part of J / m2 [-], our choice: noise and zero make some 0.03."""
+
+
+class Hold(Enum):
+    """What holds a sample."""
+
+    FREE = "free"  # nothing
+    SPRING = "spring"  # a spring to the ground
+    UNCLEAR = "unclear"  # neither, as on a base that moves itself
+    UNKNOWN = "unknown"  # the record ends too early
+
+
+def restore_levels(mean: MeanHit, chains: tuple[Chain, Chain]) -> MeanHit:
+    """Return a mean hit without what the sensors' low corners took from it."""
+    if not any(chain.response.low_corner for chain in chains):
+        return mean
+    hits = tuple(replace(hit, traces=restore_traces(hit.traces, chains)) for hit in mean.hits)
+    return replace(mean, traces=restore_traces(mean.traces, chains), hits=hits)
+
+
+def restore_traces(traces: FloatArray, chains: tuple[Chain, Chain]) -> FloatArray:
+    """Return traces, shape (channels, n), without what the sensors' low corners took from them."""
+    return np.stack(
+        [
+            restore_level(trace, chain.response.low_corner, chain.sampling_rate)
+            for trace, chain in zip(traces, chains, strict=False)
+        ]
+    ).astype(traces.dtype)
+
+
+def find_contact(hammer: FloatArray, pulse: PulseWidth, chain: Chain) -> slice | None:
+    """Return the points over which momentum passes; None: the record does not hold all of them.
+
+    From a tenth of the peak to a tenth, half a width more on each side, or what the low-pass
+    smears, if that is more.
+    """
+    upright = hammer / pulse.peak
+    low, high = (find_crossing(upright, pulse.peak_index, TENTH_LEVEL, side) for side in (-1, 1))
+    reach = 0.5 * pulse.half_amplitude_width
+    if chain.cutoff_frequency:
+        reach = max(reach, chain.sampling_rate / chain.cutoff_frequency)
+    if not (low - reach >= 0.0 and high + reach < hammer.size - 1):
+        return None
+    return slice(math.floor(low - reach), math.ceil(high + reach) + 1)
 
 
 @dataclass(frozen=True)
-class Limits:
-    """Of what is said of momenta; all are our choices but the scale."""
+class Passage:
+    """How momentum passes from hammer to sample in one hit, or in a mean of hits."""
 
-    hits: int = 5  # [-] that tell an odd one among them
-    balanced: float = 0.01  # [-] from 1: gains are hardly known better
-    slip: float = 0.05  # [-] from the ratio of a usual slip
-    speed: float = 0.01  # [-] standard uncertainty of a stated speed, which no rig file gives
+    hammer_change: float  # of the hammer's velocity [m/s], positive
+    sample_change: float  # of the sample's over the contact [m/s], in the sense of its first push
+    # Part of J / m2 at which the sample moves on in the mean after the contact [-], m2 by
+    # `mass_ratio`; NaN: the record ends too early.
+    persistence: float
+    mass_ratio: float  # m2 / m1 by Newton's law over the contact, held or not [-]
 
+    @property
+    def has_sample(self) -> bool:
+        """Whether the sample was measured."""
+        return math.isfinite(self.sample_change)
 
-LIMITS = Limits()
+    @property
+    def figures(self) -> tuple[float, float, float]:
+        """Change of the hammer's velocity [m/s], of the sample's over it [-], and m2 / m1 [-]."""
+        return self.hammer_change, self.sample_change / self.hammer_change, self.traced_ratio
 
+    @property
+    def hold(self) -> Hold:
+        """What holds the sample: it comes to rest on a spring, and moves on where it is free."""
+        if not math.isfinite(self.persistence):
+            return Hold.UNKNOWN
+        if abs(self.persistence) < AS_GOOD_AS:
+            return Hold.SPRING
+        # What a free body takes over is what it moves on with.
+        is_alike = (
+            abs(self.mass_ratio * self.sample_change / self.hammer_change - 1.0) < AS_GOOD_AS
+        )
+        return Hold.FREE if abs(self.persistence - 1.0) < AS_GOOD_AS and is_alike else Hold.UNCLEAR
 
-def restore_levels(mean: MeanHit, sensors: tuple[Sensor, Sensor]) -> MeanHit:
-    """Return a mean hit without what the sensors' low corners took from it."""
-    if not any(sensor.low_corner for sensor in sensors):
-        return mean
-
-    def restore(traces: NDArray[_T]) -> NDArray[_T]:
-        return np.stack(
-            [
-                restore_level(trace, sensor.low_corner, mean.sampling_rate)
-                for trace, sensor in zip(traces, sensors, strict=False)
-            ]
-        ).astype(traces.dtype)
-
-    hits = tuple(replace(hit, traces=restore(hit.traces)) for hit in mean.hits)
-    return replace(mean, traces=restore(mean.traces), hits=hits)
-
-
-def cut_contact(mean: MeanHit, start: float, duration: float, cutoff_frequency: float) -> slice:
-    """Return the points of the contact, and what the low-pass has put before and after it."""
-    reach = mean.sampling_rate / cutoff_frequency if cutoff_frequency else 0.0
-    stop = start + duration * mean.sampling_rate + reach
-    return slice(max(0, math.floor(start - reach)), math.ceil(stop) + 1)
-
-
-def compare_momenta(mean: MeanHit, contact: slice, masses: RigNumbers, sample: str) -> Quantity:
-    """Return m2 dv2 / (m1 dv1), whichever way round the sensors are."""
-    known = math.isfinite(masses.hammer_mass.x) and math.isfinite(masses.moving_mass.x)
-    if mean.traces.shape[0] == 1 or not known:
-        return UNKNOWN
-    value = _divide_changes(mean.traces[:, contact])
-    number = value * masses.moving_mass / masses.hammer_mass
-    number = number * masses.gains[1] / masses.gains[0]
-    if len(mean.hits) < LEAST_HITS:
-        return Quantity(number.x, notes=(ONE_HIT,))
-    ratios = [_divide_changes(hit[:, contact]) for hit in mean.cut_hits()]
-    scatter = make_scatter(f"scatter of the hits on {sample}", 0.0, ratios, mean.count)
-    number = number + masses.moving_mass.x / masses.hammer_mass.x * scatter
-    if np.any(mean.zero_uncertainty):
-        # Evenly over the contact.
-        sums = np.abs(mean.traces[:, contact].sum(axis=1)) / mean.traces[:, contact].shape[1]
-        part = float(np.hypot(*(mean.zero_uncertainty / sums)))
-        number = number * make_input(ZERO_AFTER, 1.0, part)
-    return compute_quantity(number.x, number)
+    @property
+    def traced_ratio(self) -> float:
+        """m2 / m1 by Newton's law on a spring, else by the momenta [-]; NaN: neither is sure."""
+        if self.hold is Hold.SPRING:
+            return self.mass_ratio
+        if self.hold is Hold.UNCLEAR:
+            return math.nan
+        return self.hammer_change / self.sample_change
 
 
-def _divide_changes(traces: FloatArray) -> float:
-    hammer, sample = traces.sum(axis=1, dtype=np.float64).tolist()
-    return abs(float(sample) / float(hammer))
+def follow_momentum(traces: FloatArray, contact: slice, sampling_rate: float) -> Passage:
+    """Integrate both traces, shape (channels, n), whichever way round the sensors are.
 
-
-def compute_stated_restitution(
-    mean: MeanHit, pulse: slice, masses: RigNumbers, impact_speed: float, sample: str
-) -> Quantity:
-    """Return e = J / (m_eq v1) - 1 by the impact speed that is stated, whatever the law is."""
-    hammer, body = masses.hammer_mass, masses.moving_mass
-    if not math.isfinite(hammer.x * body.x * impact_speed):
-        return UNKNOWN
-    changes = np.array([abs(float(hit[0, pulse].sum())) for hit in mean.cut_hits()])
-    change = abs(float(mean.traces[0, pulse].sum(dtype=np.float64)))
-    deviation = float(changes.std(ddof=1)) if changes.size >= LEAST_HITS else 0.0
-    (sums,) = make_ensemble(
-        f"scatter of the hits on {sample}",
-        [change / mean.sampling_rate],
-        np.array([[(deviation / mean.sampling_rate) ** 2 / mean.count]]),
-        max(changes.size - 1.0, 1.0),
-    )
-    speed = make_input("stated impact speed", impact_speed, LIMITS.speed * impact_speed)
-    number = sums * masses.clock * masses.gains[0] * (hammer + body) / (body * speed) - 1.0
-    return compute_quantity(number.x, number)
-
-
-SLIPS = {
-    2.0: "a sampling rate that is stated twice or half as high",
-    9.81: "g read as m/s², or the reverse",
-    10.0: "a gain of ten, or cm/s read as mm/s",
-    1000.0: "mV read as V, or mm as m",
-}
-"""Usual slips, by how many times the stated speed v is by them, or the reverse."""
-
-
-def check_speed(speed: Quantity, restitution: Quantity, stated: float) -> str | None:
-    """Warn of a law's impact speed that is not the stated one [m/s], beyond both uncertainties.
-
-    Without a law the bodies' e by the stated speed must lie between 0 and 1.
+    A spring of k and c to the ground takes part of the force: m1 a1 = m2 a2 + c v2 + k x2, with a2
+    integrated from before the contact, is linear in m2 / m1, c / m1 and k / m1.
     """
-    if speed.is_known and math.isfinite(stated):
-        low = high = speed.value / stated
-        apart = abs(speed.value - stated) - np.nan_to_num(speed.expanded)
-        is_other = apart > 2.0 * LIMITS.speed * stated
-    elif restitution.is_known:
-        # Without loss the impulse is twice m v1, with e = 0 it is m v1.
-        high = 1.0 + restitution.value
-        low = high / 2.0
-        is_other = abs(restitution.value - 0.5) > 0.5 + restitution.expanded
-    else:
-        return None
-    if not is_other:
-        return None
-    near = [
-        (abs(math.log(ratio**2 / (low * high))), text)
-        for slip, text in SLIPS.items()
-        for ratio in (slip, 1.0 / slip)
-        if (1.0 - LIMITS.slip) * low < ratio < (1.0 + LIMITS.slip) * high
-    ]
-    why = "the sensitivity of a sensor, a mass, or that speed"
-    if near:
-        why = min(near)[1] + (f", or {why}" if low < high else "")
-    shown = f"{low:.3g}" if low == high else f"{low:.2g} to {high:.2g}"
-    return (
-        f"by the traces the impact speed is {shown} times the {100.0 * stated:.4g} cm/s that are"
-        f" stated: {why}"
-    )
+    step = 1.0 / sampling_rate
+    hammer = np.asarray(traces[0, contact], dtype=np.float64)
+    if len(traces) == 1:
+        return Passage(abs(float(hammer.sum())) * step, *3 * [math.nan])
+    sample = np.asarray(traces[1, contact], dtype=np.float64)
+    velocity = scipy.integrate.cumulative_trapezoid(traces[1], dx=step, initial=0.0)
+    velocity = velocity - velocity[contact.start]
+    force = hammer * math.copysign(1.0, float(hammer.sum()))
+    inside = velocity[contact]
+    path = scipy.integrate.cumulative_trapezoid(inside, dx=step, initial=0.0)
+    rows = np.stack((sample, inside, path))
+    sizes = np.abs(rows).max(axis=1)
+    mass_ratio = float("nan")
+    if np.all(sizes > 0.0):
+        parts = np.linalg.lstsq((rows / sizes[:, np.newaxis]).T, force, rcond=None)[0]
+        mass_ratio = float(parts[0] / sizes[0])
+    # What is up on the sample's sensor: its mass is positive.
+    up, mass_ratio = math.copysign(1.0, mass_ratio), abs(mass_ratio)
+    hammer_change = float(force.sum()) * step
+    tail = up * velocity[contact.stop :]
+    persistence = float("nan")
+    # Half as long as the contact tells nothing of what swings more slowly.
+    if tail.size > 0.5 * hammer.size:
+        # A Hann window takes out all that swings twice in the tail.
+        weights = np.hanning(tail.size)
+        settled = float(weights @ tail) / float(weights.sum())
+        persistence = settled * mass_ratio / hammer_change
+    return Passage(hammer_change, up * float(inside[-1]), persistence, mass_ratio)
+
+
+def find_settled_velocity(
+    trace: FloatArray, tail: slice, decay: FloatArray, sampling_rate: float
+) -> float:
+    """Return the velocity about which a body rings in the tail of its trace, either sign [m/s].
+
+    Parameters
+    ----------
+    trace : ndarray, shape (n,)
+        Acceleration from before the contact on.
+    decay : ndarray, shape (2,)
+        a and omega of the ringing, per point of the tail.
+    """
+    velocity = scipy.integrate.cumulative_trapezoid(trace, dx=1.0 / sampling_rate, initial=0.0)
+    measured = velocity[tail]
+    fit = fit_amplitudes(measured, decay)
+    return abs(float(np.mean(measured - fit.residual - fit.oscillation)))
+
+
+def weigh_sample(hit: FilteredHit, chains: tuple[Chain, Chain]) -> float:
+    """Return m2 / m1 by the traces of one hit [-]; NaN: it cannot be told."""
+    if len(hit.traces) == 1:
+        return math.nan
+    traces = restore_traces(hit.traces, chains)
+    contact = find_contact(traces[0], hit.pulse, chains[0])
+    if contact is None:
+        return math.nan
+    return follow_momentum(traces, contact, hit.sampling_rate).traced_ratio
 
 
 def find_odd_hits(mean: MeanHit, values: FloatArray, least: float) -> list[str]:
@@ -164,7 +184,7 @@ def find_odd_hits(mean: MeanHit, values: FloatArray, least: float) -> list[str]:
     least : float
         Difference from the median that is nothing odd.
     """
-    if values.size < LIMITS.hits:
+    if values.size < FEWEST_HITS:
         return []
     away = np.abs(values - np.median(values))
     odd = away > max(6.0 * SPREAD_OF_MEDIAN * float(np.median(away)), least)
@@ -172,34 +192,6 @@ def find_odd_hits(mean: MeanHit, values: FloatArray, least: float) -> list[str]:
     return [f"{label.impact}.{label.attempt}" for label in labels if label is not None]
 
 
-def check_hit_momenta(mean: MeanHit, contact: slice) -> tuple[str, ...]:
-    """Warn of hits whose momentum ratio is not that of the others."""
-    if mean.traces.shape[0] == 1:
-        return ()
-    ratios = np.array([_divide_changes(hit[:, contact]) for hit in mean.cut_hits()])
-    odd = find_odd_hits(mean, ratios / np.median(ratios), LIMITS.balanced)
-    if not odd:
-        return ()
-    told = (
-        f"the momenta of {name_hits(odd)} balance otherwise than the others': a gain that changed,"
-        " a trace that is clipped or does not come back to zero, or a sample that was held"
-    )
-    return (told,)
-
-
 def name_hits(hits: list[str]) -> str:
     """Return "hit 3.1", or "hits 3.1 and 4.1"."""
     return f"hit{'s' if len(hits) > 1 else ''} {' and '.join(hits)}"
-
-
-def check_momenta(ratio: Quantity) -> tuple[str, ...]:
-    """Warn of a momentum ratio that is not 1 within its uncertainty."""
-    if not ratio.is_known or abs(ratio.value - 1.0) <= max(
-        np.nan_to_num(ratio.expanded), LIMITS.balanced
-    ):
-        return ()
-    told = (
-        "the momenta do not balance: a gain, a mass or the zero after the impact is wrong, a trace"
-        " is clipped, or the sample is not free or rings"
-    )
-    return (told,)

@@ -19,6 +19,7 @@ from impact_rig.core.equations import (
 )
 from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
+from impact_rig.core.momenta import Hold, find_contact, follow_momentum, restore_levels
 from impact_rig.core.pulse_shape import LIMITS as SHAPE_LIMITS
 from impact_rig.core.pulse_shape import (
     NO_SHAPE,
@@ -179,6 +180,8 @@ def read_mean_hit(
                 mean.traces[channel], max(float(mean.noise[channel]), step)
             )
             _check_own_decay(mean, channel, found)
+            if channel:
+                _check_spring(mean, setup)
             peaks[channel] = found
         except RigError as error:
             notes[channel] = f"{DAMPING_NAMES[channel]}: {error}"
@@ -339,6 +342,27 @@ def _check_own_decay(mean: MeanHit, channel: int, peaks: LogDecrement) -> None:
         raise NotDeterminedError(
             "no log decrement, since the second peak is no decay of the body, which would swing"
             " to the other side before it: noise, a second contact or a sensor that rings"
+        )
+
+
+def _check_spring(mean: MeanHit, setup: RigSetup) -> None:
+    """Refuse what rings on a sample that moves on after the contact, on no spring.
+
+    Raises
+    ------
+    NotDeterminedError
+        If it does.
+    """
+    chains = setup.find_chains(mean.sampling_rate)
+    contact = find_contact(mean.traces[0], measure_pulse(mean.traces[0]), chains[0])
+    if contact is None:
+        return
+    restored = restore_levels(mean, chains)
+    hold = follow_momentum(restored.traces, contact, mean.sampling_rate).hold
+    if hold is Hold.FREE:
+        raise NotDeterminedError(
+            "no log decrement, since the sample moves on after the contact as a free body does:"
+            " what rings is its sensor's mount or an inner mode, or waves go to and fro in it"
         )
 
 

@@ -1,15 +1,23 @@
 """What rings in a sample's tail: its free decay, and whether it is the sample's."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from impact_rig.core.damping import estimate_free_decay
+from impact_rig.core.damping import FreeDecay, estimate_free_decay
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.hits import MeanHit
+from impact_rig.core.momenta import (
+    Hold,
+    find_contact,
+    find_settled_velocity,
+    follow_momentum,
+    restore_levels,
+)
 from impact_rig.core.paper_method import DAMPING_COEFFICIENT, DAMPING_RATIO, NAN, STIFFNESS
-from impact_rig.core.quantity import UNKNOWN, Comparable, Quantity, describe
+from impact_rig.core.pulse_width import measure_pulse
+from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.uncertainty import find_decaying_body, make_rig_numbers, propagate_fit
 
@@ -45,6 +53,8 @@ class FreeDecayEstimate(Comparable):
     periods: float = NAN  # that stand out of the noise
     r_squared: float = NAN
     residual_over_noise: float = NAN  # RMS; 1: nothing but noise
+    hold: str = ""  # what holds what rings, of `Hold`: only what is on a spring has k and c
+    notes: tuple[str, ...] = field(default=(), metadata=INTERNAL)
 
     @property
     def is_known(self) -> bool:
@@ -70,6 +80,7 @@ def estimate_decay(
     decay = estimate_free_decay(mean, 1, contact_end, cutoff)
     if ringing := explain_ringing(decay.frequency, setup):
         raise NotDeterminedError(f"free decay: {ringing}")
+    hold, persistence = _find_hold(mean, setup, decay)
     body = propagate_fit(
         f"scatter of the hits on {sample}",
         decay.hit_values,
@@ -78,13 +89,53 @@ def estimate_decay(
         estimates=(decay.decay_rate, decay.angular_frequency),
         averaged=mean.count,
     )
+    if hold in {Hold.FREE, Hold.UNCLEAR}:
+        body = {"damping_ratio": body["damping_ratio"]}
     return FreeDecayEstimate(
         **body,
+        hold=hold.value,
+        notes=_explain_hold(hold, persistence, decay.frequency),
         frequency=decay.frequency,
         periods=decay.periods,
         r_squared=decay.r_squared,
         residual_over_noise=decay.residual_over_noise,
     )
+
+
+def _find_hold(mean: MeanHit, setup: RigSetup, decay: FreeDecay) -> tuple[Hold, float]:
+    """Return what holds what rings, and about which part of J / m2 it does.
+
+    A body on a spring to the ground comes to rest; a sensor's mount and an inner mode ring about
+    the velocity at which the body moves on.
+    """
+    chains, rate = setup.find_chains(mean.sampling_rate), mean.sampling_rate
+    contact = find_contact(mean.traces[0], measure_pulse(mean.traces[0]), chains[0])
+    if contact is None:
+        return Hold.UNKNOWN, NAN
+    traces = restore_levels(mean, chains).traces
+    passage = follow_momentum(traces, contact, rate)
+    point = decay.tail.step / rate
+    ringing = point * np.array([decay.decay_rate, decay.angular_frequency])
+    settled = find_settled_velocity(traces[1], decay.tail, ringing, rate)
+    persistence = settled * passage.mass_ratio / passage.hammer_change
+    return replace(passage, persistence=persistence).hold, persistence
+
+
+def _explain_hold(hold: Hold, persistence: float, frequency: float) -> tuple[str, ...]:
+    rings = f"free decay: what rings at {frequency * 1e-3:.4g} kHz"
+    if hold is Hold.FREE:
+        told = (
+            f"{rings} does so about the velocity at which the sample moves on, as the mount of a"
+            " sensor or an inner mode does: it has a frequency and ζ, but no k and no c"
+        )
+    elif hold is Hold.UNCLEAR:
+        told = (
+            f"{rings} does so about {persistence:.2f} of the velocity of a free sample, neither 0"
+            " as on a spring nor 1 as free: it has a frequency and ζ, but no k and no c"
+        )
+    else:
+        return ()
+    return (told,)
 
 
 def find_shared_ringing(decays: Mapping[str, FreeDecayEstimate], setup: RigSetup) -> float | None:

@@ -6,12 +6,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from impact_rig.core.checks import NO_CHECKS, Checks, check_momenta, check_speed
 from impact_rig.core.comparison import ModelComparison, compare_with_model
 from impact_rig.core.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.errors import RigError
 from impact_rig.core.fitted_model import FittedModel, find_frequency, fit_model
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.model import Body, ImpactModel, ModelVariant
+from impact_rig.core.momenta import Hold
 from impact_rig.core.paper_estimate import NO_NUMBERS, TIME, PaperEstimate
 from impact_rig.core.paper_method import NAN, BodyEstimate, HammerPulse, look_at_pulse
 from impact_rig.core.pulse_shape import NO_SHAPE, PulseShapeEstimate
@@ -27,6 +29,7 @@ from impact_rig.core.ringing import (
 )
 from impact_rig.core.sensors import CHANNELS
 from impact_rig.core.setup import RigSetup
+from impact_rig.core.uncertainty import make_rig_numbers
 
 NEAR_LOW_PASS = 2.0
 """Of a resonance, in cutoff frequencies [-]; at twice the cutoff a sixteenth is left."""
@@ -59,6 +62,7 @@ class TraceEstimates:
     """What the mean traces of a sample say, independent of the hammer's stiffness."""
 
     pulse: HammerPulse
+    checks: Checks
     free_decay: FreeDecayEstimate
     notes: tuple[str, ...]  # why any of it is not determined
 
@@ -82,7 +86,9 @@ def estimate_traces(name: str, mean: MeanHit, setup: RigSetup) -> TraceEstimates
             decay = estimate_decay(mean, setup, name, contact_end)
         except RigError as error:
             notes = (*notes, str(error))
-    return TraceEstimates(pulse, decay, tuple(dict.fromkeys(notes)))
+    checks = check_momenta(mean, setup, make_rig_numbers(setup, name), name)
+    notes = (*notes, *decay.notes, *checks.notes)
+    return TraceEstimates(pulse, checks, decay, tuple(dict.fromkeys(notes)))
 
 
 @dataclass(frozen=True)
@@ -114,6 +120,7 @@ class SampleEstimate(Comparable):
     errors: ModelErrors = field(default=NOT_COMPARED, metadata=INLINE)
     pulse_shape: PulseShapeEstimate = NO_SHAPE
     contact_law: ContactLaw = NO_LAW  # of hammer and sample as free bodies
+    checks: Checks = NO_CHECKS
     free_decay: FreeDecayEstimate = NO_DECAY
     identifications: tuple[FittedModel, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -170,14 +177,17 @@ class SampleParts:
                 self.name, *counts, paper,
                 warnings=paper.warnings + self.warnings, notes=paper.notes + self.notes,
             )  # fmt: skip
+        checks = traces.checks
         shape, law, contact_time = traces.pulse.shape, traces.pulse.law, paper.contact_time.value
         # A law that contradicts the versed-sine says all that there is to say of the shape.
         is_said = law.is_known and law.excludes_versed_sine
         warnings = (
             None if is_said else shape.warning,
             *check_sensors(setup, contact_time),
+            check_speed(law.impact_speed, checks.stated_restitution, setup.impact_speed),
+            *checks.warnings,
             *law.warnings,
-            check_delay(self.mean, law, contact_time),
+            check_delay(self.mean, checks, contact_time),
             *paper.warnings,
             *self.warnings,
         )
@@ -189,6 +199,7 @@ class SampleParts:
             _read_errors(comparisons),
             _add_stiffness(shape, paper),
             law,
+            checks,
             traces.free_decay,
             self.models,
             tuple(filter(None, warnings)),
@@ -214,11 +225,14 @@ def _add_stiffness(shape: PulseShapeEstimate, paper: PaperEstimate) -> PulseShap
 
 
 def look_at_model(
-    name: str, mean: MeanHit, setup: RigSetup
+    name: str, mean: MeanHit, setup: RigSetup, hold: str
 ) -> tuple[tuple[FittedModel, ...], tuple[str, ...]]:
     """Return the model fitted to the mean traces of a sample, and why it says nothing."""
     if mean.traces.shape[0] <= 1:
         return (), ()
+    if hold == Hold.FREE.value:
+        note = "identification: not determined, since the sample is free: it is on no spring"
+        return (), (note,)
     try:
         model = fit_model(mean, setup, name)
     except RigError as error:
@@ -277,10 +291,10 @@ def _read_errors(comparisons: Sequence[ModelComparison]) -> ModelErrors:
     )
 
 
-def check_delay(mean: MeanHit, law: ContactLaw, contact_time: float) -> str | None:
+def check_delay(mean: MeanHit, checks: Checks, contact_time: float) -> str | None:
     """Warn unless hammer and sample, if it is free, pass half of their momenta at one time."""
     # A spring takes part of the momentum to its support.
-    if not (law.is_known and math.isclose(law.momentum_ratio.value, 1.0, abs_tol=0.1)):
+    if not math.isclose(checks.momentum_ratio.value, 1.0, abs_tol=0.1):
         return None
     pulse, rate = measure_pulse(mean.traces[0]), mean.sampling_rate
     reach = pulse.half_amplitude_width

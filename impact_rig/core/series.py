@@ -197,6 +197,8 @@ class HitSeries:
         found: dict[Reason, dict[int, str]] = {}
         for place in kept:
             for item in self._hits[place].findings:
+                if item.reason is Reason.OTHER_SAMPLE:
+                    continue  # it is asked of the series as a whole
                 found.setdefault(item.reason, {})[place] = item.explanation
         corrected: list[str] = []
         doubtful: list[str] = []

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import chain
 
+from impact_rig.core.checks import ask_for_mass
 from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.hits import (
     NO_OVERRULES,
@@ -99,7 +100,7 @@ class Session:
         """
         self._modelled = ()
         judged = judge_hit(record, self.setup.analysis, self.setup.responses)
-        hit = replace(judged, origin=record.origin)
+        hit = ask_for_mass(replace(judged, origin=record.origin), self.setup)
         series = self._series.setdefault(hit.label.sample, HitSeries())
         hit = overrule_hit(series.check(hit), self._overrules)
         series.add(hit)
@@ -230,7 +231,9 @@ class Session:
             return None
         parts = replace(parts, traces=self._traces[name][1])
         if with_model and not self.setup.find_unknown_masses(name):
-            models, notes = look_at_model(name, parts.mean, setup)
+            models, notes = look_at_model(
+                name, parts.mean, setup, self._traces[name][1].checks.hold
+            )
             parts = replace(parts, models=models, model_notes=notes)
         return parts
 

@@ -41,6 +41,7 @@ class Reason(Enum):
     OTHER_KIND = "other_kind"
     POLARITY = "polarity"
     INCONSISTENT = "inconsistent"
+    OTHER_SAMPLE = "other_sample"
     OPERATOR = "operator"
 
 

@@ -27,6 +27,8 @@ def hit_results_from_msg(message: msg.Impact) -> HitResults:
         contact_time=message.contact_time,
         hammer_peak=message.hammer_peak,
         specimen_peak=message.specimen_peak,
+        sample_mass=message.sample_mass,
+        findings=tuple(message.findings),
         origin=origin_from_msg(message),
     )
 

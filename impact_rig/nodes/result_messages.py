@@ -43,6 +43,8 @@ def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
         contact_time=judged.contact_time,
         hammer_peak=judged.hammer_peak,
         specimen_peak=judged.specimen_peak,
+        sample_mass=judged.sample_mass,
+        findings=[str(finding) for finding in judged.findings],
     )
     identity.fill(message)
     message.header.stamp = stamp_to_msg(judged.stamp)

@@ -10,11 +10,19 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
+from impact_rig.core.checks import NO_CHECKS
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.hits import JudgedHit
 from impact_rig.core.paper_estimate import PEAK, TIME, PaperEstimate
 from impact_rig.core.paper_method import CONTACT_TIME, HammerEstimate
-from impact_rig.core.quantity import INLINE, UNKNOWN, Comparable, Quantity, drop_internals
+from impact_rig.core.quantity import (
+    INLINE,
+    UNKNOWN,
+    Comparable,
+    Quantity,
+    describe,
+    drop_internals,
+)
 from impact_rig.core.records import UNSTATED, HitLabel, Origin, join_origins
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import SessionResults
@@ -39,6 +47,8 @@ class HitResults(Comparable):
     # Largest |acceleration| after the low-pass [m/s^2]; NaN: no pulse, or not measured.
     hammer_peak: float = field(default=math.nan, metadata=PEAK)
     specimen_peak: float = field(default=math.nan, metadata=PEAK)
+    sample_mass: float = field(default=math.nan, metadata=describe("kg"))  # by its traces
+    findings: tuple[str, ...] = ()  # what was corrected, is doubted or asked, alike
     injected_faults: tuple[str, ...] = ()  # what the virtual rig did on purpose
     origin: Origin = field(default=UNSTATED, metadata=INLINE)
 
@@ -135,6 +145,8 @@ def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) ->
         contact_time=hit.contact_time,
         hammer_peak=hit.hammer_peak,
         specimen_peak=hit.specimen_peak,
+        sample_mass=hit.sample_mass,
+        findings=tuple(str(finding) for finding in hit.findings),
         injected_faults=injected_faults,
         origin=hit.origin,
     )
@@ -150,6 +162,7 @@ def drop_scale(results: Results) -> Results:
             sample,
             paper=replace(_drop_peaks(sample.paper), peak_force=UNKNOWN),
             contact_law=_drop_scale_of_law(sample.contact_law),
+            checks=NO_CHECKS,
         )
         for sample in results.samples
     )

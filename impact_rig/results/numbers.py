@@ -15,7 +15,7 @@ MEGA = 1e-6
 """N/m to MN/m."""
 SCALES = {
     "": 1.0, "%": 1.0, "µs": MICRO, "µm": MICRO, "µJ": MICRO, "MN/m": MEGA, "N s/m": 1.0, "N": 1.0,
-    "m/s²": 1.0, "cm/s": 1e2, "kHz": 1e-3,
+    "m/s²": 1.0, "cm/s": 1e2, "kHz": 1e-3, "mN s": 1e3, "g": 1e3,
 }  # fmt: skip
 """From SI units to the units of tables."""
 SMALLEST_ERROR = 1e-4

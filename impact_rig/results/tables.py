@@ -7,6 +7,7 @@ from operator import attrgetter
 from typing import Any
 
 from impact_rig.core.fitted_model import FittedModel
+from impact_rig.core.momenta import Hold
 from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import ShapeFit
@@ -371,6 +372,7 @@ def tabulate_checks(samples: Sequence[SampleEstimate]) -> list[Table]:
     return [
         *tabulate_pulse_shapes(samples),
         *tabulate_contact_laws(samples),
+        *tabulate_momenta(samples),
         *tabulate_free_decays(samples),
         *tabulate_identifications(samples),
     ]
@@ -448,13 +450,11 @@ def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
         ("n", "exponent", 3),
         ("Duration [µs]", "duration", 2),
         ("e", "restitution", 3),
-        ("e, by v1", "stated_restitution", 3),
         ("v [cm/s]", "impact_speed", 2),
         ("Force [N]", "peak_force", 1),
         ("Indentation [µm]", "peak_indentation", 2),
         ("Energy lost [µJ]", "energy_loss", 1),
         ("k, linear [MN/m]", "equivalent_stiffness", 2),
-        ("m2Δv2/m1Δv1", "momentum_ratio", 3),
         ("It leaves [%]", "residual_percent", 2),
     )
     columns = [
@@ -467,13 +467,40 @@ def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
     ]
     note = (
         "F = k δⁿ and a loss between two free bodies, fitted to the mean hammer pulse; n = 3/2 is"
-        " Hertz, 1 a linear spring; duration: first touch to separation; e: restitution; by v1: by"
-        " the impact speed that is stated, whatever the law is; k, linear: of the spring with this"
+        " Hertz, 1 a linear spring; duration: first touch to separation; e: restitution;"
+        " k, linear: of the spring with this"
         " duration. v, force, indentation and energy go with the"
         " gain of the hammer's channel, exact where the rig file states no uncertainty of it. It"
         " leaves: RMS of the rest, over the peak."
     )
     return list_table("Contact law", columns, [note, *remarks])
+
+
+def tabulate_momenta(samples: Sequence[SampleEstimate]) -> list[Table]:
+    """Return what momenta say without any law."""
+    known = [sample for sample in samples if sample.checks.impulse.is_known]
+    checks = [sample.checks for sample in known]
+    columns = [
+        make_text_column("Sample", [sample.name for sample in known]),
+        read_column("J [mN s]", checks, "impulse", 2, is_optional=True),
+        read_column("m2Δv2/m1Δv1", checks, "momentum_ratio", 3),
+        read_column("m2, traces [g]", checks, "traced_mass", 1),
+        read_column("m2, stated [g]", checks, "stated_mass", 1),
+        read_column("e, by v1", checks, "stated_restitution", 3),
+        read_column("e, both bodies", checks, "separation_restitution", 3, is_optional=True),
+        make_text_column("Sample is", [HELD.get(item.hold, "") for item in checks]),
+    ]
+    note = (
+        "By integrating both traces over the contact, whatever its law is. J: impulse."
+        " m2Δv2/m1Δv1: 1 for free bodies, right masses and gains. m2: with the accelerometer; on a"
+        " spring by Newton's law over the contact. e, by v1: J / (m_eq v1) - 1; both bodies:"
+        " (Δv1 + Δv2) / v1 - 1; v1: the impact speed that is stated."
+    )
+    return list_table("Momenta", columns, [note])
+
+
+HELD = {Hold.FREE.value: "free", Hold.SPRING.value: "on a spring", Hold.UNCLEAR.value: "neither"}
+"""What holds the sample, as it is printed; not known: nothing."""
 
 
 def tabulate_speed_exponents(

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from impact_rig.core.checks import NO_CHECKS
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.filtering import respond, restore_level
 from impact_rig.core.hits import MeanHit
@@ -202,7 +203,7 @@ def test_what_is_a_sensors_is_taken_from_every_part():
         second_peak_time=1.0 / 20e3,
     )  # fmt: skip
     (decay,) = ring([20e3]).values()
-    traces = TraceEstimates(UNSEEN, decay, ())
+    traces = TraceEstimates(UNSEEN, NO_CHECKS, decay, ())
     parts = SampleParts(NAMES[0], 0, mean, paper, HammerEstimate(), traces=traces)
     found = parts.without_ringing(20e3, PAPER_SETUP)
     assert not found.paper.damping_ratio.is_known

@@ -60,7 +60,7 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path):
     path = tmp_path / "results.json"
     write_results(path, RESULTS)
     content = json.loads(path.read_text())
-    assert content["format"] == {"name": "impact-rig results", "version": 8}
+    assert content["format"] == {"name": "impact-rig results", "version": 9}
     assert (content["origin"], content["origin_source"]) == ("simulated", "virtual rig")
     assert {"stiffness_n_per_m", "damping_coefficient_n_s_per_m"} <= set(content["hammer"])
     assert {
@@ -79,6 +79,8 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path):
             "contact_time_s": None,
             "hammer_peak_m_per_s2": None,
             "specimen_peak_m_per_s2": None,
+            "sample_mass_kg": None,
+            "findings": [],
             "injected_faults": ["weak_hit"],
             "origin": "simulated",
             "origin_source": "virtual rig",
@@ -120,7 +122,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
             "impacts_accepted is .three.: it must be a whole",
         ),
         (("samples", 0, "contact_time_u_s"), -1e-9, "u_s is -1e-09: an uncertainty must not be"),
-        (("format", "version"), 7, "version 7; this program reads version 8"),
+        (("format", "version"), 7, "version 7; this program reads version 9"),
         (("format", "name"), "a cake recipe", "is not a results file"),
         (("hits",), "none", "hits must be a list"),
     ],

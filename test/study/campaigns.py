@@ -25,6 +25,7 @@ from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.contact import make_nominal_contact
+from impact_rig.devices.virtual.plants import make_published_model
 from impact_rig.devices.virtual.rig import DigitizerSettings, VirtualRig, VirtualRigSettings
 
 HITS = 10
@@ -116,6 +117,8 @@ def compute_truth(plant: Plant, setup: RigSetup, name: str) -> dict[str, float]:
         return estimate_equivalent_stiffness(mass, samples.find(other).reference_contact_time)
 
     k2, c2 = sample.reference_stiffness, sample.reference_damping_coefficient
+    if plant is Plant.PUBLISHED:
+        c2 = make_published_model(setup, name).specimen.damping_coefficient
     hammer = estimate_hammer_stiffness(stiffen(samples.control_sample))
     return {
         TAU: sample.reference_contact_time,

@@ -1,0 +1,291 @@
+"""What both traces of a sample say without any law of contact: momenta, mass, restitution."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from impact_rig.core.equations import UncertainNumber
+from impact_rig.core.hits import JudgedHit, MeanHit
+from impact_rig.core.momenta import (
+    Hold,
+    Passage,
+    find_contact,
+    find_odd_hits,
+    follow_momentum,
+    name_hits,
+    restore_levels,
+    weigh_sample,
+)
+from impact_rig.core.pulse_width import measure_pulse
+from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
+from impact_rig.core.sensors import CHANNELS
+from impact_rig.core.setup import RigSetup
+from impact_rig.core.tail import ZERO_AFTER
+from impact_rig.core.uncertainty import (
+    LEAST_HITS,
+    ONE_HIT,
+    Known,
+    RigNumbers,
+    make_ensemble,
+    make_input,
+)
+from impact_rig.core.verdict import Finding, Reason
+
+BALANCED = 0.01
+"""Difference of a momentum ratio from 1 that is nothing odd [-], our choice."""
+SPEED_UNCERTAINTY = 0.01
+"""Standard uncertainty of a stated impact speed [-], our choice: no rig file gives one."""
+NEAR_SLIP = 0.05
+"""Difference from the ratio of a usual slip [-], our choice."""
+
+
+@dataclass(frozen=True)
+class Checks(Comparable):
+    """What momenta say of one sample, whatever the contact is; NaN: not determined."""
+
+    # m2 dv2 / (m1 dv1) [-]: 1 for two free bodies, right masses and right gains
+    momentum_ratio: Quantity = field(
+        default=UNKNOWN, metadata=describe("", "m2Δv2/m1Δv1", "momentum ratio")
+    )
+    # m1 dv1 [N s]
+    impulse: Quantity = field(
+        default=UNKNOWN, metadata=describe("N s", "J", "impulse", shown="mN s")
+    )
+    # J / (m_eq v1) - 1 by the impact speed that is stated [-]
+    stated_restitution: Quantity = field(
+        default=UNKNOWN, metadata=describe("", "J/(m v1) - 1", "restitution by the stated speed")
+    )
+    # (dv1 + dv2) / v1 - 1 by the same speed [-]: of both bodies, without their masses
+    separation_restitution: Quantity = field(
+        default=UNKNOWN, metadata=describe("", "(Δv1+Δv2)/v1 - 1", "restitution by both bodies")
+    )
+    # m2 with its accelerometer, by the traces [kg]
+    traced_mass: Quantity = field(
+        default=UNKNOWN, metadata=describe("kg", "m2", "mass by the traces", shown="g")
+    )
+    stated_mass: float = field(default=math.nan, metadata=describe("kg"))  # the same, stated
+    # Mean velocity of the sample after the contact over J / m2 [-]: 0 on a spring, 1 where free
+    persistence: float = math.nan
+    hold: str = Hold.UNKNOWN.value  # what holds the sample, of `Hold`
+    warnings: tuple[str, ...] = field(default=(), metadata=INTERNAL)
+    notes: tuple[str, ...] = field(default=(), metadata=INTERNAL)
+
+
+NO_CHECKS = Checks()
+"""Where nothing was integrated."""
+
+
+def check_momenta(mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str) -> Checks:
+    """Integrate both traces of a sample's hits; hold them against masses and impact speed."""
+    chains, rate = setup.find_chains(mean.sampling_rate), mean.sampling_rate
+    stated = setup.samples.get_moving_mass(sample)
+    contact = find_contact(mean.traces[0], measure_pulse(mean.traces[0]), chains[0])
+    if contact is None:
+        note = "momenta: not determined, since the record does not hold all of the pulse"
+        return Checks(stated_mass=stated, notes=(note,))
+    restored = restore_levels(mean, chains)
+    whole = follow_momentum(restored.traces, contact, rate)
+    each = [follow_momentum(cut, contact, rate) for cut in restored.cut_hits()]
+    reading = _Reading(setup, rig, mean, sample)
+    found = reading.state(whole, each, _find_zero_parts(restored, contact))
+    if whole.hold is Hold.SPRING:
+        note = (
+            "momenta: the sample is held, after the contact a spring brings it to rest: they do"
+            " not balance, and e by v1 is that of free bodies"
+        )
+        return replace(found, notes=(note,))
+    if whole.hold is Hold.UNCLEAR:
+        note = (
+            f"momenta: after the contact the sample moves on at {whole.persistence:.2f} of the"
+            " velocity of a free one, neither 0 as on a spring nor 1: its mass is not told, nor"
+            " whether the gains are right"
+        )
+        return replace(found, notes=(note,))
+    return replace(found, warnings=(*found.warnings, *_check_hits(mean, each)))
+
+
+def _find_zero_parts(mean: MeanHit, contact: slice) -> tuple[float, ...]:
+    """Return what the zeros' uncertainties make of both changes of velocity [-]."""
+    sums = np.abs(mean.traces[:, contact].sum(axis=1)) / mean.traces[:, contact].shape[1]
+    return tuple((mean.zero_uncertainty[: sums.size] / sums).tolist())
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """How changes of velocity become numbers with their uncertainty."""
+
+    setup: RigSetup
+    rig: RigNumbers
+    mean: MeanHit
+    sample: str
+
+    def state(self, whole: Passage, each: Sequence[Passage], zeros: tuple[float, ...]) -> Checks:
+        """Return the checks of a mean hit."""
+        rig, speed = self.rig, self.setup.impact_speed
+        hammer, ratio, mass = self._make_numbers(whole, each, zeros)
+        stated = self.setup.samples.get_moving_mass(self.sample)
+        m1, m2 = rig.hammer_mass, rig.moving_mass
+        hammer_speed = hammer * rig.clock * rig.gains[0]
+        number = make_input("stated impact speed", speed, SPEED_UNCERTAINTY * np.nan_to_num(speed))
+        has_sample, is_free = whole.has_sample, whole.hold is not Hold.SPRING
+        balance = ratio * m2 / m1
+        gained = ratio * hammer * rig.clock * rig.gains[1]
+        found = Checks(
+            impulse=self._state(m1 * hammer_speed),
+            stated_restitution=self._state(hammer_speed * (m1 + m2) / (m2 * number) - 1.0)
+            if is_free
+            else UNKNOWN,
+            stated_mass=stated,
+            persistence=whole.persistence,
+            hold=whole.hold.value,
+        )
+        if not has_sample:
+            return found
+        traced = self._state(m1 * mass * rig.gains[0] / rig.gains[1])
+        checked = replace(found, traced_mass=traced)
+        if is_free:
+            checked = replace(
+                checked,
+                momentum_ratio=self._state(balance * rig.gains[1] / rig.gains[0]),
+                separation_restitution=self._state((hammer_speed + gained) / number - 1.0),
+            )
+        question = check_mass(traced, stated)
+        if question is None and whole.hold in {Hold.FREE, Hold.UNKNOWN}:
+            question = self._check_balance(balance)
+        return replace(checked, warnings=(question,) if question else ())
+
+    def _make_numbers(
+        self, whole: Passage, each: Sequence[Passage], zeros: tuple[float, ...]
+    ) -> tuple[UncertainNumber, UncertainNumber, UncertainNumber]:
+        """Return dv1 [m/s], dv2 / dv1 [-] and m2 / m1 [-] as the hits scatter."""
+        count, scatter = len(each), np.zeros((3, 3))
+        if count >= LEAST_HITS:
+            # What was not measured does not scatter.
+            rows = np.nan_to_num([item.figures for item in each])
+            scatter = np.cov(rows, rowvar=False, ddof=1) / self.mean.count
+        source = f"scatter of the hits on {self.sample}"
+        hammer, ratio, mass = make_ensemble(source, whole.figures, scatter, max(count - 1, 1))
+        lost = [make_input(ZERO_AFTER, 1.0, part) for part in zeros]
+        if len(lost) > 1:
+            ratio, mass = ratio * lost[1] / lost[0], mass * lost[0] / lost[1]
+        return hammer * lost[0], ratio, mass
+
+    def _state(self, number: UncertainNumber) -> Quantity:
+        if not math.isfinite(number.x):
+            return UNKNOWN
+        reasons = (ONE_HIT,) if len(self.mean.hits) < LEAST_HITS else ()
+        return Known(number, reasons).state()
+
+    def _check_balance(self, balance: UncertainNumber) -> str | None:
+        """Warn of momenta that do not balance, by what is known of the gains, not assumed."""
+        hammer, sample = (
+            gain if self.setup.find_sensor(channel).sensitivity_uncertainty else 1.0
+            for channel, gain in zip(CHANNELS, self.rig.gains, strict=True)
+        )
+        balance = balance * sample / hammer
+        ratio = self._state(balance)
+        away = abs(ratio.value - 1.0)
+        if not away > max(np.nan_to_num(ratio.expanded), BALANCED):
+            return None
+        return (
+            "the momenta do not balance: a gain, a mass or the zero after the impact is wrong, a"
+            " trace is clipped, or the sample is not free or rings"
+            f" (m2Δv2/m1Δv1 is {ratio.value:.3f} ± {np.nan_to_num(ratio.expanded):.3f})"
+        )
+
+
+def ask_for_mass(hit: JudgedHit, setup: RigSetup) -> JudgedHit:
+    """Return a hit with the sample's mass by its traces, and the question if it is another's."""
+    if hit.filtered is None:
+        return hit
+    ratio = weigh_sample(hit.filtered, setup.find_chains(hit.filtered.sampling_rate))
+    mass, stated = ratio * setup.hammer_mass, setup.samples.get_moving_mass(hit.label.sample)
+    hit = replace(hit, sample_mass=mass)
+    if not is_other_mass(mass, stated):
+        return hit
+    question = Finding(Reason.OTHER_SAMPLE, ask_for_sample(mass, stated), is_harmless=True)
+    return replace(hit, findings=(*hit.findings, question))
+
+
+def check_mass(traced: Quantity, stated: float) -> str | None:
+    """Ask whether a sample is the stated one [kg] that moves as if it were another."""
+    if not is_other_mass(traced.value, stated, float(np.nan_to_num(traced.expanded))):
+        return None
+    return ask_for_sample(traced.value, stated)
+
+
+def is_other_mass(traced: float, stated: float, expanded: float = 0.0) -> bool:
+    """Tell whether two masses [kg] are of two samples.
+
+    Two gains that are 5 % off make a seventh: by more than that, and the uncertainty, our choice.
+    """
+    return abs(traced - stated) > max(0.15 * stated, expanded)
+
+
+def ask_for_sample(traced: float, stated: float) -> str:
+    """Return the question whether the right sample is struck, by its masses [kg]."""
+    return (
+        f"the sample moves as {traced * 1e3:.3g} g would, accelerometer included, where"
+        f" {stated * 1e3:.3g} g are stated: is it the one that was asked for, and are masses and"
+        " sensitivities right"
+    )
+
+
+def _check_hits(mean: MeanHit, each: Sequence[Passage]) -> tuple[str, ...]:
+    """Warn of hits whose momentum ratio is not that of the others."""
+    ratios = np.array([item.sample_change / item.hammer_change for item in each])
+    if not np.all(np.isfinite(ratios)):
+        return ()
+    odd = find_odd_hits(mean, ratios / np.median(ratios), BALANCED)
+    if not odd:
+        return ()
+    told = (
+        f"the momenta of {name_hits(odd)} balance otherwise than the others': a gain that changed,"
+        " a trace that is clipped or does not come back to zero, or a sample that was held"
+    )
+    return (told,)
+
+
+SLIPS = {
+    2.0: "a sampling rate that is stated twice or half as high",
+    9.81: "g read as m/s², or the reverse",
+    10.0: "a gain of ten, or cm/s read as mm/s",
+    1000.0: "mV read as V, or mm as m",
+}
+"""Usual slips, by how many times the stated speed v is by them, or the reverse."""
+
+
+def check_speed(speed: Quantity, restitution: Quantity, stated: float) -> str | None:
+    """Warn of a law's impact speed that is not the stated one [m/s], beyond both uncertainties.
+
+    Without a law the bodies' e by the stated speed must lie between 0 and 1.
+    """
+    if speed.is_known and math.isfinite(stated):
+        low = high = speed.value / stated
+        apart = abs(speed.value - stated) - np.nan_to_num(speed.expanded)
+        is_other = apart > 2.0 * SPEED_UNCERTAINTY * stated
+    elif restitution.is_known:
+        # Without loss the impulse is twice m v1, with e = 0 it is m v1.
+        high = 1.0 + restitution.value
+        low = high / 2.0
+        is_other = abs(restitution.value - 0.5) > 0.5 + restitution.expanded
+    else:
+        return None
+    if not is_other:
+        return None
+    near = [
+        (abs(math.log(ratio**2 / (low * high))), text)
+        for slip, text in SLIPS.items()
+        for ratio in (slip, 1.0 / slip)
+        if (1.0 - NEAR_SLIP) * low < ratio < (1.0 + NEAR_SLIP) * high
+    ]
+    why = "the sensitivity of a sensor, a mass, or that speed"
+    if near:
+        why = min(near)[1] + (f", or {why}" if low < high else "")
+    shown = f"{low:.3g}" if low == high else f"{low:.2g} to {high:.2g}"
+    return (
+        f"by the traces the impact speed is {shown} times the {100.0 * stated:.4g} cm/s that are"
+        f" stated: {why}"
+    )
