@@ -22,6 +22,7 @@ PARTS = {
     "read": ("recording", "Reading a recording, beside mcap.reader doing nothing"),
     "stream": ("stream", "The running stream through three processes, two channels"),
     "fuzz": ("damage", "Damaged files of every format: no hang, no crash, memory bounded"),
+    "foreign": ("foreign", "A stranger on all topics and services, beside a campaign"),
     "faults": ("faults", "A fault in each campaign: no hit lost or double, all told"),
     "study": ("study", "The estimators where the truth is known; asked is what chance leaves"),
 }
