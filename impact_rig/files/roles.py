@@ -136,7 +136,7 @@ def _choose_hammers(candidates: Channels) -> list[MeasuredChannel]:
     forces = [channel for channel in candidates if _get_kind(channel) is Kind.FORCE]
     found = [channel for channel in candidates if says_hammer(channel.name)]
     if len(found) > 1:  # a hammer with two sensors is measured by its force
-        found = [channel for channel in found if channel in forces] or found
+        found = [channel for channel in found if _get_kind(channel) is Kind.FORCE] or found
     found = found or [channel for channel in forces if not says_sample(channel.name)]
     if len(found) > 1:
         groups = _group(candidates)
@@ -153,9 +153,11 @@ def _choose_hammers(candidates: Channels) -> list[MeasuredChannel]:
 
 
 def _list_pair(candidates: Channels) -> list[MeasuredChannel]:
-    """Return the accelerations if there are two or more, else all."""
+    """Return the accelerations if nothing else was taken with them, else all."""
     moved = [channel for channel in candidates if _get_kind(channel) is Kind.ACCELERATION]
-    return moved if len(moved) > 1 else [*candidates]
+    rest = [channel for channel in candidates if _get_kind(channel) is not Kind.ACCELERATION]
+    is_alone = len(moved) > 1 and not any(_fits(moved[0], channel) for channel in rest)
+    return moved if is_alone else [*candidates]
 
 
 def _is_by_place(candidates: Channels) -> bool:

@@ -588,7 +588,8 @@ def _collect_statements(above: Sequence[str], style: Style) -> dict[str, list[st
             statements[ORIGIN] = [line.removeprefix(ORIGIN_MARK)]
             continue
         text = line.lstrip(BLANKS_AND_MARKS)
-        cells = Style(style.delimiter or ",").split(text)
+        delimiter = style.delimiter or next((sign for sign in ";\t" if sign in text), ",")
+        cells = Style(delimiter).split(text)
         _add_statement(statements, cells)
         for cell in cells:
             name, _, value = cell.partition("=" if "=" in cell else ":")
