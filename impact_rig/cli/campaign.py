@@ -43,28 +43,30 @@ class CampaignView:
         """Take the bar away."""
         self._progress.stop()
 
-    def follow(self, feedback: Any) -> None:
-        """Show one feedback of the campaign action."""
-        place = f"sample {feedback.sample_number} of {feedback.sample_count}: {feedback.sample}"
-        if feedback.sample != self._sample:
-            self._sample = feedback.sample
+    def follow(self, campaign: Any) -> None:
+        """Show what the campaign does now."""
+        names = [count.sample for count in campaign.counts]
+        number = names.index(campaign.sample) if campaign.sample in names else 0
+        place = f"sample {number + 1} of {len(names)}: {campaign.sample}"
+        if campaign.sample != self._sample:
+            self._sample = campaign.sample
             if self._progress.disable:
                 self._print(place)
-        if feedback.last.record not in (0, self._record):
-            self._record = feedback.last.record
-            if not feedback.last.accepted:
-                self._print(_describe_rejection(feedback.last))
-        if feedback.message != self._pause:
-            self._pause = feedback.message
+        if campaign.last.record not in (0, self._record):
+            self._record = campaign.last.record
+            if not campaign.last.accepted:
+                self._print(_describe_rejection(campaign.last))
+        if campaign.message != self._pause:
+            self._pause = campaign.message
             paused = Text.assemble(("paused", ALARM), f": {self._pause}")
             self._print(paused if self._pause else "the campaign goes on")
         # Accepted hits are counted: the next one is under way.
-        total = feedback.sample_count * feedback.impacts
-        done = (feedback.sample_number - 1) * feedback.impacts + feedback.impact
-        hit = min(feedback.impact + 1, feedback.impacts)
-        text = f"{place}, hit {hit} of {feedback.impacts}" if done < total else "estimating"
-        if feedback.rejected:
-            text += f", {feedback.rejected} rejected"
+        total = len(names) * campaign.impacts
+        done = number * campaign.impacts + campaign.impact
+        hit = min(campaign.impact + 1, campaign.impacts)
+        text = f"{place}, hit {hit} of {campaign.impacts}" if done < total else "estimating"
+        if rejected := sum(count.rejected for count in campaign.counts):
+            text += f", {rejected} rejected"
         self._progress.update(self._task, description=text, total=total, completed=done)
 
     def mount(self, sample: str) -> None:

@@ -11,11 +11,12 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import HammerState, Impact, SampleCount
+from impact_rig_msgs.msg import CampaignState, HammerState, Impact, SampleCount
 from impact_rig_msgs.msg import RigSetup as RigSetupMessage
 from impact_rig_msgs.srv import Arm, ConfirmSample, GetResults, JoinCampaign, Release, SetAngle
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
+from rclpy.duration import Duration
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import load_rig_file
@@ -42,7 +43,7 @@ DISPLAY_TIMEOUT = 1.0
 
 
 class State(IntEnum):
-    """What a campaign does, numbered as in the feedback of the action `RunCampaign`."""
+    """What a campaign does, numbered as in the message `CampaignState`."""
 
     JOINING = 0
     COUNTING = 1
@@ -52,6 +53,18 @@ class State(IntEnum):
     STRIKING = 5
     DISARMING = 6
     COMPLETE = 7
+    ENDED = 8
+
+
+class Task(IntEnum):
+    """What a person is asked to do, numbered as in the message `CampaignState`."""
+
+    NOTHING = 0
+    MOUNT = 1
+    PUT_BACK = 2
+    LET_GO = 3
+    ARM = 4
+    RESUME = 5
 
 
 TRANSITIONS: Mapping[State, tuple[State, ...]] = {
@@ -69,22 +82,23 @@ TRANSITIONS: Mapping[State, tuple[State, ...]] = {
     State.STRIKING: (State.COUNTING, State.DISARMING),
     State.DISARMING: (State.JOINING,),
     State.COMPLETE: (),
+    State.ENDED: (),
 }
 """From which state a campaign goes where. A fault in a strike leads to DISARMING, any other to
-PAUSED, and both lead back to the top; an end with a reason is possible in every state."""
+PAUSED, and both lead back to the top; ENDED, with a reason, is possible in every state."""
 
 
 @dataclass
 class Campaign:
-    """A campaign that is under way, with its feedback."""
+    """A campaign that is under way, with its state."""
 
     handle: ServerGoalHandle
     setup: RigSetupMessage  # with id and plan: enough to go on with the campaign
-    feedback: RunCampaign.Feedback = field(default_factory=RunCampaign.Feedback)
+    show: Callable[..., None]  # publishes the fields of the state
+    state: CampaignState = field(default_factory=CampaignState)
     stream_id: bytes = NO_ID
     recording: str = ""
     has_armed: bool = False
-    mounted: str = ""
     hit: dict[str, Any] = field(default_factory=dict)  # the next one's label
     newest_record: int = 0
     verdict: Impact = field(default_factory=Impact)
@@ -93,6 +107,9 @@ class Campaign:
     stands_since: float = math.inf  # no hit since [s], by the monotonic clock
     stumbled_at: float = math.inf  # when the newest strike failed [s], by the same; inf: not
     paused_for: str = ""  # why the last pause took the enable back
+    is_announced: bool = False  # who listens knows its id, or could not be asked
+    is_held: bool = False  # a person wants a pause
+    is_superseded: bool = False  # another client goes on with it
 
     @cached_property
     def find_sample(self) -> Callable[[str], Sample]:
@@ -100,19 +117,46 @@ class Campaign:
         return setup_from_msg(self.setup).samples.find
 
     def publish(self, **fields: Any) -> None:
-        """Publish the feedback with some fields changed."""
+        """Publish the state with some fields changed."""
         for name, value in fields.items():
-            setattr(self.feedback, name, value)
-        self.handle.publish_feedback(self.feedback)
+            setattr(self.state, name, value)
+        if self.is_announced:
+            self.show(**{name: getattr(self.state, name) for name in FIELDS})
+        self.handle.publish_feedback(RunCampaign.Feedback(campaign=self.state))
 
     @property
     def is_cancelled(self) -> bool:
         """Whether the client has cancelled the campaign."""
         return bool(self.handle.is_cancel_requested)
 
+    @property
+    def is_to_end(self) -> bool:
+        """Whether nothing is waited for any more."""
+        return self.is_cancelled or self.is_superseded
+
+
+FIELDS = [
+    name
+    for name in CampaignState.get_fields_and_field_types()
+    if name not in ("header", "campaign_id")
+]
+"""Of the state, those that are not the same for all messages."""
+
+
+class ArmingError(DeviceError):
+    """The campaign pauses until a person has armed the hammer."""
+
+
+class HeldError(DeviceError):
+    """The campaign pauses because a person wants it."""
+
 
 class EndError(RigError):
     """The campaign ends here, with a reason."""
+
+
+TASKS: Mapping[type[DeviceError], Task] = {ArmingError: Task.ARM, HeldError: Task.RESUME}
+"""What a pause asks of a person, by what it is for."""
 
 
 class CampaignNode(RigNode):
@@ -136,6 +180,9 @@ class CampaignNode(RigNode):
         self._setup = self.advertise(interfaces.SETUP)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
         self.listen(interfaces.IMPACT.unread, self._on_impact)
+        self._publish_state = self.advertise_state(interfaces.CAMPAIGN_STATE)
+        self.create_service(Trigger, interfaces.PAUSE_CAMPAIGN, self._on_pause)
+        self.create_service(Trigger, interfaces.RESUME_CAMPAIGN, self._on_resume)
         self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._on_confirm_sample)
         names = ("recorder", "accelerometer", "estimator", "hammer", "visualizer")
         self._joins = {
@@ -174,47 +221,55 @@ class CampaignNode(RigNode):
     def activate(self) -> None:
         """Publish the set-up, so that the rig's other nodes know what it is."""
         self._setup.publish(messages.setup_to_msg(self._setup_of_rig, Time()))
+        if self._campaign is None:
+            self._publish_state(state=State.ENDED)
 
     # The states.
 
     async def _run(self, campaign: Campaign) -> None:
-        state = State.JOINING
+        state, task = State.JOINING, Task.NOTHING
         while state is not State.COMPLETE:
-            campaign.publish(state=int(state))
+            campaign.publish(state=state, task=task, until=Time())
             self._check_end(campaign)
             try:
+                if campaign.is_held and state in (State.JOINING, State.COUNTING):
+                    raise HeldError("a person wants a pause: to go on, call campaign/resume")
                 following = await self._work[state](campaign)
+                if following not in (State.JOINING, State.COUNTING):
+                    task = Task.NOTHING  # what was asked for in a pause is done
             except DeviceError as error:
                 self._check_end(campaign)
-                if campaign.feedback.message != str(error):
+                if campaign.state.message != str(error):
                     self.get_logger().warning(str(error))
-                campaign.feedback.message = str(error)
-                following = State.PAUSED
+                campaign.state.message = str(error)
+                campaign.is_announced = True
+                following, task = State.PAUSED, TASKS.get(type(error), Task.NOTHING)
                 if state is State.STRIKING:
                     following, campaign.stumbled_at = State.DISARMING, time.monotonic()
             if following not in TRANSITIONS[state]:
                 raise RuntimeError(f"no way leads from {state.name} to {following.name}")
             state = following
-        campaign.publish(state=int(state))
 
     def _check_end(self, campaign: Campaign) -> None:
         """Raise `EndError` if the client, this node's end or a long pause ends the campaign."""
         if campaign.is_cancelled:
             raise EndError("cancelled by the operator")
+        if campaign.is_superseded:
+            raise EndError("another client goes on with it")
         if self.stop_requested.done():
             raise EndError("the campaign node has been stopped")
         limit = float(self.get_value("pause_timeout"))
         if limit and time.monotonic() - campaign.stands_since > limit:
-            reason = campaign.feedback.message
+            reason = campaign.state.message
             raise EndError(f"the pause took longer than {limit:g} s: {reason}")
 
     async def _join_nodes(self, campaign: Campaign) -> State:
         """Ask every node to take part, and whether it is ready; then arm the hammer, once."""
         # Who joins publishes its state, which those take that have joined before: the hammer needs
         # those of all others, and by the accelerometers' id the others know the running stream.
-        self.membership.join(Identity(id_from_msg(campaign.setup.campaign_id)))
         if campaign.stream_id == NO_ID:
             await self._announce(campaign)
+            campaign.is_announced = True
         await self._join_node(campaign, "hammer")
         answer = await self._join_node(campaign, "accelerometer")
         campaign.stream_id = id_from_msg(answer.stream_id)
@@ -258,7 +313,7 @@ class CampaignNode(RigNode):
                 announced=announced,
             ),
             RESULTS_TIMEOUT if is_reading else ANSWER_TIMEOUT,
-            lambda: campaign.is_cancelled or not client.service_is_ready(),
+            lambda: campaign.is_to_end or not client.service_is_ready(),
         )
         if not answer.success:
             raise DeviceError(answer.message)
@@ -276,17 +331,14 @@ class CampaignNode(RigNode):
             )
         campaign.newest_record = max(campaign.newest_record, ledger.newest_record)
         plan = campaign.setup.plan
-        counts = {name: SampleCount() for name in plan.samples}
+        counts = {name: SampleCount(sample=name) for name in plan.samples}
         counts |= {count.sample: count for count in ledger.counts}
         missing = [name for name in plan.samples if counts[name].accepted < plan.impacts]
         sample = missing[0] if missing else plan.samples[-1]
         campaign.publish(
             sample=sample,
-            sample_number=plan.samples.index(sample) + 1,
-            sample_count=len(plan.samples),
             impact=min(counts[sample].accepted, plan.impacts),
-            impacts=plan.impacts,
-            rejected=sum(count.rejected for count in ledger.counts),
+            counts=[counts[name] for name in plan.samples],
         )
         if not missing:
             return State.COMPLETE
@@ -300,9 +352,9 @@ class CampaignNode(RigNode):
             "impact": counts[sample].accepted + 1,
             "attempt": counts[sample].attempts + 1,
         }
-        if campaign.mounted != sample and self._is_person_needed(campaign, sample):
+        if campaign.state.mounted != sample and self._is_person_needed(campaign, sample):
             return State.WAITING_FOR_SAMPLE
-        campaign.mounted = sample
+        campaign.state.mounted = sample
         return await self._check_hammer(campaign)
 
     def _is_person_needed(self, campaign: Campaign, sample: str) -> bool:
@@ -315,7 +367,7 @@ class CampaignNode(RigNode):
                     " is asked to: let the campaign confirm the samples (--ask)"
                 )
             return False
-        mounted = campaign.mounted
+        mounted = campaign.state.mounted
         is_there = mounted and campaign.find_sample(mounted).body == wanted.body
         return not (wanted.has_angle and is_set and is_there)
 
@@ -323,7 +375,7 @@ class CampaignNode(RigNode):
         await self._wait_while_at(campaign, HammerState.SWINGING)
         hammer = self._hammer
         if hammer.armed and hammer.state == HammerState.AWAY:
-            campaign.feedback.message = (
+            campaign.state.message = (
                 "put the hammer back into its holder, then call hammer/confirm_held"
             )
             return State.WAITING_FOR_HAMMER
@@ -332,10 +384,10 @@ class CampaignNode(RigNode):
             calls = "hammer/reset and then hammer/arm" if is_stop else "hammer/arm"
             is_paused = hammer.disarmed_by == HammerState.OPERATOR and campaign.paused_for
             why = campaign.paused_for if is_paused else hammer.message
-            raise DeviceError(f"the hammer is not armed ({why}): to go on, call {calls}")
+            raise ArmingError(f"the hammer is not armed ({why}): to go on, call {calls}")
         if time.monotonic() - campaign.stumbled_at > interfaces.LEASE:
             # It was on show for so long that the campaign stands: as in a pause.
-            raise DeviceError(campaign.feedback.message)
+            raise DeviceError(campaign.state.message)
         return State.STRIKING
 
     async def _pause(self, campaign: Campaign) -> State:
@@ -347,17 +399,22 @@ class CampaignNode(RigNode):
         campaign.stands_since = min(campaign.stands_since, time.monotonic())
         campaign.stumbled_at = math.inf
         if self._hammer.armed:
-            campaign.paused_for = campaign.feedback.message
+            campaign.paused_for = campaign.state.message
             await self._call_if_there(self._disarm_hammer, Trigger.Request(), PAUSE_TIMEOUT)
             await self.wait_until(lambda: not self._hammer.armed, PAUSE_TIMEOUT)
-        hammer = self._hammer
-        await self._wait(campaign, lambda: self._hammer is not hammer, LOOK_PERIOD / self.pace)
+        hammer, was_held = self._hammer, campaign.is_held
+        await self._wait(
+            campaign,
+            lambda: self._hammer is not hammer or campaign.is_held != was_held,
+            LOOK_PERIOD / self.pace,
+        )
         return State.JOINING
 
     async def _wait_for_hammer(self, campaign: Campaign) -> State:
         """Wait until a person has put the hammer back."""
+        campaign.publish(task=Task.PUT_BACK)
         await self._wait_while_at(campaign, HammerState.AWAY)
-        campaign.feedback.message = ""
+        campaign.state.message = ""
         return State.COUNTING
 
     async def _wait_while_at(self, campaign: Campaign, place: int) -> None:
@@ -369,20 +426,22 @@ class CampaignNode(RigNode):
 
         def has_left() -> bool:
             is_at = self._hammer.armed and self._hammer.state == place
-            return not is_at or campaign.is_cancelled
+            return not is_at or campaign.is_to_end or campaign.is_held
 
         while not await self.wait_until(has_left, LOOK_PERIOD / self.pace):
             await self._join_node(campaign, "hammer")
 
     async def _wait_for_sample(self, campaign: Campaign) -> State:
         """Wait until a person has mounted the sample, and set the angle if the holder cannot."""
-        sample = campaign.find_sample(campaign.feedback.sample)
+        sample = campaign.find_sample(campaign.state.sample)
         text = ""
         if sample.has_angle and not self._hammer.sets_angle:
             text = f"set the release angle of the hammer to {format_angle(sample.release_angle)}"
-        campaign.publish(message=text)
-        await self._wait(campaign, lambda: campaign.mounted == sample.name)
-        campaign.feedback.message = ""
+        campaign.publish(message=text, task=Task.MOUNT)
+        await self._wait(
+            campaign, lambda: campaign.state.mounted == sample.name or campaign.is_held
+        )
+        campaign.state.message = ""
         return State.COUNTING
 
     async def _strike(self, campaign: Campaign) -> State:
@@ -401,6 +460,9 @@ class CampaignNode(RigNode):
             **ids, stream_id=id_to_msg(campaign.stream_id), record=record, **campaign.hit
         )
         released = await self._ask(campaign, self._release, release)
+        if released.by_hand:
+            until = self.get_clock().now() + Duration(seconds=released.latest_contact)
+            campaign.publish(task=Task.LET_GO, until=until.to_msg())
         timeout = float(self.get_value("verdict_timeout"))
         campaign.failures += 1
         campaign.paused_for = ""
@@ -414,7 +476,7 @@ class CampaignNode(RigNode):
         if verdict.accepted:
             campaign.failures = 0
         campaign.stands_since = math.inf
-        campaign.publish(last=verdict, message="")
+        campaign.publish(last=verdict, message="", task=Task.NOTHING, until=Time())
         return State.COUNTING
 
     async def _disarm_accelerometers(self, campaign: Campaign) -> State:
@@ -429,7 +491,7 @@ class CampaignNode(RigNode):
         self, campaign: Campaign, condition: Callable[[], bool], timeout: float = math.inf
     ) -> None:
         """Wait for a condition, so long, or until the client cancels the campaign."""
-        await self.wait_until(lambda: condition() or campaign.is_cancelled, timeout)
+        await self.wait_until(lambda: condition() or campaign.is_to_end, timeout)
 
     async def _ask(self, campaign: Campaign, client: Any, request: Any) -> Any:
         """Return the good answer of a node; for 10 s ask again at "later".
@@ -438,10 +500,10 @@ class CampaignNode(RigNode):
         """
         deadline = time.monotonic() + 10.0
         while True:
-            answer = await self.call(client, request, is_given_up=lambda: campaign.is_cancelled)
+            answer = await self.call(client, request, is_given_up=lambda: campaign.is_to_end)
             if answer.success:
                 return answer
-            if not answer.later or time.monotonic() > deadline or campaign.is_cancelled:
+            if not answer.later or time.monotonic() > deadline or campaign.is_to_end:
                 raise DeviceError(answer.message)
             await self.wait_until(lambda: False, 0.02)
 
@@ -464,14 +526,39 @@ class CampaignNode(RigNode):
         self, request: ConfirmSample.Request, response: ConfirmSample.Response
     ) -> ConfirmSample.Response:
         campaign = self._campaign
-        if campaign is None or campaign.feedback.state != State.WAITING_FOR_SAMPLE:
+        if campaign is None or campaign.state.state != State.WAITING_FOR_SAMPLE:
             response.message = "no campaign is waiting for a sample"
-        elif request.sample != (wanted := campaign.feedback.sample):
+        elif request.sample != (wanted := campaign.state.sample):
             response.message = f"the campaign is waiting for {wanted!r}, not {request.sample!r}"
         else:
-            campaign.mounted = request.sample
+            campaign.state.mounted = request.sample
             response.success, response.message = True, f"{request.sample} is mounted"
         self.wake_waiters()
+        return response
+
+    def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Let the campaign stand until a person resumes it; the hammer is disarmed at once."""
+        if self._campaign is None:
+            response.message = "no campaign is running"
+            return response
+        self._campaign.is_held = True
+        self._disarm_hammer.call_async(Trigger.Request())
+        response.success = True
+        response.message = "the campaign pauses, the hammer is disarmed: campaign/resume goes on"
+        self.wake_waiters()
+        return response
+
+    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Let the campaign go on as it began: it arms the hammer, once."""
+        campaign = self._campaign
+        if campaign is None or not campaign.is_held:
+            response.message = "no campaign is paused by a person"
+        elif self._hammer.disarmed_by == HammerState.EMERGENCY_STOP:
+            response.message = "an emergency stop lasts: call hammer/reset first"
+        else:
+            campaign.is_held = campaign.has_armed = False
+            response.success, response.message = True, "the campaign arms the hammer and goes on"
+            self.wake_waiters()
         return response
 
     # The goal and its result.
@@ -480,20 +567,28 @@ class CampaignNode(RigNode):
         if not self.is_active:
             raise DeviceError("the campaign node is not active: activate it first")
         if self._campaign is not None:
-            raise DeviceError("another campaign is running: wait for it or cancel it")
+            raise DeviceError(
+                "another campaign is running: wait for it, cancel it, or go on with it (--resume)"
+            )
         stamp = self.get_clock().now().to_msg()
         return plan_campaign(goal, self._setup_of_rig, self._angles, stamp)
 
     async def _execute(self, handle: ServerGoalHandle) -> RunCampaign.Result:
         result = RunCampaign.Result()
         try:
-            campaign = Campaign(handle, self._plan(handle.request))
+            await self._supersede(id_from_msg(handle.request.resumed.campaign_id))
+            setup = self._plan(handle.request)
         except RigError as error:
             result.message = str(error)
             self.get_logger().error(f"the campaign is rejected: {error}")
             handle.abort()
             return result
-        self._campaign = campaign
+        self.membership.join(Identity(id_from_msg(setup.campaign_id)))
+        self._campaign = campaign = Campaign(handle, setup, self._publish_state)
+        campaign.publish(
+            impacts=setup.plan.impacts,
+            counts=[SampleCount(sample=name) for name in setup.plan.samples],
+        )
         try:
             await self._run(campaign)
             result.success, result.message = True, "complete"
@@ -502,6 +597,13 @@ class CampaignNode(RigNode):
             self.get_logger().error(f"the campaign ends: {result.message}")
         finally:
             await self._finish(campaign, result)
+            campaign.is_announced = True
+            campaign.publish(
+                state=State.COMPLETE if result.success else State.ENDED,
+                message="" if result.success else result.message,
+                task=Task.NOTHING,
+                until=Time(),
+            )
             self._campaign = None
         if result.success:
             handle.succeed()
@@ -510,6 +612,14 @@ class CampaignNode(RigNode):
         else:
             handle.abort()
         return result
+
+    async def _supersede(self, campaign_id: bytes) -> None:
+        """End the campaign that runs, if it is to go on for another client: its own has gone."""
+        running = self._campaign
+        if running is not None and id_from_msg(running.setup.campaign_id) == campaign_id:
+            running.is_superseded = True
+            self.wake_waiters()
+            await self.wait_until(lambda: self._campaign is not running, RESULTS_TIMEOUT)
 
     async def _finish(self, campaign: Campaign, result: RunCampaign.Result) -> None:
         """Disarm everything, and collect the results so far, for every reason to end."""

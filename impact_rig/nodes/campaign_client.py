@@ -12,6 +12,7 @@ from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import (
     AcquisitionState,
+    CampaignState,
     HammerRelease,
     HammerState,
     RecorderState,
@@ -40,7 +41,7 @@ RESEND_PERIOD = 3.0
 """How soon an unanswered goal is sent again [s]."""
 GONE_TIMEOUT = 60.0
 """How long the campaign node may give no sign of life before its client gives up [s]."""
-LOOKING = (RunCampaign.Feedback.JOINING, RunCampaign.Feedback.COUNTING)
+LOOKING = (CampaignState.JOINING, CampaignState.COUNTING)
 """States in which a campaign that is paused looks whether it can go on."""
 SERVICE_TIMEOUT = 20.0
 """How long the rig may take to answer what a person has done [s]."""
@@ -59,8 +60,8 @@ class CampaignOutcome:
 class Operator(Protocol):
     """Who sees what a campaign does, and has a hand in it."""
 
-    def follow(self, feedback: Any) -> None:
-        """See one feedback of the campaign action."""
+    def follow(self, campaign: CampaignState) -> None:
+        """See what the campaign does now."""
         ...
 
     def mount(self, sample: str) -> None:
@@ -107,13 +108,13 @@ class CampaignClient(RigClient):
         self._paused_since = math.inf
         self._recording = ""
         self._operator: Operator | None = None
-        self._feedback = RunCampaign.Feedback()
+        self._state = CampaignState()
         self._duties: list[Callable[[Operator], None]] = []
         self._hammer = HammerState(armed=True)
         self._is_to_let_go = False  # the operator is asked to release the hammer
         self._faults: dict[tuple[bytes, int], tuple[str, ...]] = {}  # by campaign and record
         self.listen(interfaces.VIRTUAL_IMPACT, self._on_virtual_impact)
-        self.listen(interfaces.SETUP, lambda _: None, on_liveliness=self._on_liveliness)
+        self.listen(interfaces.CAMPAIGN_STATE, lambda _: None, on_liveliness=self._on_liveliness)
         self.listen(interfaces.RECORDER_STATE, self._on_recorder_state)
         self.listen(interfaces.ACQUISITION_STATE, self._on_acquisition_state)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
@@ -204,7 +205,7 @@ class CampaignClient(RigClient):
             if time.monotonic() - self._gone_since > GONE_TIMEOUT:
                 raise DeviceError("the campaign node has gone")
             if not vain and time.monotonic() - self._paused_since > longest_pause:
-                vain = self._feedback.message
+                vain = self._state.message
                 self._goal.cancel_goal_async()
             if self._duties:
                 self._duties.pop(0)(operator)
@@ -279,32 +280,32 @@ class CampaignClient(RigClient):
             self._result = self._goal.get_result_async()
             return
         self._gone_since = time.monotonic()
-        self._feedback.state = RunCampaign.Feedback.PAUSED
-        self._feedback.message = "the campaign node has gone"
-        self._operator.follow(self._feedback)
+        self._state.state = CampaignState.PAUSED
+        self._state.message = "the campaign node gives no sign of life"
+        self._operator.follow(self._state)
 
     def _on_feedback(self, message: Any) -> None:
         """Show a feedback; what it asks of a person is done outside of callbacks."""
-        feedback, before = message.feedback, self._feedback
-        self._feedback = feedback
+        state, before = message.feedback.campaign, self._state
+        self._state = state
         if self._operator is None:
             return
-        if feedback.state == RunCampaign.Feedback.PAUSED:
+        if state.state == CampaignState.PAUSED:
             self._paused_since = min(self._paused_since, time.monotonic())
-        elif feedback.state not in LOOKING:
+        elif state.state not in LOOKING:
             self._paused_since = math.inf
-        self._operator.follow(feedback)
-        if feedback.state != RunCampaign.Feedback.STRIKING:
+        self._operator.follow(state)
+        if state.state != CampaignState.STRIKING:
             self._is_to_let_go = False
-        if (feedback.state, feedback.sample) == (before.state, before.sample):
+        if (state.task, state.sample) == (before.task, before.sample):
             return
-        if feedback.state == RunCampaign.Feedback.WAITING_FOR_SAMPLE:
+        if state.task == CampaignState.MOUNT:
             self._duties.append(self._mount)
-        elif feedback.state == RunCampaign.Feedback.WAITING_FOR_HAMMER:
+        elif state.task == CampaignState.PUT_BACK:
             self._duties.append(self._put_back)
 
     def _mount(self, operator: Operator) -> None:
-        sample = self._feedback.sample
+        sample = self._state.sample
         operator.mount(sample)
         request = ConfirmSample.Request(sample=sample)
         self.call(ConfirmSample, interfaces.CONFIRM_SAMPLE, request, SERVICE_TIMEOUT)

@@ -30,6 +30,15 @@ def check_acquisition_state(message: msg.AcquisitionState) -> msg.AcquisitionSta
     return message
 
 
+def check_campaign_state(message: msg.CampaignState) -> msg.CampaignState:
+    """Return a state whose numbers are among the message's constants."""
+    for name, most in (("state", message.ENDED), ("task", message.RESUME)):
+        if getattr(message, name) > most:
+            found = getattr(message, name)
+            raise ParameterError(f"{name} is {found}: it must not be above {most}")
+    return message
+
+
 def check_release(message: msg.HammerRelease) -> msg.HammerRelease:
     """Return a release with times that can be waited for."""
     for name in ("swing_time", "latest_contact"):

@@ -22,85 +22,9 @@ from impact_rig.nodes.guarded_hammer import (
     HammerPlace,
 )
 from impact_rig.nodes.identity import id_from_msg
-from impact_rig.nodes.intake import Received
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.rig_member import RigMember
 
 Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
-
-
-class RigMember:
-    """One other node of the rig, by a topic that it alone publishes: its state, its life.
-
-    A node whose process is killed, or whose computer is out of reach, publishes no goodbye. The
-    lease of its topic ends in time all the same.
-
-    Parameters
-    ----------
-    node : RigNode
-        That listens.
-    name : str
-        Of the other node.
-    topic : Topic
-        Of the other node, with a lease.
-    on_change : callable
-        Called when a message is kept, and when a publisher has come, gone, or fallen silent.
-    is_single : bool
-        More than one publisher is a loss, too: another rig's, or a replay's.
-    """
-
-    def __init__(
-        self,
-        node: RigNode,
-        name: str,
-        topic: interfaces.Topic,
-        on_change: Callable[[], None] = lambda: None,
-        *,
-        is_single: bool = True,
-    ) -> None:
-        self.name = name
-        self.state: Any = None  # the newest message; None: none has come yet
-        self._is_single = is_single
-        self._on_change = on_change
-        self._was_there = False
-        self._alive = 0
-        self._silent = 0
-        self._subscription = node.listen(
-            topic, self._keep_state, on_liveliness=self._keep_liveliness
-        )
-
-    @property
-    def is_gone(self) -> bool:
-        """Whether it was there, and gives no sign of life now."""
-        if self._alive or self._silent:
-            return not self._alive
-        # A message may come before its first sign of life, and one of this process gives none.
-        return self._was_there and not self._subscription.get_publisher_count()
-
-    def describe_loss(self) -> str | None:
-        """Return how it is lost; None: it is not, or was never there."""
-        if self.is_gone:
-            return (
-                f"the {self.name} node has gone: start it again, or see to the network between you"
-            )
-        if self._alive > 1 and self._is_single:
-            return (
-                f"{self._alive} {self.name} nodes are up in this ROS domain and namespace: stop"
-                " one rig (or the replay of one), or give it another ROS_DOMAIN_ID or namespace"
-            )
-        state = self.state
-        if isinstance(state, AcquisitionState) and state.state == AcquisitionState.FAULT:
-            return f"the {self.name}'s device is lost: {state.message}"
-        return None
-
-    def _keep_state(self, received: Received[Any]) -> None:
-        self._was_there = True
-        self.state = received.message
-        self._on_change()
-
-    def _keep_liveliness(self, status: Any) -> None:
-        self._was_there = True
-        self._alive, self._silent = status.alive_count, status.not_alive_count
-        self._on_change()
 
 
 class HammerNode(DeviceNode):
@@ -140,10 +64,6 @@ class HammerNode(DeviceNode):
             self, "accelerometer", interfaces.ACQUISITION_STATE, self._on_acquisition_state
         )
         self._recorder = RigMember(self, "recorder", interfaces.RECORDER_STATE, self._check_rig)
-        # A bag that is played has set-ups, too.
-        self._campaign = RigMember(
-            self, "campaign", interfaces.SETUP, self._check_rig, is_single=False
-        )
         for name, callback in (
             (interfaces.ARM_HAMMER, self._on_arm),
             (interfaces.DISARM_HAMMER, self._on_disarm),
@@ -154,7 +74,7 @@ class HammerNode(DeviceNode):
             self.create_service(Trigger, name, callback)
         self.create_service(SetAngle, interfaces.SET_ANGLE, self._on_set_angle)
         self.create_service(Release, interfaces.RELEASE_HAMMER, self._on_release)
-        self.offer_to_join()
+        self.offer_to_join(self._check_rig)
         # An operator who pulls a plug wants to see the enable go.
         self.create_timer(0.5 / self.pace, self._watch)
 
@@ -287,7 +207,7 @@ class HammerNode(DeviceNode):
             return "the hammer node stood still, and catches up on what has come meanwhile"
         if self.count_publishers(interfaces.HAMMER_STATE.name) > 1:
             return f"another node publishes {interfaces.HAMMER_STATE.name}: end it"
-        for member in (self._accelerometer, self._campaign, self._recorder):
+        for member in (self._accelerometer, self.campaign, self._recorder):
             if loss := member.describe_loss():
                 return loss
         recorder = self._recorder.state
@@ -392,6 +312,7 @@ class HammerNode(DeviceNode):
             self._begin_swing(request, stamp)
         response.success = True
         response.latest_contact = self._compute_latest_contact()
+        response.by_hand = self._patience > 0.0
         return response
 
     def _begin_swing(self, request: Release.Request, stamp: Time) -> None:

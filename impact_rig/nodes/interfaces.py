@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs.msg import (
     AccelerationBlock,
     AcquisitionState,
+    CampaignState,
     HammerEstimate,
     HammerRelease,
     HammerState,
@@ -147,6 +148,9 @@ ACQUISITION_STATE = Topic(
     LEASE,
 )
 RECORDER_STATE = Topic("recorder/state", RecorderState, _LATEST, lease=LEASE)
+CAMPAIGN_STATE = Topic(
+    "campaign/state", CampaignState, _LATEST, _by("conversions", "check_campaign_state"), LEASE
+)
 RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT)
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
 NOTE = Topic("note", String, make_qos(10, latched=False))
@@ -167,6 +171,7 @@ RECORDED_TOPICS = (
     HAMMER_STATE,
     ACQUISITION_STATE,
     RECORDER_STATE,
+    CAMPAIGN_STATE,
     RECORD_STORED,
     NOTE,
 )
@@ -191,6 +196,10 @@ RESET_HAMMER = "hammer/reset"
 """Ends an emergency stop; after it the hammer must be armed again."""
 CONFIRM_SAMPLE = "campaign/confirm_sample"
 GET_RESULTS = "estimator/get_results"
+PAUSE_CAMPAIGN = "campaign/pause"
+"""The campaign stands, and the hammer is disarmed."""
+RESUME_CAMPAIGN = "campaign/resume"
+"""The person who calls it arms the hammer."""
 RUN_CAMPAIGN = "campaign/run"
 PAUSE_REPLAYER = "replayer/pause"
 RESUME_REPLAYER = "replayer/resume"

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
+from impact_rig_msgs.msg import CampaignState
 from impact_rig_msgs.srv import JoinCampaign
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
@@ -16,6 +17,7 @@ from impact_rig.nodes.identity import Identity, id_from_msg
 from impact_rig.nodes.intake import UNSOUND, Intake, Received
 from impact_rig.nodes.interfaces import Topic, make_join_name
 from impact_rig.nodes.managed_node import ManagedNode
+from impact_rig.nodes.rig_member import RigMember
 
 _NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 """rclpy's own callbacks warn of a QoS that does not fit, as the subscriber's do; each callback
@@ -136,14 +138,24 @@ class RigNode(ManagedNode):
 
     # Campaigns.
 
-    def offer_to_join(self) -> None:
-        """Offer the service by which a campaign asks this node to take part."""
+    def offer_to_join(self, on_change: Callable[[], None] = lambda: None) -> None:
+        """Offer the service by which a campaign asks this node to take part.
+
+        `on_change` is called when the campaign's state changes, or its node comes or goes.
+        """
+        # A bag that is played has such states, too.
+        self.campaign = RigMember(
+            self, "campaign", interfaces.CAMPAIGN_STATE, on_change, is_single=False
+        )
         self.create_service(JoinCampaign, make_join_name(self.get_name()), self._join)
 
     def _join(
         self, request: JoinCampaign.Request, response: JoinCampaign.Response
     ) -> JoinCampaign.Response:
         asked = Identity(id_from_msg(request.setup.campaign_id), id_from_msg(request.stream_id))
+        if self._is_bound and asked.campaign_id != self.membership.identity.campaign_id:
+            response.message = f"the {self.get_name()} node takes part in a campaign that goes on"
+            return response
         try:
             setup = interfaces.SETUP.convert(request.setup)
         except UNSOUND as error:
@@ -169,6 +181,17 @@ class RigNode(ManagedNode):
             for _, publish in self._states:
                 publish()
         return response
+
+    @property
+    def _is_bound(self) -> bool:
+        """Whether the campaign that this node takes part in goes on, and its node lives."""
+        state = self.campaign.state
+        return (
+            state is not None
+            and id_from_msg(state.campaign_id) == self.membership.identity.campaign_id
+            and state.state not in (CampaignState.COMPLETE, CampaignState.ENDED)
+            and not self.campaign.is_gone
+        )
 
     # Diagnostics, and the end.
 

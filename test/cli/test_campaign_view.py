@@ -1,26 +1,28 @@
 """What a person sees of a campaign, in a log; `test_progress.py` has the bar."""
 
 import math
-from types import SimpleNamespace
+
+from impact_rig_msgs.msg import CampaignState, Impact, SampleCount
 
 from impact_rig.cli.campaign import CampaignView
 
-NO_HIT = SimpleNamespace(record=0)
-GOOD = SimpleNamespace(
+NO_HIT = Impact()
+GOOD = Impact(
     record=1, sample="steel small", impact=1, attempt=1, accepted=True, reasons=[],
     contact_time=170.004e-6,
 )  # fmt: skip
-BAD = SimpleNamespace(
+BAD = Impact(
     record=2, sample="steel small", impact=2, attempt=1, accepted=False,
     reasons=["overload: 250 points in a row at the rail", "weak: 3 %"], contact_time=math.nan,
 )  # fmt: skip
 
 
 def make_feedback(last, *, impact, rejected=0, sample="steel small", message=""):
-    return SimpleNamespace(
-        sample=sample, sample_number=1, sample_count=2, impact=impact, impacts=5, last=last,
-        rejected=rejected, message=message,
-    )  # fmt: skip
+    counts = [SampleCount(sample=name) for name in ("steel small", "steel large")]
+    counts[0].rejected = rejected
+    return CampaignState(
+        sample=sample, impact=impact, impacts=5, last=last, counts=counts, message=message
+    )
 
 
 def test_a_log_has_a_line_for_each_sample_each_rejection_and_each_pause(capsys, monkeypatch):
@@ -44,7 +46,7 @@ def test_a_log_has_a_line_for_each_sample_each_rejection_and_each_pause(capsys, 
         f"paused: {stopped}",
         f"paused: {gone}",
         "the campaign goes on",
-        "sample 1 of 2: steel large",
+        "sample 2 of 2: steel large",
     ]
 
 

@@ -52,7 +52,7 @@ def begin(harness, client, **goal) -> tuple[Any, Any]:
     handle = harness.wait(
         client.send_goal_async(
             RunCampaign.Goal(**goal),
-            lambda message: feedback.take(copy.deepcopy(message.feedback)),
+            lambda message: feedback.take(copy.deepcopy(message.feedback.campaign)),
         )
     )
     return handle, feedback

@@ -25,10 +25,10 @@ from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.nodes.async_node import RESEND_PERIOD
 from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.nodes.executor import make_executor, spin_until
-from impact_rig.nodes.hammer import RigMember
 from impact_rig.nodes.interfaces import RECORD_STORED, RECORDER_STATE, SETUP, Topic
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.recorder import RecorderNode
+from impact_rig.nodes.rig_member import RigMember
 from impact_rig.nodes.rig_node import RigNode
 
 PATIENCE = 120.0

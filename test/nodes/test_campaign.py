@@ -6,14 +6,16 @@ import math
 import pytest
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.srv import ConfirmSample
+from impact_rig_msgs.msg import CampaignState
+from impact_rig_msgs.srv import ConfirmSample, JoinCampaign
 
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_plan import plan_campaign
-from impact_rig.nodes.messages import stamp_to_msg
+from impact_rig.nodes.identity import id_to_msg, make_id
+from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 
 from .campaigns import begin, run, start_rig
 
@@ -119,7 +121,7 @@ def test_every_angle_of_a_manual_holder_is_asked_for(harness, start, tmp_path):
     handle, feedback = begin(harness, client, **goal, confirm_samples=True)
     for angle in ("5°", "10°"):
         sample = f"{CONTROL_SAMPLE} {angle}"
-        asked = (sample, RunCampaign.Feedback.WAITING_FOR_SAMPLE)
+        asked = (sample, CampaignState.WAITING_FOR_SAMPLE)
         newest = feedback.wait(
             lambda got, asked=asked: (
                 got[-1:] and (got[-1].sample, got[-1].state) == asked and got[-1].message
@@ -138,3 +140,42 @@ def test_every_angle_of_a_manual_holder_is_asked_for(harness, start, tmp_path):
         f"{CONTROL_SAMPLE} 5°",
         f"{CONTROL_SAMPLE} 10°",
     ]
+
+
+def test_no_node_of_a_running_campaign_joins_another(harness):
+    client = start_rig(harness)
+    handle, feedback = begin(harness, client, samples=["steel small"], impacts=100_000)
+    feedback.wait(lambda got: got[-1].impact >= 1)
+    foreign = JoinCampaign.Request(setup=setup_to_msg(PAPER_SETUP, stamp_to_msg(1)))
+    foreign.setup.campaign_id = id_to_msg(make_id())
+    for _ in range(3):
+        for name in ("recorder", "accelerometer", "estimator", "hammer"):
+            for announced in (False, True):
+                foreign.announced = announced
+                answer = harness.call(JoinCampaign, interfaces.make_join_name(name), foreign)
+                assert answer.message == f"the {name} node takes part in a campaign that goes on"
+    before = feedback.messages[-1].impact
+    feedback.wait(lambda got: got[-1].impact > before)
+    assert not any(item.message for item in feedback.messages if item.impact)
+    harness.wait(handle.cancel_goal_async())
+    assert harness.wait(handle.get_result_async()).result.accepted
+    # It is over: another may begin.
+    assert harness.call(JoinCampaign, interfaces.make_join_name("recorder"), foreign).success
+
+
+def test_who_comes_late_knows_all_of_a_campaign(harness):
+    client = start_rig(harness)
+    states = harness.listen(interfaces.CAMPAIGN_STATE)
+    assert states.wait_for_count(1)[0].state == CampaignState.ENDED  # none has begun
+    result = run(harness, client, samples=["brass small", "steel small"], impacts=2)
+    assert result.result.success
+    late = harness.listen(interfaces.CAMPAIGN_STATE).wait(lambda got: got[-1].last.record == 4)
+    state = late[-1]
+    assert state.campaign_id == result.result.setup.campaign_id
+    assert state.state == CampaignState.COMPLETE
+    assert [(item.sample, item.accepted, item.rejected) for item in state.counts] == [
+        ("brass small", 2, 0), ("steel small", 2, 0),
+    ]  # fmt: skip
+    assert (state.impacts, state.mounted, state.last.accepted) == (2, "steel small", True)
+    # Struck in the order that was asked for, returned in the order of the set.
+    assert [item.name for item in result.result.samples] == ["steel small", "brass small"]

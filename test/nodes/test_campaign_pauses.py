@@ -2,11 +2,13 @@
 
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.msg import CampaignState, HammerState
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
+from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
@@ -15,8 +17,8 @@ from impact_rig.nodes.ledger import Ledger
 
 from .campaigns import Onlooker, begin, start_rig
 
-STRIKING, PAUSED = RunCampaign.Feedback.STRIKING, RunCampaign.Feedback.PAUSED
-WAITING_FOR_HAMMER = RunCampaign.Feedback.WAITING_FOR_HAMMER
+STRIKING, PAUSED = CampaignState.STRIKING, CampaignState.PAUSED
+WAITING_FOR_HAMMER = CampaignState.WAITING_FOR_HAMMER
 START_PATIENCE = 60.0
 MANY = 100_000
 """Impacts that no test waits for."""
@@ -128,6 +130,38 @@ def test_a_node_that_was_deactivated_and_is_active_again_is_used_again(harness):
         arm(harness)
         wait_for_more_hits(feedback)
     # Of an estimator, too: what it had judged before is in the recording.
+    check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
+
+
+def wait_for_cause(harness, campaign, cause):
+    """Wait until the campaign knows what disarmed the hammer."""
+    harness.wait_until(lambda: campaign._hammer.disarmed_by == cause)
+
+
+def resume(harness):
+    return harness.call(Trigger, interfaces.RESUME_CAMPAIGN)
+
+
+def test_a_person_pauses_a_campaign_and_resumes_it(harness):
+    handle, feedback = strike_on(harness)
+    assert "no campaign is paused" in resume(harness).message
+    states = harness.listen(interfaces.HAMMER_STATE)
+    answer = harness.call(Trigger, interfaces.PAUSE_CAMPAIGN)
+    assert answer.success, answer.message
+    states.wait(lambda got: not got[-1].armed)
+    wait_for_state(feedback, PAUSED, "campaign/resume")
+    latched = harness.listen(interfaces.CAMPAIGN_STATE)
+    (state,) = latched.wait(lambda got: got[-1].state == PAUSED)[-1:]
+    assert (state.task, state.sample) == (CampaignState.RESUME, "steel small")
+
+    harness.call(Trigger, interfaces.EMERGENCY_STOP)
+    campaign = find_node(harness, CampaignNode)
+    wait_for_cause(harness, campaign, HammerState.EMERGENCY_STOP)
+    assert "emergency stop lasts" in resume(harness).message
+    harness.call(Trigger, interfaces.RESET_HAMMER)
+    wait_for_cause(harness, campaign, HammerState.OPERATOR)
+    assert resume(harness).success
+    wait_for_more_hits(feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
 
 

@@ -28,7 +28,7 @@ class Rig:
         self._harness = harness
         self.acquisition = harness.advertise(interfaces.ACQUISITION_STATE)
         self.recorder = harness.advertise(interfaces.RECORDER_STATE)
-        self.campaign = harness.advertise(interfaces.SETUP)
+        self.campaign = harness.advertise(interfaces.CAMPAIGN_STATE)
         self.states = harness.listen(interfaces.HAMMER_STATE)
         self.releases = harness.listen(interfaces.RELEASE)
         self.hammer = None

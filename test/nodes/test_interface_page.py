@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 
 import pytest
-from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import HammerState
+from impact_rig_msgs.msg import CampaignState, HammerState
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from impact_rig.configuration.parameters import PARAMETERS, check_parameters
 from impact_rig.core.errors import ParameterError
@@ -58,10 +58,30 @@ def test_every_topic_service_and_action_is_on_the_page():
             assert item in named
 
 
+def test_the_quality_of_service_of_every_topic_is_on_the_page():
+    told = {
+        name: (int(row[1]), row[2] == "yes", float(row[3].removesuffix(" s")))
+        for row in ROWS
+        if len(row) > 2 and row[1].isdigit()
+        for name in list_names(row[0])
+    }
+    topics = [item for item in vars(interfaces).values() if isinstance(item, interfaces.Topic)]
+    assert told == {
+        topic.name: (
+            topic.qos.depth,
+            topic.qos.durability is DurabilityPolicy.TRANSIENT_LOCAL,
+            topic.lease,
+        )
+        for topic in topics
+        if topic is not interfaces.DIAGNOSTICS
+    }
+    assert {topic.qos.reliability for topic in topics} == {ReliabilityPolicy.RELIABLE}
+
+
 @pytest.mark.parametrize(
     ("states", "transitions", "message"),
     [
-        (State, TRANSITIONS, RunCampaign.Feedback),
+        (State, TRANSITIONS, CampaignState),
         (HammerPlace, guarded_hammer.TRANSITIONS, HammerState),
     ],
 )

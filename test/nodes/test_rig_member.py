@@ -5,7 +5,7 @@ from typing import Any
 from impact_rig_msgs.msg import RecorderState
 
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.hammer import RigMember
+from impact_rig.nodes.rig_member import RigMember
 from impact_rig.nodes.rig_node import RigNode
 
 

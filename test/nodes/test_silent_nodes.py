@@ -6,8 +6,7 @@ import subprocess
 import sys
 import time
 
-from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import HammerState
+from impact_rig_msgs.msg import CampaignState, HammerState
 from std_srvs.srv import Trigger
 
 from impact_rig.nodes import interfaces
@@ -26,9 +25,7 @@ lease it would be a minute."""
 
 def wait_for_pause(feedback, word):
     feedback.wait(
-        lambda got: (
-            got[-1:] and got[-1].state == RunCampaign.Feedback.PAUSED and word in got[-1].message
-        )
+        lambda got: got[-1:] and got[-1].state == CampaignState.PAUSED and word in got[-1].message
     )
 
 

@@ -5,6 +5,7 @@ import time
 
 import pytest
 from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.msg import CampaignState
 from std_srvs.srv import Trigger
 
 from impact_rig.analysis.analyze import analyze
@@ -29,7 +30,7 @@ class Person:
         self.reason, self.seen_at = "", 0.0
 
     def follow(self, feedback):
-        if feedback.state == RunCampaign.Feedback.PAUSED and "is not armed" in feedback.message:
+        if feedback.state == CampaignState.PAUSED and "is not armed" in feedback.message:
             self.paused.set()
 
     def let_go(self, sample, patience):

@@ -1,0 +1,89 @@
+"""Another node of the rig, as a node sees it: alive, silent, or gone."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from impact_rig_msgs.msg import AcquisitionState
+
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.intake import Received
+
+if TYPE_CHECKING:
+    from impact_rig.nodes.rig_node import RigNode
+
+
+class RigMember:
+    """One other node of the rig, by a topic that it alone publishes: its state, its life.
+
+    A node whose process is killed, or whose computer is out of reach, publishes no goodbye. The
+    lease of its topic ends in time all the same.
+
+    Parameters
+    ----------
+    node : RigNode
+        That listens.
+    name : str
+        Of the other node.
+    topic : Topic
+        Of the other node, with a lease.
+    on_change : callable
+        Called when a message is kept, and when a publisher has come, gone, or fallen silent.
+    is_single : bool
+        More than one publisher is a loss, too: another rig's, or a replay's.
+    """
+
+    def __init__(
+        self,
+        node: "RigNode",
+        name: str,
+        topic: interfaces.Topic,
+        on_change: Callable[[], None] = lambda: None,
+        *,
+        is_single: bool = True,
+    ) -> None:
+        self.name = name
+        self.state: Any = None  # the newest message; None: none has come yet
+        self._is_single = is_single
+        self._on_change = on_change
+        self._was_there = False
+        self._alive = 0
+        self._silent = 0
+        self._subscription = node.listen(
+            topic, self._keep_state, on_liveliness=self._keep_liveliness
+        )
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether it was there, and gives no sign of life now."""
+        if self._alive or self._silent:
+            return not self._alive
+        # A message may come before its first sign of life, and one of this process gives none.
+        return self._was_there and not self._subscription.get_publisher_count()
+
+    def describe_loss(self) -> str | None:
+        """Return how it is lost; None: it is not, or was never there."""
+        if self.is_gone:
+            return (
+                f"the {self.name} node has gone: start it again, or see to the network between you"
+            )
+        if self._alive > 1 and self._is_single:
+            return (
+                f"{self._alive} {self.name} nodes are up in this ROS domain and namespace: stop"
+                " one rig (or the replay of one), or give it another ROS_DOMAIN_ID or namespace"
+            )
+        state = self.state
+        if isinstance(state, AcquisitionState) and state.state == AcquisitionState.FAULT:
+            return f"the {self.name}'s device is lost: {state.message}"
+        return None
+
+    def _keep_state(self, received: Received[Any]) -> None:
+        self._was_there = True
+        self.state = received.message
+        self._on_change()
+
+    def _keep_liveliness(self, status: Any) -> None:
+        self._was_there = True
+        if status.alive_count < self._alive and not self._is_single:
+            self.state = None  # which of them has gone is not known: who is there says so again
+        self._alive, self._silent = status.alive_count, status.not_alive_count
+        self._on_change()
