@@ -19,6 +19,7 @@ from launch.actions import (
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
+from impact_rig.configuration import option_texts
 from impact_rig.configuration.parameters import check_parameter_file
 from impact_rig.configuration.processes import (
     WINDOW,
@@ -38,11 +39,9 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "rate",
         default_value="1.0",
-        description="speed, part of the original's",
+        description=option_texts.RATE.text,
     ),
-    DeclareLaunchArgument(
-        "loop", default_value="1", description="how often, a whole number; 0: without end"
-    ),
+    DeclareLaunchArgument("loop", default_value="1", description=option_texts.LOOP.text),
     DeclareLaunchArgument(
         "visualizer",
         default_value="auto",
@@ -52,9 +51,8 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "viewer",
         default_value="",
-        description="where to show it, by commas: spawn (a window), web (a web page, the log says"
-        " where), the address of a Rerun viewer that runs, rerun+http://HOST:9876/proxy; empty:"
-        " spawn, unless `view` names a file",
+        description=f"{option_texts.VIEWER.text}: spawn, web or the address, several by commas;"
+        " empty: spawn, unless `view` names a file",
     ),
     DeclareLaunchArgument(
         "view", default_value="", description="write the view into this .rrd file"

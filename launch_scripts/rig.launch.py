@@ -24,6 +24,7 @@ from launch_ros.actions import Node, PushRosNamespace
 from launch_ros.utilities import make_namespace_absolute, prefix_namespace
 
 from impact_rig.analysis.resuming import find_rig_of_run
+from impact_rig.configuration import option_texts
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.parameters import check_parameter_file
 from impact_rig.configuration.processes import (
@@ -49,7 +50,7 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "rig_file",
         default_value="",
-        description="TOML file with masses, samples and settings; empty: the paper's rig",
+        description=option_texts.RIG_FILE.description,
     ),
     DeclareLaunchArgument(
         "impacts",
@@ -61,34 +62,33 @@ ARGUMENTS = (
         "plant",
         default_value="",
         choices=["", *PLANTS],
-        description="physics of the virtual rig; empty: as the rig file says, or published",
+        description=option_texts.PLANT.description,
     ),
     DeclareLaunchArgument(
         "seed",
         default_value="",
-        description="seed of the virtual rig, a whole number: the same seed gives the same hits",
+        description=option_texts.SEED.description,
     ),
     DeclareLaunchArgument(
         "faults",
         default_value="",
-        description=f"probability of each fault of the virtual rig, for each hit: {FAULTS}",
+        description=f"{option_texts.FAULTS.description}; faults: {FAULTS}",
     ),
     DeclareLaunchArgument(
         "continuous",
         default_value="false",
         choices=SWITCH,
-        description="stream both channels all the time, and find the impacts in the stream",
+        description=option_texts.CONTINUOUS.text,
     ),
     DeclareLaunchArgument(
         "output",
         default_value="",
-        description="folder for recording and view; empty: runs/<time> under this folder",
+        description=option_texts.OUTPUT.description,
     ),
     DeclareLaunchArgument(
         "resume",
         default_value="",
-        description="folder of an earlier run to go on with, with its own rig; with impacts, its"
-        " campaign goes on",
+        description=f"{option_texts.RESUME.text}; with impacts, with its campaign",
     ),
     DeclareLaunchArgument(
         "visualizer",
@@ -99,16 +99,16 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "viewer",
         default_value="",
-        description="show it live, too, by commas: spawn (a window), web (a web page, the log says"
-        " where), the address of a Rerun viewer that runs, rerun+http://HOST:9876/proxy",
+        description=f"{option_texts.VIEWER.text}: spawn, web or the address, several by commas",
     ),
     DeclareLaunchArgument(
         "only",
         default_value="",
-        description="start these nodes alone, by commas, the others run elsewhere: every other"
-        " argument goes for the whole rig; empty: all",
+        description=f"{option_texts.ONLY.text}; several by commas; empty: all",
     ),
-    DeclareLaunchArgument("namespace", default_value="", description="ROS namespace of the rig"),
+    DeclareLaunchArgument(
+        "namespace", default_value="", description=option_texts.NAMESPACE.description
+    ),
     DeclareLaunchArgument(
         "respawn",
         default_value="false",
@@ -124,7 +124,7 @@ ARGUMENTS = (
         "network",
         default_value="false",
         choices=SWITCH,
-        description="find nodes on other hosts too, unless ROS_AUTOMATIC_DISCOVERY_RANGE is set",
+        description=f"{option_texts.NETWORK.text}, unless ROS_AUTOMATIC_DISCOVERY_RANGE is set",
     ),
 )
 

@@ -14,6 +14,7 @@ from impact_rig.cli import options
 from impact_rig.cli.options import FILE, FOLDER
 from impact_rig.cli.rig_group import RigGroup
 from impact_rig.cli.start import load_module
+from impact_rig.configuration import option_texts
 
 HAMMER_ACTIONS = ("state", "arm", "disarm", "stop", "reset", "confirm")
 
@@ -85,9 +86,7 @@ def demo() -> None:
 @click.option(
     "--visualizer/--no-visualizer", "visualize", default=True, help="Write a Rerun view. [yes]"
 )
-@options.make_list_option(
-    "--only", "NODE", "Start only this node, the others elsewhere with the same options"
-)
+@options.make_list_option("--only", "NODE", option_texts.ONLY.text)
 @options.make_list_option(
     "--set",
     "NODE.PARAMETER=VALUE",
@@ -318,9 +317,9 @@ def info() -> None:
     "--rate",
     type=click.FloatRange(0.001, 1000.0),
     default=1.0,
-    help="Part of the original speed. [1]",
+    help=option_texts.RATE.help,
 )
-@click.option("--loop", type=click.IntRange(0), default=1, help="How often; 0: for ever. [1]")
+@click.option("--loop", type=click.IntRange(0), default=1, help=option_texts.LOOP.help)
 @options.rig_options
 @click.option("--estimate", is_flag=True, help="Estimate with a fresh estimator, and print.")
 @options.json_option

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from impact_rig.configuration import option_texts
 from impact_rig.configuration.processes import make_network_variables
 from impact_rig.core.errors import ParameterError
 from impact_rig.devices.virtual.choices import Fault, Plant
@@ -96,37 +97,34 @@ notes_option = click.option(
     "--notes", default="", metavar="TEXT", help="Words to keep in the recording."
 )
 nodes_options = _combine(
-    click.option(
-        "--rig-file", type=FILE, help="Masses, samples and settings, in TOML. [the paper's rig]"
-    ),
+    click.option("--rig-file", type=FILE, help=option_texts.RIG_FILE.help),
     click.option(
         "--plant",
         type=click.Choice(PLANTS),
         metavar="PLANT",
-        help=f"Physics: {', '.join(PLANTS)}. [published]",
+        help=f"{option_texts.PLANT.text}: {', '.join(PLANTS)}. [{option_texts.PLANT.default}]",
     ),
-    click.option("--seed", type=click.IntRange(0), help="The same seed gives the same hits. [1]"),
+    click.option("--seed", type=click.IntRange(0), help=option_texts.SEED.help),
     click.option(
         "--faults",
         "fault_probability",
         type=click.FloatRange(0.0, 1.0),
-        help=f"Probability of each fault, for each hit: {FAULTS}.",
+        help=f"{option_texts.FAULTS.text}: {FAULTS}. [{option_texts.FAULTS.default}]",
     ),
     click.option(
         "--continuous",
         is_flag=True,
-        help="Stream both channels all the time, and find the impacts in the stream. [each hit]",
+        help=option_texts.CONTINUOUS.help,
     ),
     click.option(
         "--record-stream", is_flag=True, help="With --continuous: record all of the stream."
     ),
     notes_option,
-    make_output_option("Folder for recording, view and results. [runs/<time>]", "FOLDER"),
+    make_output_option(option_texts.OUTPUT.help, "FOLDER"),
     make_list_option(
         "--viewer",
         "spawn|web|ADDRESS",
-        "Show it live, too: in a window, on a web page, in the Rerun viewer at"
-        " rerun+http://HOST:9876/proxy",
+        option_texts.VIEWER.text,
         "viewers",
     ),
 )
@@ -135,7 +133,7 @@ resume_option = click.option(
     "--resume",
     type=click.Path(path_type=Path, file_okay=False, exists=True),
     metavar="RUN",
-    help="Go on with the run that this folder holds, with its own rig.",
+    help=option_texts.RESUME.help,
 )
 
 samples_option = make_list_option("--sample", "NAME", "Only this sample", "samples")
@@ -164,10 +162,8 @@ results_options = _combine(
     json_option,
 )
 rig_options = _combine(
-    click.option("--namespace", default="", help="ROS namespace of the rig. [none]"),
-    click.option(
-        "--network", is_flag=True, help="Find nodes on other computers, too. [on this one]"
-    ),
+    click.option("--namespace", default="", help=option_texts.NAMESPACE.help),
+    click.option("--network", is_flag=True, help=option_texts.NETWORK.help),
 )
 """Of the commands that find a rig."""
 recorded_rig_option = click.option(
