@@ -14,7 +14,7 @@ from impact_rig.core.paper_method import (
     NAN,
     STIFFNESS,
 )
-from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity
+from impact_rig.core.quantity import INTERNAL, NOT_NEGATIVE, UNKNOWN, Comparable, Quantity
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.uncertainty import find_identified_body, make_rig_numbers, propagate_fit
 
@@ -31,9 +31,11 @@ class FittedModel(Comparable):
     damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
     # Force on the sample over force on the hammer; 1 if masses, calibrations and model are right.
     force_balance: float = NAN
-    residual_hammer_percent: float = NAN  # RMS over the trace's peak
-    residual_sample_percent: float = NAN
-    residual_over_noise: float = NAN  # RMS of both traces; 1: nothing but noise
+    # RMS over the trace's peak
+    residual_hammer_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    residual_sample_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    # RMS of both traces; 1: nothing but noise
+    residual_over_noise: float = field(default=NAN, metadata=NOT_NEGATIVE)
     parameters: tuple[str, ...] = ()  # names of all fitted parameters
     values: tuple[float, ...] = ()  # of the parameters, in SI units
     covariance: tuple[float, ...] = ()  # by one mean trace's noise, row by row

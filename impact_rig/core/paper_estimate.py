@@ -16,7 +16,16 @@ from impact_rig.core.paper_method import (
     estimate_body,
 )
 from impact_rig.core.pulse_width import measure_rise
-from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
+from impact_rig.core.quantity import (
+    INTERNAL,
+    LARGEST,
+    NOT_NEGATIVE,
+    POSITIVE,
+    UNKNOWN,
+    Comparable,
+    Quantity,
+    describe,
+)
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.uncertainty import (
     LEAST_HITS,
@@ -28,6 +37,8 @@ from impact_rig.core.uncertainty import (
 
 PEAK = describe("m/s^2", shown="m/s²")
 TIME = describe("s", shown="µs")
+MOMENT = describe("s", shown="µs", least=-LARGEST)
+SPREAD = describe("s", shown="µs", least=0.0)
 
 
 @dataclass(frozen=True)
@@ -35,21 +46,22 @@ class PaperEstimate(Comparable):
     """tau_p, k2, c2 and readings of the mean traces; NaN: not determined."""
 
     contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)  # of the mean trace
-    contact_time_spread: float = field(default=NAN, metadata=TIME)  # standard deviation of hits
+    contact_time_spread: float = field(default=NAN, metadata=SPREAD)  # standard deviation of hits
     half_amplitude_width: float = field(default=NAN, metadata=TIME)  # w50
-    width_ratio: float = NAN  # w10 / w50
+    width_ratio: float = field(default=NAN, metadata=describe(least=POSITIVE))  # w10 / w50
     equivalent_stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)  # k_eq
     stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)  # k2
     damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
     damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
     log_decrement: float = NAN
     first_peak: float = field(default=NAN, metadata=PEAK)  # U1
-    first_peak_time: float = field(default=NAN, metadata=TIME)  # from the middle of the pulse
+    first_peak_time: float = field(default=NAN, metadata=MOMENT)  # from the middle of the pulse
     second_peak: float = field(default=NAN, metadata=PEAK)  # U2
-    second_peak_time: float = field(default=NAN, metadata=TIME)
+    second_peak_time: float = field(default=NAN, metadata=MOMENT)
     hammer_peak: float = field(default=NAN, metadata=PEAK)  # of the mean traces
     specimen_peak: float = field(default=NAN, metadata=PEAK)
-    hammer_peak_spread_percent: float = NAN  # standard deviation of the hits over their mean
+    # Standard deviation of the hits over their mean.
+    hammer_peak_spread_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
     peak_force: Quantity = field(default=UNKNOWN, metadata=describe("N", "Fmax", "peak force"))
     rise_time: float = field(default=NAN, metadata=describe("s"))  # 10 % to 90 % of the peak
     warnings: tuple[str, ...] = field(default=(), metadata=INTERNAL)

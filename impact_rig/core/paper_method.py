@@ -368,7 +368,7 @@ def _check_spring(mean: MeanHit, setup: RigSetup) -> None:
 
 NAN = math.nan
 STIFFNESS = describe("N/m", "k", "stiffness", shown="MN/m")
-DAMPING_RATIO = describe("", "ζ", "damping ratio")
+DAMPING_RATIO = describe("", "ζ", "damping ratio", least=0.0)
 DAMPING_COEFFICIENT = describe("N s/m", "c", "damping coefficient")
 CONTACT_TIME = describe("s", "τp", "contact time", shown="µs")
 """What several kinds of estimates tell of a body."""

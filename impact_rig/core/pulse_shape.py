@@ -19,7 +19,7 @@ from impact_rig.core.pulses import (
     PulseShape,
     differentiate_pulse,
 )
-from impact_rig.core.quantity import INTERNAL, Comparable, describe
+from impact_rig.core.quantity import INTERNAL, NOT_NEGATIVE, Comparable, describe
 from impact_rig.core.records import FloatArray, make_read_only
 
 
@@ -372,7 +372,8 @@ class ShapeFit(Comparable):
     """One shape fitted to the pulse; NaN: this shape has no parameters that come near."""
 
     shape: str
-    residual_percent: float = NAN  # standard deviation of what is left, over the peak
+    # standard deviation of what is left, over the peak
+    residual_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
     # F w50 with the shape's own F, blind to asymmetry and low-pass.
     contact_time: float = field(default=NAN, metadata=describe("s", "F w50", shown="µs"))
     # k2 with this contact time, and k1 read in the same way.
@@ -388,7 +389,8 @@ class PulseShapeEstimate(Comparable):
 
     best_shape: str = ""  # name of the shape that leaves least
     is_told_apart: bool = False  # the next best shape leaves clearly more
-    fall_over_rise: float = NAN  # of the best shape's durations
+    # of the best shape's durations
+    fall_over_rise: float = field(default=NAN, metadata=NOT_NEGATIVE)
     fits: tuple[ShapeFit, ...] = ()  # in the order of `PULSE_SHAPES`
     # Why a versed-sine does not describe the pulse.
     warning: str | None = field(default=None, metadata=INTERNAL)

@@ -38,33 +38,42 @@ def _list_values(record: Any) -> tuple[Any, ...]:
     return tuple(None if value != value else value for value in values)  # noqa: PLR0124 - NaN
 
 
+LARGEST = 1e30
+"""Above it, and below its reciprocal but for 0, nothing can be meant [SI units], our choice: the
+largest is k of a contact law of high exponent, 1e27 N/m^n; squares and ratios stay finite."""
+POSITIVE = 1.0 / LARGEST
+"""Least of what is above 0."""
+LEAST = {
+    "s": POSITIVE, "N/m": POSITIVE, "N/m^n": POSITIVE, "m/s": POSITIVE,
+    "N s": POSITIVE, "N s/m": 0.0, "Hz": 0.0, "m/s^2": 0.0, "N": 0.0, "m": 0.0, "kg": 0.0,
+}  # fmt: skip
+"""What numbers of a unit are at least, where their field says nothing else."""
+
+
 @dataclass(frozen=True)
 class Description:
-    """What a field of a result is.
+    """What a field of a result is."""
 
-    Attributes
-    ----------
-    unit : str
-        SI unit; empty: none.
-    symbol, label : str
-        In equations and in words, for tables.
-    shown : str
-        Unit that tables show it in; empty: the SI unit.
-    written : str
-        Its name in files without the unit; empty: that of the field.
-    is_inline : bool
-        The fields of this record appear directly among its owner's.
-    is_internal : bool
-        It stays where it was made.
-    """
+    unit: str = ""  # SI unit; empty: none
+    symbol: str = ""  # in equations, for tables
+    label: str = ""  # in words, for tables
+    shown: str = ""  # unit that tables show it in; empty: the SI unit
+    written: str = ""  # its name in files without the unit; empty: that of the field
+    is_inline: bool = False  # the fields of this record appear directly among its owner's
+    is_internal: bool = False  # it stays where it was made
+    least: float = -LARGEST  # of what can be meant [unit]; NaN, not determined, always can
+    most: float = LARGEST
 
-    unit: str = ""
-    symbol: str = ""
-    label: str = ""
-    shown: str = ""
-    written: str = ""
-    is_inline: bool = False
-    is_internal: bool = False
+    def explain(self, value: Any) -> str | None:
+        """Return why a number, or that of a quantity, cannot be meant; None: it can."""
+        number = value.value if isinstance(value, Quantity) else value
+        if not isinstance(number, float) or not (number < self.least or number > self.most):
+            return None
+        unit = f" {self.unit}" if self.unit else ""
+        if number > self.most:
+            return f"is {number:.6g}{unit}: it must be {self.most:g} at most"
+        wanted = "above 0" if self.least == POSITIVE else f"{self.least:g} or more"
+        return f"is {number:.6g}{unit}: it must be {wanted}"
 
 
 def describe(
@@ -74,11 +83,17 @@ def describe(
     *,
     shown: str = "",
     written: str = "",
+    least: float | None = None,
+    most: float = LARGEST,
 ) -> Mapping[str, Description]:
-    """Return the metadata of a dataclass field, see `Description`."""
-    return {_KEY: Description(unit, symbol, label, shown, written)}
+    """Return the metadata of a dataclass field, see `Description`; `least` goes by the unit."""
+    if least is None:
+        least = LEAST.get(unit, -LARGEST)
+    return {_KEY: Description(unit, symbol, label, shown, written, least=least, most=most)}
 
 
+NOT_NEGATIVE = describe(least=0.0)
+"""Metadata of a number without a unit, of a spread or of what is left."""
 INLINE: Mapping[str, Description] = {_KEY: Description(is_inline=True)}
 """Metadata of a record whose fields appear directly among its owner's."""
 INTERNAL: Mapping[str, Description] = {_KEY: Description(is_internal=True)}
@@ -112,51 +127,31 @@ list_fields: Callable[[Any], tuple[StoredField, ...]] = cache(_list_fields)
 
 @dataclass(frozen=True)
 class BudgetLine:
-    """What one input contributes to an uncertainty.
+    """What one input contributes to an uncertainty."""
 
-    Attributes
-    ----------
-    source : str
-        The input, in words.
-    kind : str
-        "A": evaluated from repeated hits, "B": by other means (GUM 2.3.2, 2.3.3).
-    contribution : float
-        |sensitivity| times standard uncertainty, in the unit of the result.
-    share : float
-        Of the variance [-]; the shares of a budget add up to 1.
-    """
-
-    source: str
-    kind: str
-    contribution: float
-    share: float
+    source: str  # the input, in words
+    kind: str  # "A": evaluated from repeated hits, "B": by other means (GUM 2.3.2, 2.3.3)
+    # |sensitivity| times standard uncertainty, in the unit of the result
+    contribution: float = field(metadata=describe(least=0.0))
+    # of the variance [-]; the shares of a budget add up to 1
+    share: float = field(metadata=describe(least=0.0, most=1.0))
 
 
 @dataclass(frozen=True)
 class Quantity(Comparable):
-    """A value with its uncertainty by the GUM; NaN: not determined, see the notes.
+    """A value with its uncertainty by the GUM; NaN: not determined, see the notes."""
 
-    Attributes
-    ----------
-    value : float
-        Best estimate, in its SI unit, as are the uncertainties.
-    standard : float
-        Combined standard uncertainty u (GUM 5).
-    expanded : float
-        U = k u, for a coverage of 95 %, k from Student's t (GUM G.4).
-    degrees_of_freedom : float
-        Effective ones by Welch and Satterthwaite [-]; infinite where type B alone counts.
-    budget : tuple of BudgetLine
-        Largest first; empty where nothing contributes.
-    notes : tuple of str
-        Why the uncertainty is not determined, or what it leaves out.
-    """
-
-    value: float = math.nan
-    standard: float = math.nan
-    expanded: float = math.nan
-    degrees_of_freedom: float = math.nan
-    budget: tuple[BudgetLine, ...] = ()
+    value: float = math.nan  # best estimate, in its SI unit, as are the uncertainties
+    # combined standard uncertainty u (GUM 5)
+    standard: float = field(default=math.nan, metadata=describe(least=0.0))
+    # U = k u, for a coverage of 95 %, k from Student's t (GUM G.4)
+    expanded: float = field(default=math.nan, metadata=describe(least=0.0))
+    # effective ones by Welch and Satterthwaite [-]; infinite where type B alone counts
+    degrees_of_freedom: float = field(
+        default=math.nan, metadata=describe(least=0.0, most=math.inf)
+    )
+    budget: tuple[BudgetLine, ...] = ()  # largest first; empty where nothing contributes
+    # why the uncertainty is not determined, or what it leaves out
     notes: tuple[str, ...] = field(default=(), metadata=INTERNAL)
 
     @property

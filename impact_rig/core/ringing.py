@@ -15,9 +15,17 @@ from impact_rig.core.momenta import (
     follow_momentum,
     restore_levels,
 )
-from impact_rig.core.paper_method import DAMPING_COEFFICIENT, DAMPING_RATIO, NAN, STIFFNESS
+from impact_rig.core.paper_method import DAMPING_COEFFICIENT, NAN, STIFFNESS
 from impact_rig.core.pulse_width import measure_pulse
-from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
+from impact_rig.core.quantity import (
+    INTERNAL,
+    NOT_NEGATIVE,
+    POSITIVE,
+    UNKNOWN,
+    Comparable,
+    Quantity,
+    describe,
+)
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.uncertainty import find_decaying_body, make_rig_numbers, propagate_fit
 
@@ -47,12 +55,16 @@ class FreeDecayEstimate(Comparable):
 
     # m2 times the natural angular frequency squared
     stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
-    damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
+    damping_ratio: Quantity = field(
+        default=UNKNOWN, metadata=describe("", "ζ", "damping ratio", least=POSITIVE)
+    )
     damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
     frequency: float = field(default=NAN, metadata=describe("Hz", "f", "frequency", shown="kHz"))
-    periods: float = NAN  # that stand out of the noise
+    # that stand out of the noise
+    periods: float = field(default=NAN, metadata=NOT_NEGATIVE)
     r_squared: float = NAN
-    residual_over_noise: float = NAN  # RMS; 1: nothing but noise
+    # RMS; 1: nothing but noise
+    residual_over_noise: float = field(default=NAN, metadata=NOT_NEGATIVE)
     hold: str = ""  # what holds what rings, of `Hold`: only what is on a spring has k and c
     notes: tuple[str, ...] = field(default=(), metadata=INTERNAL)
 

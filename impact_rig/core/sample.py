@@ -14,11 +14,11 @@ from impact_rig.core.fitted_model import FittedModel, find_frequency, fit_model
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.model import Body, ImpactModel, ModelVariant
 from impact_rig.core.momenta import Hold
-from impact_rig.core.paper_estimate import NO_NUMBERS, TIME, PaperEstimate
+from impact_rig.core.paper_estimate import MOMENT, NO_NUMBERS, PaperEstimate
 from impact_rig.core.paper_method import NAN, BodyEstimate, HammerPulse, look_at_pulse
 from impact_rig.core.pulse_shape import NO_SHAPE, PulseShapeEstimate
 from impact_rig.core.pulse_width import measure_pulse
-from impact_rig.core.quantity import INLINE, INTERNAL, Comparable
+from impact_rig.core.quantity import INLINE, INTERNAL, NOT_NEGATIVE, Comparable
 from impact_rig.core.ringing import (
     NO_DECAY,
     FreeDecayEstimate,
@@ -95,14 +95,17 @@ def estimate_traces(name: str, mean: MeanHit, setup: RigSetup) -> TraceEstimates
 class ModelErrors(Comparable):
     """How far the model by the paper's numbers and the mean traces lie apart; NaN: not known."""
 
-    mse_hammer_percent: float = NAN  # of the driven model over the record, as in Fig. 6
-    mse_sample_percent: float = NAN
-    contact_error_hammer_percent: float = NAN  # RMS of the same over the contact alone
-    contact_error_sample_percent: float = NAN
-    shift_hammer: float = field(default=NAN, metadata=TIME)  # of the model, later is positive
-    shift_sample: float = field(default=NAN, metadata=TIME)
-    printed_mse_hammer_percent: float = NAN  # of equations (1) and (2) as printed
-    printed_mse_sample_percent: float = NAN
+    # of the driven model over the record, as in Fig. 6
+    mse_hammer_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    mse_sample_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    # RMS of the same over the contact alone
+    contact_error_hammer_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    contact_error_sample_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    shift_hammer: float = field(default=NAN, metadata=MOMENT)  # of the model, later is positive
+    shift_sample: float = field(default=NAN, metadata=MOMENT)
+    # of equations (1) and (2) as printed
+    printed_mse_hammer_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    printed_mse_sample_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
 
 
 NOT_COMPARED = ModelErrors()

@@ -15,6 +15,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from impact_rig import __version__
+from impact_rig.core.errors import ParameterError
 from impact_rig.core.quantity import list_fields
 from impact_rig.core.records import (
     NOT_ARMED,
@@ -181,16 +182,18 @@ def from_message(kind: type[_T], message: Any) -> _T:
     Raises
     ------
     RigError
-        If the record refuses its values.
+        If a value cannot be meant.
     """
-    return kind(
-        **{
-            field.name: from_message(field.hint, message)
-            if field.description.is_inline
-            else _value_from_message(field.hint, getattr(message, field.name))
-            for field in list_fields(kind)
-        }
-    )
+    values = {}
+    for field in list_fields(kind):
+        if field.description.is_inline:
+            values[field.name] = from_message(field.hint, message)
+            continue
+        value = _value_from_message(field.hint, getattr(message, field.name))
+        if (problem := field.description.explain(value)) is not None:
+            raise ParameterError(f"{field.name} {problem}")
+        values[field.name] = value
+    return kind(**values)
 
 
 def _value_from_message(hint: Any, value: Any) -> Any:

@@ -18,6 +18,7 @@ from impact_rig.results.numbers import (
     SAMPLE_MEASURANDS,
     Measurand,
     format_number,
+    is_beyond_rounding,
 )
 from impact_rig.results.tables import (
     Column,
@@ -115,7 +116,8 @@ def tabulate_changes(first: BatchCampaign, second: BatchCampaign) -> list[Table]
             # As if they had nothing in common.
             expanded = math.hypot(old.expanded, new.expanded)
             difference = Quantity(new.value - old.value, expanded=expanded)
-            ratio = difference.value / expanded if expanded > 0.0 else math.nan
+            is_uncertain = is_beyond_rounding(expanded, new.value)
+            ratio = difference.value / expanded if is_uncertain else math.nan
             if abs(ratio) > 1.0:
                 marked.append(len(rows))
             values = map(item.format, (old, new, difference))

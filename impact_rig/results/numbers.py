@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from impact_rig.core.quantity import Quantity
+from impact_rig.core.quantity import POSITIVE, Quantity
 
 MISSING = "-"
 """Stands where a number was not determined."""
@@ -50,6 +50,11 @@ def show_unit(unit: str) -> str:
     return unit.replace("^2", "²")
 
 
+def is_beyond_rounding(expanded: float, value: float) -> bool:
+    """Return whether an uncertainty is more than what a float leaves open of its value."""
+    return expanded > max(1e-16 * abs(value), POSITIVE)
+
+
 def format_uncertain(value: float, expanded: float, digits: int) -> str:
     """Return ``value ± expanded``, both rounded to the second digit of the uncertainty.
 
@@ -69,7 +74,7 @@ def format_uncertain(value: float, expanded: float, digits: int) -> str:
     """
     if not math.isfinite(value):
         return MISSING
-    if not (math.isfinite(expanded) and expanded > 0.0):
+    if not (math.isfinite(expanded) and is_beyond_rounding(expanded, value)):
         return format_number(value, digits)
     # Python's own rounding says where the second digit of the rounded uncertainty stands.
     exponent = int(f"{expanded:.{UNCERTAINTY_DIGITS - 1}e}".partition("e")[2])

@@ -36,6 +36,7 @@ from impact_rig.results.numbers import (
     format_error,
     format_number,
     format_quantity,
+    is_beyond_rounding,
 )
 from impact_rig.results.references import (
     Reference,
@@ -195,7 +196,8 @@ class _Row:
         """Return the difference from the expected value, over the measured uncertainty."""
         found = self.read(quantity)
         difference = found.value - quantity.read_reference(self.reference)
-        return difference / found.expanded if found.expanded > 0.0 else math.nan
+        is_uncertain = is_beyond_rounding(found.expanded, found.value)
+        return difference / found.expanded if is_uncertain else math.nan
 
 
 def _make_rows(results: Results, *, with_hammer: bool) -> list[_Row]:

@@ -16,12 +16,20 @@ from dataclasses import is_dataclass
 from typing import Any, TypeVar, get_args, get_origin
 
 from impact_rig.core.errors import RigError
-from impact_rig.core.quantity import BudgetLine, Quantity, StoredField, list_fields
+from impact_rig.core.quantity import (
+    BudgetLine,
+    Quantity,
+    StoredField,
+    list_fields,
+    read_description,
+)
 
 Json = dict[str, Any]
 Record = TypeVar("Record")
 NUMBERS = {"": "value", "u": "standard", "expanded": "expanded"}
 """Fields of a quantity, by the suffix of the name in JSON."""
+UNCERTAINTY = read_description(Quantity.__dataclass_fields__["standard"])
+"""What an uncertainty may be."""
 BUDGET = "budget"
 WANTED = {int: "a whole number from 0 to below 2^63", str: "text", bool: "true or false"}
 """Kinds of values that are taken as they are, with their names for messages."""
@@ -104,6 +112,8 @@ def from_json(kind: type[Record], content: Any, place: str = "") -> Record:
             values[field.name] = from_json(field.hint, content, place)
         else:
             values[field.name] = _read_value(field.hint, content, _make_key(field), place)
+        if (problem := field.description.explain(values[field.name])) is not None:
+            raise WireError(f"{_join(place, _make_key(field))} {problem}")
     try:
         return kind(**values)
     except WireError:
@@ -117,9 +127,8 @@ def _read_quantity(field: StoredField, content: Mapping[str, Any], place: str) -
         _read_value(float, content, _make_key(field, kind), place) for kind in NUMBERS
     )
     for kind, number in (("u", standard), ("expanded", expanded)):
-        if number < 0.0:
-            place = _join(place, _make_key(field, kind))
-            raise WireError(f"{place} is {number!r}: an uncertainty must not be negative")
+        if (problem := UNCERTAINTY.explain(number)) is not None:
+            raise WireError(f"{_join(place, _make_key(field, kind))} {problem}")
     lines = content.get(BUDGET)
     if not isinstance(lines, list):
         raise WireError(f"{_join(place, BUDGET)} must be a list")

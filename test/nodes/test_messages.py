@@ -1,7 +1,7 @@
 """Results, set-ups and blocks survive the way through a message."""
 
 from dataclasses import replace
-from typing import get_args, get_origin
+from typing import Any, get_args, get_origin
 
 import pytest
 from hypothesis import given, settings
@@ -12,7 +12,13 @@ from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
-from impact_rig.core.quantity import BudgetLine, Quantity, list_fields
+from impact_rig.core.quantity import (
+    LARGEST,
+    BudgetLine,
+    Quantity,
+    StoredField,
+    list_fields,
+)
 from impact_rig.core.ringing import FreeDecayEstimate
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.sensors import Sensor
@@ -50,7 +56,19 @@ def make_records(kind):
     if kind in CHECKED:
         return CHECKED[kind]
     fields = [field for field in list_fields(kind) if field.name != "notes" or kind != Quantity]
-    return st.builds(kind, **{field.name: make_values(field.hint) for field in fields})
+    return st.builds(kind, **{field.name: make_possible(field) for field in fields})
+
+
+def make_possible(field: StoredField) -> Any:
+    """Return what a field may hold."""
+    said = field.description
+    numbers = st.floats(said.least, said.most)
+    if field.hint is float:
+        return numbers
+    if field.hint is Quantity:
+        uncertainties = st.floats(0.0, LARGEST)
+        return st.builds(Quantity, numbers, uncertainties, uncertainties, uncertainties)
+    return make_values(field.hint)
 
 
 MESSAGES = {

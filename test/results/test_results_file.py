@@ -121,7 +121,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
             "three",
             "impacts_accepted is .three.: it must be a whole",
         ),
-        (("samples", 0, "contact_time_u_s"), -1e-9, "u_s is -1e-09: an uncertainty must not be"),
+        (("samples", 0, "contact_time_u_s"), -1e-9, "u_s is -1e-09: it must be 0 or more"),
         (("format", "version"), 7, "version 7; this program reads version 9"),
         (("format", "name"), "a cake recipe", "is not a results file"),
         (("hits",), "none", "hits must be a list"),

@@ -1,0 +1,109 @@
+"""Numbers that cannot be meant are refused with a sentence; what is taken can be shown."""
+
+import copy
+import json
+import re
+from collections.abc import Iterator
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from impact_rig.core.errors import FileError, RigError
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.ringing import FreeDecayEstimate
+from impact_rig.nodes.messages import make_message
+from impact_rig.present.rerun.markdown import format_summary
+from impact_rig.present.screen import print_full
+from impact_rig.recordings.messages import fill_message, from_message
+from impact_rig.results.campaign import Results
+from impact_rig.results.results_file import format_json, read_results, results_to_json
+
+IMPOSSIBLE = (0.0, -1.0, 1e300, 5e-324)
+BY_UNIT = {"_s", "_n_per_m"}
+"""Endings of names of what is above 0."""
+SIGNED = ("peak_time", "shift", "spread", "_u_", "_expanded_", "clock", "mass")
+
+
+@pytest.fixture(scope="module")
+def content(strike: Any) -> Any:
+    results = strike(["aluminium large"], impacts=2)
+    return json.loads(format_json(results_to_json(results)))
+
+
+def list_places(content: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Yield where the numbers of a file are, of lists of numbers the first one."""
+    items = content.items() if isinstance(content, dict) else enumerate(content)
+    for key, value in items:
+        if isinstance(value, dict | list):
+            yield from list_places(value, (*place, key))
+        elif isinstance(value, float) and not (isinstance(content, list) and key):
+            yield (*place, key)
+
+
+def change(content: Any, place: tuple[Any, ...], value: Any) -> Any:
+    changed = copy.deepcopy(content)
+    part = changed
+    for key in place[:-1]:
+        part = part[key]
+    part[place[-1]] = value
+    return changed
+
+
+def show(results: Results) -> str:
+    """Return everything that is shown of results in words."""
+    console = Console(file=StringIO(), width=200)
+    print_full(console, results)
+    texts = [format_summary(results, sample) for sample in results.samples]
+    return console.file.getvalue() + "\n".join(texts)  # type: ignore[attr-defined]
+
+
+def test_what_cannot_be_meant_is_refused_and_all_else_can_be_shown(tmp_path, content):
+    path = tmp_path / "results.json"
+    taken, told = [], []
+    # Of each field one, wherever it stands.
+    fields = {tuple(key for key in it if isinstance(key, str)): it for it in list_places(content)}
+    for place in [item for item in fields.values() if item[0] != "setup"]:
+        for value in IMPOSSIBLE:
+            path.write_text(json.dumps(change(content, place, value)), "utf-8")
+            try:
+                results = read_results(path)
+            except FileError as error:
+                told.append((place[-1], str(error)))
+                continue
+            taken.append((place, value))
+            assert not re.search(r"\d{40}", show(results)), (place, value)
+    assert all(str(name) in text for name, text in told)
+    assert not [item for item in taken if abs(item[1]) > 1.0]
+    names = {place[-1] for place, value in taken if value <= 0.0}
+    above = {name for name in names if str(name).endswith(tuple(BY_UNIT))}
+    assert not [name for name in above if not any(part in name for part in SIGNED)]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("damping_ratio", 0.0, "damping_ratio is 0: it must be above 0"),
+        ("stiffness", -4e6, r"stiffness is -4e\+06 N/m: it must be above 0"),
+        ("frequency", float("inf"), r"frequency is inf Hz: it must be 1e\+30 at most"),
+    ],
+)
+def test_a_message_is_refused_for_the_same_reasons(name, value, told):
+    message = fill_message(make_message("FreeDecay"), FreeDecayEstimate(), make_message)
+    part = getattr(message, name)
+    if isinstance(part, float):
+        setattr(message, name, value)
+    else:
+        fill_message(part, Quantity(value))
+    with pytest.raises(RigError, match=told):
+        from_message(FreeDecayEstimate, message)
+
+
+def test_a_free_decay_without_damping_in_a_file_is_named(tmp_path: Path, content: Any) -> None:
+    place = ("samples", 0, "free_decay", "damping_ratio")
+    path = tmp_path / "results.json"
+    path.write_text(json.dumps(change(content, place, 0.0)), "utf-8")
+    with pytest.raises(FileError, match=r"free_decay\.damping_ratio is 0: it must be above 0"):
+        read_results(path)
