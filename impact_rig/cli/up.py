@@ -111,22 +111,18 @@ class RunningNodes:
             while self._nodes:
                 name, line = self._events.get()
                 if line:
-                    text = line.decode(errors="replace").rstrip("\n")
-                    if (found := read_notice(text)) is None:
-                        self._print(name, text)
-                    elif found[0] is Notice.PAGE:
-                        self._on_page(found[1])
-                    elif name in starting:
+                    if self._is_active_by(name, line) and name in starting:
                         starting.remove(name)
                         if not starting:
                             self._print("rig", ready)
                     continue
                 ended = self._nodes.pop(name).wait() if name else 0
-                if name and name not in MEASURING and self._nodes and code is None:
+                if code is None and self._goes_on_without(name):
                     self._print("rig", f"{name} has ended ({ended}): the rig goes on without it")
+                    if starting == {name}:
+                        self._print("rig", ready)
                     starting.discard(name)
-                    continue
-                if code is None:
+                elif code is None:
                     code = ended
                     self._send(signal.SIGTERM)
                     killer.start()
@@ -161,6 +157,20 @@ class RunningNodes:
                 self._events.put((name, line))
 
         threading.Thread(target=follow, daemon=True).start()
+
+    def _is_active_by(self, name: str, line: bytes) -> bool:
+        """Print a line, or take the notice in it; return whether it says that a node is active."""
+        text = line.decode(errors="replace").rstrip("\n")
+        found = read_notice(text)
+        if found is None:
+            self._print(name, text)
+        elif found[0] is Notice.PAGE:
+            self._on_page(found[1])
+        return found is not None and found[0] is Notice.ACTIVE
+
+    def _goes_on_without(self, name: str) -> bool:
+        """Return whether a node that has ended ends no rig, and others are left."""
+        return bool(name) and name not in MEASURING and bool(self._nodes)
 
     def _send(self, number: int) -> None:
         for node in list(self._nodes.values()):

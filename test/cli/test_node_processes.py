@@ -55,3 +55,24 @@ def test_a_rig_goes_on_when_what_it_says_cannot_be_written(start_up):
     process.terminate()
     lost = "warning: the nodes' output is lost: No space left on device\n"
     assert (told, *finish(process)) == (lost, 0, None, "")
+
+
+def test_a_rig_goes_on_without_its_display_and_ends_with_a_node_that_measures(start_up):
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    process = start_up("--only", "hammer", "--only", "visualizer", stderr=subprocess.STDOUT)
+
+    def kill(name):
+        number = re.search(rf"{name} started \(pid=(\d+)\)", "".join(lines))[1]
+        os.kill(int(number), signal.SIGKILL)
+
+    lines = []
+    for line in process.stdout:
+        lines.append(line)
+        if "ready: " in line:
+            kill("visualizer")
+        if "the rig goes on without it" in line:
+            kill("hammer")
+    process.wait(PATIENCE)
+    told = "".join(lines)
+    assert "visualizer has ended (-9): the rig goes on without it" in told
+    assert "a node has ended, so the rig has stopped" in told
