@@ -216,7 +216,7 @@ def make_node(process: NodeProcess, params_file: str, *, respawn: bool) -> Actio
 def make_campaign(impacts: int, resume: str, namespace: str) -> Action:
     """Return the command that runs a campaign, or goes on with one; the rig ends with it."""
     wanted = ["--resume", resume] if resume else ["--impacts", str(impacts)]
-    command = ["impact-rig", "campaign", *wanted]
+    command = ["impact-rig", "campaign", *wanted, "--wait", "1 min"]  # its nodes start with it
     if namespace:
         command += ["--namespace", namespace]
     return ExecuteProcess(

@@ -156,7 +156,7 @@ def run_campaign(
         raise
 
 
-RIG_TIMEOUT = 30.0  # [s] to find the rig: three times the start of its nodes on a busy computer
+RIG_TIMEOUT = 7.0  # [s] to find a rig that is up
 
 
 def run(
@@ -166,6 +166,7 @@ def run(
     ask: bool | None,
     notes: str,
     resume: Path | None,
+    wait: float | None,
     namespace: str,
     network: bool,
     output: Path | None,
@@ -176,7 +177,7 @@ def run(
     options.set_discovery(network=network)
     resumed = read_newest_campaign(resume) if resume else None
     with CampaignClient(namespace) as client, CampaignView() as view:
-        client.wait_for_rig(RIG_TIMEOUT)
+        client.wait_for_rig(RIG_TIMEOUT if wait is None else wait)
         if notes:
             client.publish_note(notes, RIG_TIMEOUT)
         confirm = not client.is_hammerless if ask is None else ask

@@ -120,6 +120,9 @@ def up() -> None:
 )
 @options.notes_option
 @options.resume_option
+@options.make_quantity_option(
+    "--wait", "s", "1 min", "How long to look for a rig that is being started. [7 s]"
+)
 @options.rig_options
 @options.make_output_option(
     "Folder for results.json. [that of the recording, if it is on this computer]", "FOLDER"

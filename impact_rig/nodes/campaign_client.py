@@ -39,8 +39,9 @@ CANCEL_TIMEOUT = 5.0
 """How long a cancelled campaign may take to end [s]."""
 RESEND_PERIOD = 3.0
 """How soon an unanswered goal is sent again [s]."""
-GONE_TIMEOUT = 60.0
-"""How long the campaign node may give no sign of life before its client gives up [s]."""
+GONE_TIMEOUT = 6.0
+"""How long after the end of its lease the campaign node is waited for [s]. A node that only stood
+still has its campaign yet: who resumes that goes on with it."""
 LOOKING = (CampaignState.JOINING, CampaignState.COUNTING)
 """States in which a campaign that is paused looks whether it can go on."""
 SERVICE_TIMEOUT = 20.0
@@ -196,14 +197,13 @@ class CampaignClient(RigClient):
         # From now on only the messages of this campaign count.
         self._intake.membership.join(Identity(campaign_id))
         self._recording = ""
-        self._operator, self._gone_since, self._paused_since = operator, math.inf, math.inf
+        self._operator, self._paused_since = operator, math.inf
         vain = ""  # why a campaign that nobody could go on with was cancelled
         self._sent.clear()
         self._duties.clear()
         self._result = self._send_goal(goal).get_result_async()
         while not self._result.done():
-            if time.monotonic() - self._gone_since > GONE_TIMEOUT:
-                raise DeviceError("the campaign node has gone")
+            self._check_life()
             if not vain and time.monotonic() - self._paused_since > longest_pause:
                 vain = self._state.message
                 self._goal.cancel_goal_async()
@@ -243,6 +243,7 @@ class CampaignClient(RigClient):
         A server that has not met this client's reader yet drops both answer and goal.
         """
         while self._goal is None:
+            self._check_life()
             self._check_rig()
             self._sent.append(self._action.send_goal_async(goal, self._on_feedback))
             self.spin_until(lambda: self._goal is not None, RESEND_PERIOD)
@@ -252,6 +253,14 @@ class CampaignClient(RigClient):
     def _goal(self) -> Any:
         """What the campaign node made of the goal; None: it has not answered."""
         return next((future.result() for future in self._sent if future.done()), None)
+
+    def _check_life(self) -> None:
+        silence = time.monotonic() - self._gone_since
+        if silence > GONE_TIMEOUT:
+            raise DeviceError(
+                "the campaign node has given no sign of life for"
+                f" {interfaces.LEASE + silence:.0f} s: see the rig's log"
+            )
 
     def _check_rig(self) -> None:
         self._check()
@@ -272,14 +281,13 @@ class CampaignClient(RigClient):
 
     def _on_liveliness(self, status: Any) -> None:
         """Show that the campaign node gives no sign of life."""
+        self._gone_since = math.inf if status.alive_count else time.monotonic()
         if self._operator is None or self._goal is None:
             return
         if status.alive_count:
-            self._gone_since = math.inf
             # A node that was started again answers that it does not know the goal.
             self._result = self._goal.get_result_async()
             return
-        self._gone_since = time.monotonic()
         self._state.state = CampaignState.PAUSED
         self._state.message = "the campaign node gives no sign of life"
         self._operator.follow(self._state)

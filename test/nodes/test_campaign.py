@@ -1,5 +1,6 @@
 """A campaign strikes until every sample has its hits, and stops with a reason when it cannot."""
 
+import copy
 import functools
 import math
 
@@ -13,6 +14,7 @@ from impact_rig.configuration.rig_file import read_template
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.identity import id_to_msg, make_id
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
@@ -179,3 +181,25 @@ def test_who_comes_late_knows_all_of_a_campaign(harness):
     assert (state.impacts, state.mounted, state.last.accepted) == (2, "steel small", True)
     # Struck in the order that was asked for, returned in the order of the set.
     assert [item.name for item in result.result.samples] == ["steel small", "brass small"]
+
+
+def test_who_resumes_a_campaign_that_runs_takes_it_over(harness):
+    """The client of a node that stood still has gone, and the node runs it still."""
+    client = start_rig(harness)
+    first, feedback = begin(harness, client, samples=["steel small"], impacts=40)
+    feedback.wait(lambda got: got[-1].impact >= 1)
+    setup = harness.run(lambda: copy.deepcopy(find_campaign(harness).setup))
+    other = run(harness, client, samples=["steel small"], impacts=3).result
+    assert other.message.startswith("another campaign is running")
+    setup.plan.impacts = 45
+    resumed = run(harness, client, resumed=setup).result
+    assert harness.wait(first.get_result_async()).result.message == (
+        "another client goes on with it"
+    )
+    assert resumed.success
+    assert [hit.impact for hit in resumed.accepted] == list(range(1, 46))
+
+
+def find_campaign(harness):
+    (node,) = (node for node in harness.nodes if isinstance(node, CampaignNode))
+    return node._campaign
