@@ -103,24 +103,15 @@ off is another sensor, or two bodies that do not move alike."""
 
 @dataclass(frozen=True)
 class CalibrationMethod(Comparable):
-    """What is compared with what.
+    """What is compared with what."""
 
-    Attributes
-    ----------
-    channel : str
-        Of the sensor under test, one of `CHANNELS`; that of the other one is the reference.
-    known_mass : float
-        Of all that moves with the struck body [kg]: force is mass times acceleration; NaN: both
-        sensors are mounted back to back and see the same acceleration.
-    mass_uncertainty : float
-        Standard uncertainty of that mass [kg]; 0: not stated.
-    reference_uncertainty : float
-        Relative standard uncertainty of the reference's sensitivity [-]; 0: not stated.
-    """
-
+    # Of the sensor under test, one of `CHANNELS`; that of the other one is the reference.
     channel: str
+    # Of all that moves with the struck body [kg]: force is mass times acceleration; NaN: both
+    # sensors are mounted back to back and see the same acceleration.
     known_mass: float = math.nan
-    mass_uncertainty: float = 0.0
+    mass_uncertainty: float = 0.0  # standard uncertainty of that mass [kg]; 0: not stated
+    # Relative standard uncertainty of the reference's sensitivity [-]; 0: not stated.
     reference_uncertainty: float = 0.0
 
     def __post_init__(self) -> None:
@@ -165,27 +156,13 @@ class CalibrationMethod(Comparable):
 
 @dataclass(frozen=True)
 class Calibration:
-    """A new sensitivity.
+    """A new sensitivity."""
 
-    Attributes
-    ----------
-    sensor : Sensor
-        Under test, by its old sheet.
-    ratio : Quantity
-        New sensitivity over the old one [-].
-    hits : int
-        Those that were used [-].
-    is_reversed : bool
-        The traces have opposite signs: one of the sensors looks the other way.
-    remarks : tuple of str
-        What the uncertainty leaves out, in words.
-    """
-
-    sensor: Sensor
-    ratio: Quantity
-    hits: int
-    is_reversed: bool
-    remarks: tuple[str, ...]
+    sensor: Sensor  # under test, by its old sheet
+    ratio: Quantity  # new sensitivity over the old one [-]
+    hits: int  # those that were used [-]
+    is_reversed: bool  # the traces have opposite signs: one of the sensors looks the other way
+    remarks: tuple[str, ...]  # what the uncertainty leaves out, in words
 
     @property
     def sensitivity(self) -> float:

@@ -16,57 +16,27 @@ from impact_rig.core.records import FloatArray, make_read_only
 
 @dataclass(frozen=True)
 class TraceComparison:
-    """One body's model trace laid onto its measured one.
+    """One body's model trace laid onto its measured one."""
 
-    Attributes
-    ----------
-    measured, model : ndarray, shape (n,)
-        Normalised to their own peaks [-], the model shifted; read-only.
-    peak : float
-        By which the measured trace was divided, sign included [m/s^2].
-    shift : float
-        Applied to the model, later is positive [s].
-    mse_percent : float
-        Mean square error over the record [%], as in Fig. 6. Forgiving: most of the record is
-        quiet.
-    contact_error_percent : float
-        RMS error over the contact alone [%].
-    """
-
-    measured: FloatArray
+    measured: FloatArray  # normalised to their own peaks [-], the model shifted; read-only
     model: FloatArray
-    peak: float
-    shift: float
+    peak: float  # by which the measured trace was divided, sign included [m/s^2]
+    shift: float  # applied to the model, later is positive [s]
+    # Mean square error over the record [%], as in Fig. 6. Forgiving: most of the record is quiet.
     mse_percent: float
-    contact_error_percent: float
+    contact_error_percent: float  # RMS error over the contact alone [%]
 
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """Both bodies of one sample's mean hit against the model.
+    """Both bodies of one sample's mean hit against the model."""
 
-    Attributes
-    ----------
-    variant : ModelVariant
-        Which model.
-    sampling_rate : float
-        [Hz]
-    start_time : float
-        Time of the first point from the start of the contact [s].
-    contact_time : float
-        tau_p of the model [s].
-    hammer : TraceComparison
-        Of the hammer.
-    specimen : TraceComparison
-        Of the sample.
-    """
-
-    variant: ModelVariant
-    sampling_rate: float
-    start_time: float
-    contact_time: float
-    hammer: TraceComparison
-    specimen: TraceComparison
+    variant: ModelVariant  # which model
+    sampling_rate: float  # [Hz]
+    start_time: float  # time of the first point from the start of the contact [s]
+    contact_time: float  # tau_p of the model [s]
+    hammer: TraceComparison  # of the hammer
+    specimen: TraceComparison  # of the sample
 
 
 def find_extreme(trace: FloatArray) -> float:

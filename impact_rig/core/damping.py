@@ -14,19 +14,11 @@ from impact_rig.core.records import FloatArray
 
 @dataclass(frozen=True)
 class LogDecrement:
-    """Two consecutive peaks of the same sign.
+    """Two consecutive peaks of the same sign."""
 
-    Attributes
-    ----------
-    first_peak, second_peak : float
-        U1 and U2 [unit of the trace].
-    first_index, second_index : int
-        Where they stand, in points.
-    """
-
-    first_peak: float
+    first_peak: float  # U1 and U2 [unit of the trace]
     second_peak: float
-    first_index: int
+    first_index: int  # where they stand, in points
     second_index: int
 
     @property
@@ -192,34 +184,18 @@ SMALLEST_R_SQUARED = 0.99
 
 @dataclass(frozen=True)
 class FreeDecay:
-    """A damped oscillation found in the tail of a mean hit.
+    """A damped oscillation found in the tail of a mean hit."""
 
-    Attributes
-    ----------
-    decay_rate : float
-        a [1/s].
-    angular_frequency : float
-        omega, damped [rad/s].
-    hit_values : ndarray, shape (hits, 2)
-        a and omega of each hit, to first order about those of the mean, which are their mean
-        [1/s]: their spread is the type A evaluation.
-    r_squared : float
-        Part of the tail's variance that the fit explains [-].
-    residual_over_noise : float
-        Standard deviation of what the fit leaves over that of the noise [-]; NaN: no noise known.
-    periods : float
-        Periods in the tail while the envelope stands out of the noise [-].
-    tail : slice
-        Points of the trace that were fitted.
-    """
-
-    decay_rate: float
-    angular_frequency: float
+    decay_rate: float  # a [1/s]
+    angular_frequency: float  # omega, damped [rad/s]
+    # a and omega of each hit, to first order about those of the mean, which are their mean [1/s]:
+    # their spread is the type A evaluation.
     hit_values: FloatArray
-    r_squared: float
+    r_squared: float  # part of the tail's variance that the fit explains [-]
+    # Standard deviation of what the fit leaves over that of the noise [-]; NaN: no noise known.
     residual_over_noise: float
-    periods: float
-    tail: slice
+    periods: float  # periods in the tail while the envelope stands out of the noise [-]
+    tail: slice  # points of the trace that were fitted
 
     @property
     def frequency(self) -> float:

@@ -15,23 +15,14 @@ from impact_rig.core.records import FloatArray
 
 
 class ContactSpan(NamedTuple):
-    """The points in the contact.
+    """The points in the contact."""
 
-    Attributes
-    ----------
-    first, free : int
-        The first point in the contact, and the first one beyond it; the number of points, if
-        there is none.
-    begin : float
-        Time of `first`, counted from the start of the contact [s].
-    late : float
-        Time of `free`, counted from the end of the contact [s].
-    """
-
+    # The first point in the contact, and the first one beyond it; the number of points, if there
+    # is none.
     first: int
     free: int
-    begin: float
-    late: float
+    begin: float  # time of `first`, counted from the start of the contact [s]
+    late: float  # time of `free`, counted from the end of the contact [s]
 
 
 def find_contact(
@@ -72,21 +63,11 @@ class ModelVariant(Enum):
 
 @dataclass(frozen=True)
 class Body:
-    """One body: a mass on a spring and a damper.
+    """One body: a mass on a spring and a damper."""
 
-    Attributes
-    ----------
-    mass : float
-        [kg]
-    stiffness : float
-        [N/m]
-    damping_coefficient : float
-        [N s/m]
-    """
-
-    mass: float
-    stiffness: float
-    damping_coefficient: float
+    mass: float  # [kg]
+    stiffness: float  # [N/m]
+    damping_coefficient: float  # [N s/m]
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
@@ -97,25 +78,13 @@ class Body:
 
 @dataclass(frozen=True)
 class ImpactModel:
-    """Parameters of one impact.
+    """Parameters of one impact."""
 
-    Attributes
-    ----------
-    hammer, specimen : Body
-        m1, k1, c1 and m2, k2, c2.
-    contact_time : float
-        tau_p [s].
-    impact_speed : float
-        v1 [m/s].
-    peak_force : float
-        F0 [N], signed; equation (1) has -F(t) on body 2.
-    """
-
-    hammer: Body
+    hammer: Body  # m1, k1, c1 and m2, k2, c2
     specimen: Body
-    contact_time: float
-    impact_speed: float
-    peak_force: float
+    contact_time: float  # tau_p [s]
+    impact_speed: float  # v1 [m/s]
+    peak_force: float  # F0 [N], signed; equation (1) has -F(t) on body 2
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""

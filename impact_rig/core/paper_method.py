@@ -59,21 +59,11 @@ DAMPING_NAMES = ("c1", "c2")
 
 @dataclass(frozen=True)
 class HammerPulse:
-    """What the hammer's mean pulse looks like.
+    """What the hammer's mean pulse looks like."""
 
-    Attributes
-    ----------
-    shape : PulseShapeEstimate
-        Which of the known shapes it has.
-    law : ContactLaw
-        Which law of contact makes such a pulse.
-    notes : tuple of str
-        Why the shape is not determined.
-    """
-
-    shape: PulseShapeEstimate
-    law: ContactLaw
-    notes: tuple[str, ...] = ()
+    shape: PulseShapeEstimate  # which of the known shapes it has
+    law: ContactLaw  # which law of contact makes such a pulse
+    notes: tuple[str, ...] = ()  # why the shape is not determined
 
 
 UNSEEN = HammerPulse(NO_SHAPE, NO_LAW)
@@ -376,33 +366,17 @@ CONTACT_TIME = describe("s", "τp", "contact time", shown="µs")
 
 @dataclass(frozen=True)
 class BodyEstimate(Comparable):
-    """Stiffness and damping of one body; NaN: not determined.
+    """Stiffness and damping of one body; NaN: not determined."""
 
-    Attributes
-    ----------
-    stiffness : Quantity
-        [N/m]
-    damping_ratio : Quantity
-        [-]
-    damping_coefficient : Quantity
-        [N s/m]
-    log_decrement : float
-        [-]
-    notes : tuple of str
-        What could not be determined, and why.
-    peaks : LogDecrement or None
-        U1 and U2 in the mean trace; None: not determined.
-    known_stiffness : Known or None
-        The stiffness with all that it depends on, for what is calculated from it; None: it is
-        not determined, or was stated without uncertainty.
-    """
-
-    stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)
-    damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
-    damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
-    log_decrement: float = field(default=NAN, metadata=describe("", "Δ", "log decrement"))
-    notes: tuple[str, ...] = ()
+    stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)  # [N/m]
+    damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)  # [-]
+    damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)  # [N s/m]
+    log_decrement: float = field(default=NAN, metadata=describe("", "Δ", "log decrement"))  # [-]
+    notes: tuple[str, ...] = ()  # what could not be determined, and why
+    # U1 and U2 in the mean trace; None: not determined.
     peaks: LogDecrement | None = field(default=None, metadata=INTERNAL)
+    # The stiffness with all that it depends on, for what is calculated from it; None: it is not
+    # determined, or was stated without uncertainty.
     known_stiffness: Known | None = field(
         default=None, compare=False, repr=False, metadata=INTERNAL
     )
@@ -410,15 +384,9 @@ class BodyEstimate(Comparable):
 
 @dataclass(frozen=True)
 class HammerEstimate(BodyEstimate):
-    """What the control experiment says of the hammer: k1, zeta1, c1.
+    """What the control experiment says of the hammer: k1, zeta1, c1."""
 
-    Attributes
-    ----------
-    control_sample : str
-        Sample of the control experiment; empty: the set has none.
-    """
-
-    control_sample: str = ""
+    control_sample: str = ""  # sample of the control experiment; empty: the set has none
 
 
 def _find_equivalent(series: MeanReading, setup: RigSetup, sample: str) -> Known | None:

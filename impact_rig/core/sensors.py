@@ -36,18 +36,10 @@ SPELLINGS = {
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What a sensor gives.
+    """What a sensor gives."""
 
-    Attributes
-    ----------
-    voltage : float
-        For one `unit` [V]; negative: the sensor looks the other way.
-    unit : str
-        Of acceleration or force.
-    """
-
-    voltage: float
-    unit: str
+    voltage: float  # for one `unit` [V]; negative: the sensor looks the other way
+    unit: str  # of acceleration or force
 
     def __post_init__(self) -> None:
         """Refuse a sensitivity of zero and a unit of neither acceleration nor force."""
@@ -151,41 +143,21 @@ FLAT = SensorResponse()
 
 @dataclass(frozen=True)
 class Sensor(Comparable):
-    """What the calibration sheet of a channel's sensor says.
+    """What the calibration sheet of a channel's sensor says."""
 
-    Attributes
-    ----------
-    channel : str
-        One of `CHANNELS`.
-    quantity : str
-        One of `QUANTITIES`: a force is that on the hammer's mass.
-    unit : str
-        Of the quantity.
-    sensitivity : float
-        For one `unit` [V], signed; NaN: the source gives the quantity itself and needs none.
-    full_scale : float
-        Largest value that the sensor takes, either sign [unit]; 0: not known.
-    serial_number : str
-        As on the sensor; empty: not known.
-    calibration_date : str
-        Of the sheet, year-month-day; empty: not known.
-    sensitivity_uncertainty : float
-        Relative standard uncertainty of the channel's gain [-]; 0: not stated.
-    resonance, resonance_damping, low_corner, upper_corner : float
-        As in `SensorResponse`.
-    resonance_uncertainty, low_corner_uncertainty, upper_corner_uncertainty : float
-        Their standard uncertainties [Hz]; 0: not stated.
-    """
-
-    channel: str
-    quantity: str = "acceleration"
-    unit: str = "m/s^2"
+    channel: str  # one of `CHANNELS`
+    quantity: str = "acceleration"  # one of `QUANTITIES`: a force is that on the hammer's mass
+    unit: str = "m/s^2"  # of the quantity
+    # For one `unit` [V], signed; NaN: the source gives the quantity itself and needs none.
     sensitivity: float = field(default=math.nan, metadata=describe("V per unit"))
+    # Largest value that the sensor takes, either sign [unit]; 0: not known.
     full_scale: float = 0.0
-    serial_number: str = ""
-    calibration_date: str = ""
+    serial_number: str = ""  # as on the sensor; empty: not known
+    calibration_date: str = ""  # of the sheet, year-month-day; empty: not known
+    # Relative standard uncertainty of the channel's gain [-]; 0: not stated.
     sensitivity_uncertainty: float = field(default=0.0, metadata=describe(written="sensitivity_u"))
-    resonance: float = field(default=0.0, metadata=describe("Hz"))
+    resonance: float = field(default=0.0, metadata=describe("Hz"))  # as in `SensorResponse`
+    # Their standard uncertainties [Hz]; 0: not stated.
     resonance_uncertainty: float = field(
         default=0.0, metadata=describe("Hz", written="resonance_u")
     )

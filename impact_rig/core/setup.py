@@ -20,43 +20,28 @@ from impact_rig.core.sensors import Sensor, SensorResponse
 
 @dataclass(frozen=True)
 class AnalysisSettings:
-    """Settings of detection, verdict and estimation.
+    """Settings of detection, verdict and estimation."""
 
-    Attributes
-    ----------
-    cutoff_frequency : float
-        -3 dB frequency of the zero-phase low-pass [Hz]; 0 switches it off. 50 kHz as published.
-    pulse_factor : float
-        F in tau_p = F * w50 [-]; the published 2 belongs to a versed-sine.
-    pre_trigger : float
-        Kept before the impact, and the source of the baseline [s]. Our choice: a tenth of the
-        record.
-    record_duration : float
-        Length of a hit's record [s]; 2 ms as published.
-    detection_level : float
-        Hammer acceleration that starts a hit, part of full scale [-]. Our choice: well above
-        12-bit noise, well below the weakest acceptable hit.
-    minimum_peak : float
-        Weakest acceptable hammer peak, part of full scale [-]. Our choice.
-    maximum_peak : float
-        Strongest acceptable peak of either channel, part of full scale [-]. Our choice: room for
-        offset and noise below the rail.
-    double_hit_level : float
-        Second pulse that makes a double hit, part of the first [-]. Our choice: noise and what
-        sensors leave behind are less.
-    contact_exponent : float
-        n of the contact law where it is known [-]; 0: it is fitted.
-    """
-
+    # -3 dB frequency of the zero-phase low-pass [Hz]; 0 switches it off. 50 kHz as published.
     cutoff_frequency: float = field(default=50e3, metadata=describe("Hz"))
-    pulse_factor: float = 2.0
+    pulse_factor: float = 2.0  # F in tau_p = F * w50 [-]; the published 2 belongs to a versed-sine
+    # Kept before the impact, and the source of the baseline [s]. Our choice: a tenth of the
+    # record.
     pre_trigger: float = field(default=0.2e-3, metadata=describe("s"))
+    # Length of a hit's record [s]; 2 ms as published.
     record_duration: float = field(default=2e-3, metadata=describe("s"))
+    # Hammer acceleration that starts a hit, part of full scale [-]. Our choice: well above 12-bit
+    # noise, well below the weakest acceptable hit.
     detection_level: float = 0.03
+    # Weakest acceptable hammer peak, part of full scale [-]. Our choice.
     minimum_peak: float = 0.15
+    # Strongest acceptable peak of either channel, part of full scale [-]. Our choice: room for
+    # offset and noise below the rail.
     maximum_peak: float = 0.95
+    # Second pulse that makes a double hit, part of the first [-]. Our choice: noise and what
+    # sensors leave behind are less.
     double_hit_level: float = 0.02
-    contact_exponent: float = 0.0
+    contact_exponent: float = 0.0  # n of the contact law where it is known [-]; 0: it is fitted
 
     def __post_init__(self) -> None:
         """Refuse values that cannot be meant."""
@@ -114,33 +99,21 @@ def check_release_angles(angles: Sequence[float]) -> None:
 
 @dataclass(frozen=True)
 class Sample(Comparable):
-    """One sample of the set.
+    """One sample of the set."""
 
-    Attributes
-    ----------
-    name : str
-        Unique in the set.
-    mass : float
-        Without accelerometer [kg]; NaN: not known, and then neither k2 nor c2 is.
-    material : str
-        In words; may be empty.
-    reference_contact_time, reference_stiffness, reference_damping_coefficient : float
-        Published or expected tau_p [s], k2 [N/m] and c2 [N s/m]; NaN: none. The virtual rig
-        strikes a sample that behaves like this, tables show them beside the measured values.
-    mass_uncertainty : float
-        Standard uncertainty of the mass [kg]; 0: not stated.
-    release_angle : float
-        Of the hammer in this series of hits [rad]; NaN: the rig's. A sample that is struck from
-        several angles is in the set once for each, "steel small 5°" beside "steel small 10°".
-    """
-
-    name: str
+    name: str  # unique in the set
+    # Without accelerometer [kg]; NaN: not known, and then neither k2 nor c2 is.
     mass: float = field(metadata=describe("kg"))
-    material: str = ""
+    material: str = ""  # in words; may be empty
+    # Published or expected tau_p [s], k2 [N/m] and c2 [N s/m]; NaN: none. The virtual rig strikes
+    # a sample that behaves like this, tables show them beside the measured values.
     reference_contact_time: float = field(default=math.nan, metadata=describe("s"))
     reference_stiffness: float = field(default=math.nan, metadata=describe("N/m"))
     reference_damping_coefficient: float = field(default=math.nan, metadata=describe("N s/m"))
+    # Standard uncertainty of the mass [kg]; 0: not stated.
     mass_uncertainty: float = field(default=0.0, metadata=describe("kg", written="mass_u"))
+    # Of the hammer in this series of hits [rad]; NaN: the rig's. A sample that is struck from
+    # several angles is in the set once for each, "steel small 5°" beside "steel small 10°".
     release_angle: float = field(default=math.nan, metadata=describe("rad"))
 
     def __post_init__(self) -> None:
@@ -185,24 +158,15 @@ class Sample(Comparable):
 
 @dataclass(frozen=True)
 class SampleSet:
-    """The samples of a campaign and the one of them that calibrates the hammer.
+    """The samples of a campaign and the one of them that calibrates the hammer."""
 
-    Attributes
-    ----------
-    samples : tuple of Sample
-        In the order of the table.
-    control_sample : str
-        The sample alike to the hammer, for which k1 = k2 is assumed; empty: none, and then
-        neither k1 nor any k2 can be determined.
-    accelerometer_mass : float
-        Carried by every sample, part of m2 [kg].
-    accelerometer_mass_uncertainty : float
-        Standard uncertainty of that mass [kg]; 0: not stated.
-    """
-
-    samples: tuple[Sample, ...]
+    samples: tuple[Sample, ...]  # in the order of the table
+    # The sample alike to the hammer, for which k1 = k2 is assumed; empty: none, and then neither
+    # k1 nor any k2 can be determined.
     control_sample: str
+    # Carried by every sample, part of m2 [kg].
     accelerometer_mass: float = field(default=0.0, metadata=describe("kg"))
+    # Standard uncertainty of that mass [kg]; 0: not stated.
     accelerometer_mass_uncertainty: float = field(
         default=0.0, metadata=describe("kg", written="accelerometer_mass_u")
     )
@@ -269,46 +233,29 @@ ACCELERATION = 1.0, "m/s^2"
 
 @dataclass(frozen=True)
 class RigSetup(Comparable):
-    """Everything that turns records into numbers, and lets a recording explain itself.
+    """Everything that turns records into numbers, and lets a recording explain itself."""
 
-    Attributes
-    ----------
-    samples : SampleSet
-        What is struck.
-    hammer_mass : float
-        Effective seismic mass m1 [kg]; NaN: not known, and then neither k nor c is.
-    impact_speed : float
-        Hammer speed at contact v1 [m/s]; NaN: not known, and the printed model is left out.
-    release_angle : float
-        From which the hammer reaches it [rad]; NaN: not known.
-    analysis : AnalysisSettings
-        How hits are judged and evaluated.
-    name, description : str
-        Of the rig, in the operator's words.
-    hammer_mass_uncertainty : float
-        Standard uncertainty of m1 [kg]; 0: not stated.
-    clock_uncertainty : float
-        Relative standard uncertainty of the sampling rate [-]; 0: not stated.
-    hammer_stiffness : float
-        k1 from an earlier control experiment [N/m]; NaN: from the control sample of this set.
-    sensors : tuple of Sensor
-        Of the channels, as far as they are known; one each at most.
-    """
-
-    samples: SampleSet = field(metadata=INLINE)
+    samples: SampleSet = field(metadata=INLINE)  # what is struck
+    # Effective seismic mass m1 [kg]; NaN: not known, and then neither k nor c is.
     hammer_mass: float = field(metadata=describe("kg"))
+    # Hammer speed at contact v1 [m/s]; NaN: not known, and the printed model is left out.
     impact_speed: float = field(metadata=describe("m/s"))
+    # How hits are judged and evaluated.
     analysis: AnalysisSettings = field(default_factory=AnalysisSettings)
-    name: str = ""
+    name: str = ""  # of the rig, in the operator's words
     description: str = ""
+    # Standard uncertainty of m1 [kg]; 0: not stated.
     hammer_mass_uncertainty: float = field(
         default=0.0, metadata=describe("kg", written="hammer_mass_u")
     )
+    # Relative standard uncertainty of the sampling rate [-]; 0: not stated.
     clock_uncertainty: float = field(
         default=DEFAULT_CLOCK_UNCERTAINTY, metadata=describe(written="clock_u")
     )
+    # k1 from an earlier control experiment [N/m]; NaN: from the control sample of this set.
     hammer_stiffness: float = field(default=math.nan, metadata=describe("N/m"))
-    sensors: tuple[Sensor, ...] = ()
+    sensors: tuple[Sensor, ...] = ()  # of the channels, as far as they are known; one each at most
+    # From which the hammer reaches it [rad]; NaN: not known.
     release_angle: float = field(default=math.nan, metadata=describe("rad"))
 
     def __post_init__(self) -> None:

@@ -25,23 +25,13 @@ Covariances = Sequence[tuple[Source, FloatArray]]
 
 @dataclass(frozen=True)
 class SpeedExponents(Comparable):
-    """Exponents of the impact speed over the release angles of one sample.
+    """Exponents of the impact speed over the release angles of one sample."""
 
-    Attributes
-    ----------
-    sample : str
-        Name, without the angle, or `ALL_SAMPLES`.
-    series : int
-        Release angles, or series of all samples [-].
-    contact_time : Quantity
-        p of tau_p [-].
-    duration, peak_force, restitution : Quantity
-        p of what the contact law says [-].
-    """
-
-    sample: str
-    series: int
+    sample: str  # name, without the angle, or `ALL_SAMPLES`
+    series: int  # release angles, or series of all samples [-]
+    # p of tau_p [-].
     contact_time: Quantity = field(default=UNKNOWN, metadata=describe("", "τp", "contact time"))
+    # p of what the contact law says [-].
     duration: Quantity = field(default=UNKNOWN, metadata=describe("", "τ", "contact duration"))
     peak_force: Quantity = field(default=UNKNOWN, metadata=describe("", "Fmax", "peak force"))
     restitution: Quantity = field(default=UNKNOWN, metadata=describe("", "e", "restitution"))

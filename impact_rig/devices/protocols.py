@@ -140,16 +140,10 @@ class AccelerationSource(Protocol):
     A driver is a class, found by the entry point group `impact_rig.acceleration_sources` and
     called with its options: the table `[source]` of the rig file without the keys that all sources
     share. It checks them with `options.check_keys` and touches no device yet.
-
-    Attributes
-    ----------
-    description : str
-        What the driver is for, in a few words.
-    example : str
-        Table `[source]` of a rig file to copy, with the driver's own keys explained.
     """
 
-    description: ClassVar[str]
+    description: ClassVar[str]  # what the driver is for, in a few words
+    # Table `[source]` of a rig file to copy, with the driver's own keys explained.
     example: ClassVar[str]
 
     def __init__(self, options: TomlTable) -> None: ...
@@ -255,20 +249,13 @@ class HammerHolder(Protocol):
 
     A driver is a class, found by the entry point group `impact_rig.hammer_holders` and called
     with the table `[holder]` of the rig file without the keys that all holders share.
-
-    Attributes
-    ----------
-    description : str
-        What the driver is for, in a few words.
-    example : str
-        Table `[holder]` of a rig file to copy, with the driver's own keys explained.
-    is_by_hand : bool
-        An operator releases the hammer: `release` only permits it. The time that this may take
-        until the contact is the holder's attribute `patience` [s].
     """
 
-    description: ClassVar[str]
+    description: ClassVar[str]  # what the driver is for, in a few words
+    # Table `[holder]` of a rig file to copy, with the driver's own keys explained.
     example: ClassVar[str]
+    # An operator releases the hammer: `release` only permits it. The time that this may take until
+    # the contact is the holder's attribute `patience` [s].
     is_by_hand: ClassVar[bool]
 
     def __init__(self, options: TomlTable) -> None: ...

@@ -23,30 +23,15 @@ ROLES = ("time", "hammer", "specimen", "skip")
 
 @dataclass(frozen=True)
 class ChannelUse:
-    """What is known of one body's channel beside its file.
+    """What is known of one body's channel beside its file."""
 
-    Attributes
-    ----------
-    channel : str
-        Its name in the file, or its number there, counted from 1; empty: by its place.
-    unit : str
-        One of `UNITS`; empty: as the file states it.
-    sensitivity : Sensitivity or None
-        Of the sensor, for a channel in V.
-    full_scale : float
-        Largest value that the channel can show, either sign; 0: not known.
-    full_scale_unit : str
-        One of `UNITS`.
-    response : SensorResponse
-        Of the sensor.
-    """
-
+    # Its name in the file, or its number there, counted from 1; empty: by its place.
     channel: str = ""
-    unit: str = ""
-    sensitivity: Sensitivity | None = None
-    full_scale: float = 0.0
-    full_scale_unit: str = "m/s^2"
-    response: SensorResponse = FLAT
+    unit: str = ""  # one of `UNITS`; empty: as the file states it
+    sensitivity: Sensitivity | None = None  # of the sensor, for a channel in V
+    full_scale: float = 0.0  # largest value that the channel can show, either sign; 0: not known
+    full_scale_unit: str = "m/s^2"  # one of `UNITS`
+    response: SensorResponse = FLAT  # of the sensor
 
     def __post_init__(self) -> None:
         """Refuse unknown units, and a sensitivity of what is no voltage."""
@@ -67,25 +52,16 @@ class ChannelUse:
 
 @dataclass(frozen=True)
 class ChannelPlan(Comparable):
-    """Which channels of the files are what.
+    """Which channels of the files are what."""
 
-    Attributes
-    ----------
-    hammer, specimen : ChannelUse
-        Of both bodies.
-    columns : tuple of str or None
-        Role of each channel in its place, one of `ROLES`; several hammers are as many hits. None:
-        by the names in `hammer` and `specimen`, or by their number.
-    sampling_rate : float
-        Of files that do not state it [Hz]; goes before a column of times. NaN: not given.
-    time_unit : str
-        Of times whose file does not state it: one of `TIME_UNITS`; empty: not given.
-    """
-
-    hammer: ChannelUse = field(default_factory=ChannelUse)
+    hammer: ChannelUse = field(default_factory=ChannelUse)  # of both bodies
     specimen: ChannelUse = field(default_factory=ChannelUse)
+    # Role of each channel in its place, one of `ROLES`; several hammers are as many hits. None: by
+    # the names in `hammer` and `specimen`, or by their number.
     columns: tuple[str, ...] | None = None
+    # Of files that do not state it [Hz]; goes before a column of times. NaN: not given.
     sampling_rate: float = math.nan
+    # Of times whose file does not state it: one of `TIME_UNITS`; empty: not given.
     time_unit: str = ""
 
     def __post_init__(self) -> None:
