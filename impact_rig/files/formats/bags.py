@@ -13,7 +13,7 @@ from impact_rig.core.errors import FileError
 from impact_rig.core.records import RawArray
 from impact_rig.files.formats.bounds import MEMORY, check_size
 from impact_rig.files.measurement import NANOSECONDS, MeasuredChannel, Measurement
-from impact_rig.files.times import Clock, read_clock
+from impact_rig.files.times import LARGEST_TIME_ERROR, Clock, find_usual_step, read_clock
 from impact_rig.recordings.encodings import DECODERS
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.scan import Scan
@@ -22,6 +22,9 @@ from impact_rig.recordings.source import is_foreign
 LONGEST_LIST = 36
 """Longest array whose numbers are channels side by side [-]: the largest matrix of ROS's own
 messages, a covariance of 6 x 6. A longer one holds points that follow each other."""
+LATE_MESSAGES, HALF = 200, 0.5
+"""So many messages in a row may be late in a log, and this part of a step is a message that is
+missing [-]. Our choice: queues of ROS are shorter."""
 LARGEST_WHOLE = 2**53
 """Of whole numbers that float64 keeps exactly."""
 UNITS = {
@@ -77,7 +80,12 @@ def read_bag(path: Path) -> Measurement:
             f" {', '.join(sorted(held))}"
         )
     changing = [channel for channel in channels if np.ptp(channel.values) != 0.0]
-    return Measurement(path, tuple(changing or channels))
+    remarks = tuple(
+        f"topic {it.topic} is in {it.encoding[0]!r}, which is not read: it is left out"
+        for it in file.read_channels()
+        if it.encoding not in DECODERS
+    )
+    return Measurement(path, tuple(changing or channels), remarks=remarks)
 
 
 class _Topic:
@@ -141,14 +149,37 @@ class _Topic:
                 )
 
     def _read_clock(self, seconds: NDArray[np.float64], points: NDArray[Any]) -> Clock:
-        """Return what the times of messages say of the rate of their points."""
+        """Return the rate of points [Hz] by the times of messages, or why it is not sound."""
         if seconds.size == 1 or np.ptp(points):
             return Clock()
-        steps = np.arange(points[0]) / points[0] * seconds[-1] / (seconds.size - 1)
-        clock = read_clock(self._path, "time", (seconds[:, None] + steps).ravel(), "s")
-        whose = "their headers" if all(self._stamped) else "the log"
+        times = seconds / points[0]
+        clock = read_clock(self._path, "time", times, "s")
+        step = find_usual_step(times)
+        is_log = not all(self._stamped)
+        is_late = is_log and clock.flaw and step > 0 and not _misses_messages(times, step)
+        # The points of a message are taken for even, so its time must be as even as theirs.
+        error = np.abs(seconds - np.linspace(0.0, seconds[-1], seconds.size)).max()
+        if is_late or (not clock.flaw and error > LARGEST_TIME_ERROR * step):
+            steps = np.diff(seconds)
+            flaw = (
+                f"{self._path}: messages come {steps.min():.3g} to {steps.max():.3g} s after each"
+                f" other. If their points are evenly spaced, give --rate, about {1 / step:.4g} Hz"
+            )
+            clock = Clock(1.0 / step, "s", flaw)
+        whose = "the log" if is_log else "their headers"
         told = f"{clock.flaw} (messages on {self._name}, by the times of {whose})"
         return replace(clock, flaw=told) if clock.flaw else clock
+
+
+def _misses_messages(times: NDArray[np.float64], step: float) -> bool:
+    """Return whether messages are missing from a log: all after a place are late, without end.
+
+    Messages that were only late are followed by some that were not.
+    """
+    late = times / step - np.arange(times.size)
+    length = min(LATE_MESSAGES, times.size // 2)
+    least = np.lib.stride_tricks.sliding_window_view(late, length).min(axis=1)
+    return bool(np.abs(least[length:] - least[:-length]).max(initial=0.0) >= HALF)
 
 
 class _Field:

@@ -169,6 +169,44 @@ def test_numbers_of_a_long_array_follow_each_other(bag):
     assert (channel.values.tolist(), channel.sampling_rate) == (VALUES.tolist(), 1000.0)
 
 
+def test_uneven_times_of_long_arrays_ask_for_the_rate_of_their_points(bag):
+    late = [0, STEP, -STEP, 2 * STEP]
+    messages = [
+        (BEGIN + 50 * STEP * at + late[at], make_array(piece))
+        for at, piece in enumerate(np.split(VALUES, 4))
+    ]
+    channel = read_channels(bag.write(daq=messages))["/daq.data"]
+    assert "messages come 0.048 to 0.053 s after each other" in channel.time_flaw
+    assert "give --rate, about " in channel.time_flaw
+    assert not channel.has_gap
+
+
+@pytest.mark.parametrize(("lost", "has_gap"), [((), False), ((1000,), True)])
+def test_late_messages_of_a_log_are_no_gap_but_lost_ones_are(bag, lost, has_gap):
+    """The recorder stood still for 6 ms, as one did beside a real `ros2 bag record`."""
+    sent = STEP * np.array([at for at in range(2000) if at not in lost])
+    late = np.random.default_rng(3).integers(0, STEP // 2, sent.size)
+    logged = np.where((sent > 500 * STEP) & (sent < 506 * STEP), 506 * STEP + sent // 1000, sent)
+    messages = [
+        (int(BEGIN + time), make_array([np.sin(at / 7)]))
+        for at, time in enumerate(np.sort(logged + late))
+    ]
+    channel = read_channels(bag.write(daq=messages))["/daq.data[0]"]
+    assert channel.has_gap is has_gap
+    if not lost:
+        assert "give --rate, about 1000" in channel.time_flaw
+
+
+def test_a_lost_message_of_a_long_array_is_a_gap(bag):
+    values = np.sin(np.arange(4000) / 7)
+    messages = [
+        (BEGIN + 50 * STEP * at, make_array(piece))
+        for at, piece in enumerate(np.split(values, 80))
+        if at != 40
+    ]
+    assert read_channels(bag.write(daq=messages))["/daq.data"].has_gap
+
+
 @pytest.mark.parametrize("sizes", [(2, 50), (50, 2)], ids=["channels first", "points first"])
 def test_the_layout_of_a_long_array_parts_its_channels(bag, sizes):
     two = np.stack([VALUES, 2.0 * VALUES])
@@ -249,3 +287,17 @@ def test_sqlite_is_converted_first(bag):
     path = bag.write(StoragePlugin.SQLITE3, tip=send(make_wrench))
     with pytest.raises(FileError, match="rosbags-convert --src"):
         read_measurement(path)
+
+
+def test_a_topic_in_another_encoding_is_left_out_and_named(tmp_path):
+    path = tmp_path / "force.mcap"
+    with path.open("wb") as file:
+        writer = mcap.writer.Writer(file)
+        writer.start()
+        topics = [writer.register_channel(f"/{name}", name, 0) for name in ("json", "cbor")]
+        for at, topic in ((at, topic) for at in range(20) for topic in topics):
+            writer.add_message(topic, BEGIN + at, b'{"force": %d}' % at, BEGIN + at)
+        writer.finish()
+    measurement = read_measurement(path)
+    assert [channel.name for channel in measurement.channels] == ["/json.force"]
+    assert measurement.remarks == ("topic /cbor is in 'cbor', which is not read: it is left out",)
