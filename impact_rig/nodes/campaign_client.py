@@ -31,6 +31,8 @@ from impact_rig.nodes.conversions import Truth
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.result_messages import results_from_msg
+from impact_rig.recordings.messages import VIRTUAL_IMPACT_TYPE, campaign_id_from_msg
+from impact_rig.recordings.run import Run
 from impact_rig.results.campaign import Results
 
 CampaignGoal: TypeAlias = RunCampaign.Goal
@@ -363,6 +365,8 @@ class CampaignClient(RigClient):
     def check_run(self, folder: Path) -> None:
         """Require that the rig records into a run's folder, as far as that can be seen from here.
 
+        What the virtual rig did on purpose to the run's earlier hits is read from its recordings.
+
         Raises
         ------
         DeviceError
@@ -375,3 +379,12 @@ class CampaignClient(RigClient):
                 f"the rig records into {recording.parent}: start it with"
                 f" `impact-rig up --resume {folder}`"
             )
+        run = Run(folder)
+        for raw in run.read_messages({VIRTUAL_IMPACT_TYPE}):
+            key, faults = run.convert(raw, _faults_from_msg)
+            self._faults.setdefault(key, faults)
+
+
+def _faults_from_msg(message: Any) -> tuple[tuple[bytes, int], tuple[str, ...]]:
+    faults = tuple(str(fault) for fault in message.faults)
+    return (campaign_id_from_msg(message), int(message.record)), faults
