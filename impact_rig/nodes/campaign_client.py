@@ -127,10 +127,10 @@ class CampaignClient(RigClient):
         self._note = self.advertise(interfaces.NOTE)
         self._action = ActionClient(self._node, RunCampaign, interfaces.RUN_CAMPAIGN)
 
-    def __exit__(self, *_: object) -> None:
-        """Leave ROS."""
+    def leave(self) -> None:
+        """Close the client of the action, too."""
         self._action.destroy()
-        super().__exit__()
+        super().leave()
 
     def wait_for_rig(self, timeout: float) -> None:
         """Wait so many seconds until campaign node and accelerometers answer.

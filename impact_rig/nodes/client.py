@@ -42,6 +42,9 @@ class RigClient:
     """
 
     def __init__(self, name: str, namespace: str = "") -> None:
+        # Ctrl-C within the middleware's libraries would crash them: it waits until they are ready.
+        self._making = contextlib.ExitStack()
+        self._making.enter_context(hold_interrupts())
         self._context = rclpy.Context()
         with offer_profile():
             rclpy.init(context=self._context, args=[])
@@ -59,10 +62,20 @@ class RigClient:
 
     def __enter__(self) -> Self:
         """Return the client."""
+        try:
+            self._making.close()
+        except KeyboardInterrupt:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
         """Leave ROS."""
+        with hold_interrupts():
+            self.leave()
+
+    def leave(self) -> None:
+        """Close all that there is of ROS."""
         self._executor.shutdown(timeout_sec=1.0)
         self._node.destroy_node()
         self._context.try_shutdown()
@@ -100,7 +113,7 @@ class RigClient:
         Ctrl-C ends it with `KeyboardInterrupt`, between two messages.
         """
         deadline = time.monotonic() + timeout
-        with _hold_interrupts() as interrupts:
+        with hold_interrupts() as interrupts:
             while not condition():
                 left = deadline - time.monotonic()
                 if left <= 0.0 or interrupts:
@@ -143,7 +156,7 @@ class RigClient:
 
 
 @contextlib.contextmanager
-def _hold_interrupts() -> Iterator[list[int]]:
+def hold_interrupts() -> Iterator[list[int]]:
     """Hold back the signals that raise `KeyboardInterrupt`, and raise it at the end.
 
     Raised within a message that the executor takes, it would come out as a `TypeError`.

@@ -46,12 +46,12 @@ class ReplayClient(RigClient):
         }
         self._sent = 0
 
-    def __exit__(self, *_: object) -> None:
+    def leave(self) -> None:
         """Leave ROS."""
         self._executor.remove_node(self._estimator)
         self._estimator.close()
         self._estimator.destroy_node()
-        super().__exit__()
+        super().leave()
 
     def estimate(self, run: Run, report: Report) -> Iterator[Results]:
         """Yield the results of each campaign with hits.
