@@ -38,7 +38,7 @@ from impact_rig.files.questions import (
     Missing,
     Questions,
     describe_channel,
-    list_channels,
+    describe_channels,
 )
 from impact_rig.files.roles import (
     Roles,
@@ -135,7 +135,8 @@ def make_template(measurement: Measurement) -> str:
         roles = assign_roles(questions, ChannelPlan())
         list(_map_hits(questions, roles, ChannelPlan(), math.nan))
     lines = {item.line: item.table for item in questions.missing}
-    text = [f"# {measurement.path.name}: {list_channels(measurement)}"]
+    text = [f"# {measurement.path.name}:"]
+    text += [f"#   {line}" for line in describe_channels(measurement)]
     if not all(channel.sampling_rate > 0 for channel in measurement.channels):
         text += [f"# columns = {json.dumps(guess_roles(measurement.channels))}"]
     text += [line for line, table in lines.items() if not table]

@@ -50,13 +50,20 @@ class Questions:
 
 def list_channels(measurement: Measurement) -> str:
     """Return numbers, names, units and sizes of the first channels."""
-    channels = measurement.channels
-    shown = [
+    lines = describe_channels(measurement)
+    left = len(lines) - SHOWN_CHANNELS
+    if left <= 0:
+        return ", ".join(lines)
+    advice = f"{left} more (`impact-rig import --template FILE` lists all)"
+    return ", ".join([*lines[:SHOWN_CHANNELS], advice])
+
+
+def describe_channels(measurement: Measurement) -> list[str]:
+    """Return number, name, unit and size of each channel."""
+    return [
         f"{number} {describe_channel(channel)}"
-        for number, channel in enumerate(channels[:SHOWN_CHANNELS], start=1)
+        for number, channel in enumerate(measurement.channels, start=1)
     ]
-    left = len(channels) - len(shown)
-    return ", ".join([*shown, f"{left} more"] if left else shown)
 
 
 def describe_channel(channel: MeasuredChannel) -> str:
