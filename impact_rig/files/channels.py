@@ -53,6 +53,7 @@ from impact_rig.files.times import (
     RATE_DIGITS,
     TIME_UNITS,
     Clock,
+    find_axis,
     read_clock,
     split_points,
 )
@@ -305,6 +306,7 @@ def _choose_rate(
     clock = Clock(hammer.sampling_rate, hammer.time_unit, hammer.time_flaw, hammer.has_gap)
     if time is not None:
         clock = read_clock(path, time.name, time.values, time.unit)
+    words = _find_words(questions.measurement)
     if clock.rate == 1.0:  # points are counted, whatever unit the file states: no hit is that slow
         clock = replace(clock, unit="")
     if clock.unit and plan.time_unit and clock.unit != plan.time_unit:
@@ -317,19 +319,17 @@ def _choose_rate(
         _check_rate(path, plan, clock.rate, clock.unit)
         if clock.flaw:
             questions.remarks.append("its times are uneven or rounded: --rate goes before them")
+        elif words:
+            questions.remarks.append(f"{words}: whether points are missing is not seen")
         return plan.sampling_rate
     rate = clock.rate
     if math.isnan(rate):
-        words = [item for item in questions.measurement.channels if item.flaw]
-        why = f"its {words[0].name!r} is not of numbers" if words else "it has no time"
-        what = f"{why} and states no rate: give its sampling rate"
+        what = f"{words or 'it has no time'} and states no rate: give its sampling rate"
         questions.missing.append(Missing(what, 'sampling_rate = "?"', option='--rate "25.6 kHz"'))
     elif plan.time_unit and not clock.unit:
         rate = float(f"{rate / TIME_UNITS[plan.time_unit]:.{RATE_DIGITS}g}")
     else:
         _check_width(questions, hammer, rate, clock.unit)
-    if rate > LARGEST_RANGE:
-        raise SignalError(f"{path} is sampled at {rate:.4g} Hz: no instrument is that fast")
     return rate
 
 
@@ -346,8 +346,20 @@ def _check_rate(path: Path, plan: ChannelPlan, rate: float, unit: str) -> None:
         )
 
 
+def _find_words(measurement: Measurement) -> str:
+    """Return that times are written in words, with their name; empty: they are not."""
+    for channel in measurement.channels:
+        if channel.flaw and find_axis(channel.name, channel.unit) is not None:
+            return f"its {channel.name!r} is not of numbers"
+    return ""
+
+
 def _check_width(questions: Questions, hammer: MeasuredChannel, rate: float, unit: str) -> None:
     """Ask for the unit of times that are too long to be seconds; doubt one that is stated."""
+    if rate > LARGEST_RANGE:
+        raise SignalError(
+            f"{questions.measurement.path} is sampled at {rate:.4g} Hz: no instrument is that fast"
+        )
     width = count_width(hammer.values) / rate
     if unit and width > LONGEST_CONTACT:
         questions.remarks.append(

@@ -160,6 +160,9 @@ def read_clock(path: Path, name: str, times: RawArray, unit: str = "") -> Clock:
         )
     found = find_time_unit(name, unit)
     if found == SAMPLES:
+        gap = find_gap(times, find_usual_step(times))
+        if gap is not None:
+            return Clock(flaw=f"{path}: {name!r} skips points behind point {gap}", has_gap=True)
         return Clock(flaw=f"{path}: {name!r} counts samples: give their rate (--rate)")
     if unit.strip() and not normalize_time_unit(unit):
         flaw = f"times are in {unit!r}: they must be in {', '.join(TIME_UNITS)}"

@@ -19,6 +19,7 @@ from scipy.io import savemat
 from impact_rig.analysis.analyze import analyze
 from impact_rig.analysis.measured_files import MeasuredFiles, make_series
 from impact_rig.core.errors import RigError
+from impact_rig.files.import_file import MeasurementOptions
 
 from .formats.foreign import make_function
 
@@ -143,7 +144,7 @@ def test_a_number_is_right_or_refused_or_something_is_said(tmp_path, file):
 def check(path: Path, file: Written) -> str:
     """Return what became of the file."""
     try:
-        found = MeasuredFiles([path], make_series({"cutoff": 0.0}))
+        found = MeasuredFiles([path], make_series(MeasurementOptions(cutoff=0.0)))
     except RigError:
         return "refused"
     if found.errors:

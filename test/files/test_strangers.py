@@ -22,6 +22,7 @@ from scipy.io import savemat
 from impact_rig.analysis.analyze import analyze
 from impact_rig.analysis.measured_files import MeasuredFiles, make_series
 from impact_rig.configuration.units import parse_quantity
+from impact_rig.files.import_file import MeasurementOptions
 
 from .formats.foreign import make_function
 
@@ -40,7 +41,7 @@ Make = Callable[[Path], None]
 
 def read(path: Path, **given: Any) -> tuple[list[float], str]:
     """Return the contact time of each hit [µs], and the line on which channel is what."""
-    found = MeasuredFiles([path], make_series({"cutoff": 0.0, **given}))
+    found = MeasuredFiles([path], make_series(MeasurementOptions(cutoff=0.0, **given)))
     if found.errors:
         raise ValueError(found.errors[0])
     (campaign,) = analyze(found).campaigns
@@ -198,7 +199,7 @@ def test_uneven_times_without_a_gap_are_refused_with_the_rate_that_mends_them(tm
     with pytest.raises(ValueError, match=r"give --rate, about 5\.1\de\+04 Hz"):
         read(path)
     assert read(path, rate=RATE)[0] == pytest.approx([RIGHT], rel=1e-3)
-    assert MeasuredFiles([path], make_series({"rate": RATE})).warnings[0] == (
+    assert MeasuredFiles([path], make_series(MeasurementOptions(rate=RATE))).warnings[0] == (
         "its times are uneven or rounded: --rate goes before them"
     )
 
@@ -220,7 +221,7 @@ def test_stamps_of_pandas_are_times(tmp_path):
     (found,), taken = read(tmp_path / "hit.parquet")
     assert found == pytest.approx(RIGHT, rel=1e-3)
     assert taken == "hammer 'force (N)' [N], sample 'acc (g)' [g]"
-    (hit,) = MeasuredFiles([tmp_path / "hit.parquet"], make_series({})).hits
+    (hit,) = MeasuredFiles([tmp_path / "hit.parquet"], make_series(MeasurementOptions())).hits
     assert hit.block.stamp == stamps[0]
 
 
@@ -231,6 +232,15 @@ def test_stamps_in_words_need_a_rate(tmp_path):
     with pytest.raises(ValueError, match=r"its 'Timestamp' is not of numbers.*give --rate"):
         read(tmp_path / "hit.csv")
     assert read(tmp_path / "hit.csv", rate=RATE)[0] == pytest.approx([RIGHT], rel=1e-3)
+    files = MeasuredFiles([tmp_path / "hit.csv"], make_series(MeasurementOptions(rate=RATE)))
+    assert files.warnings[0].endswith("not of numbers: whether points are missing is not seen")
+
+
+def test_a_count_that_skips_points_is_a_gap(tmp_path):
+    counted = np.delete(np.arange(COUNT), LOST).tolist()
+    write_text(tmp_path / "hit.csv", "Sample,Force (N)", counted, np.delete(FORCE, LOST).tolist())
+    with pytest.raises(ValueError, match="'Sample' skips points behind point 528"):
+        read(tmp_path / "hit.csv", rate=RATE)
 
 
 @pytest.mark.parametrize(
@@ -283,13 +293,13 @@ def test_padding_before_the_signal_is_left_out(tmp_path):
     padded = np.concatenate([np.zeros(3000), FORCE + 5.0])
     write_text(tmp_path / "hit.csv", "time (s),Force (N)", times.tolist(), padded.tolist())
     assert read(tmp_path / "hit.csv")[0] == pytest.approx([RIGHT], rel=1e-3)
-    files = MeasuredFiles([tmp_path / "hit.csv"], make_series({}))
+    files = MeasuredFiles([tmp_path / "hit.csv"], make_series(MeasurementOptions()))
     assert files.warnings[0].startswith("the first 3000 points have one value")
     assert files.hits[0].block.origin.place == "'Force', points 3000 to 7095"
     # A channel that is quiet, bit by bit, keeps its baseline.
     quiet = np.where(INSIDE, FORCE, 0.0)
     write_text(tmp_path / "quiet.csv", "time (s),Force (N)", TIME.tolist(), quiet.tolist())
-    (hit,) = MeasuredFiles([tmp_path / "quiet.csv"], make_series({})).hits
+    (hit,) = MeasuredFiles([tmp_path / "quiet.csv"], make_series(MeasurementOptions())).hits
     assert hit.block.hammer.output.size == COUNT
 
 
@@ -331,6 +341,6 @@ def test_a_tdms_file_that_is_cut_says_so(tmp_path):
             stated = {"wf_increment": 1.0 / RATE, "unit_string": "N"}
             writer.write_segment([ChannelObject("g", "hammer", FORCE, stated)])
     path.write_bytes(path.read_bytes()[: -8 * 4000])
-    files = MeasuredFiles([path], make_series({}))
+    files = MeasuredFiles([path], make_series(MeasurementOptions()))
     assert files.hits[0].block.hammer.output.size == COUNT + 96
     assert "the file is cut at its end: its channels end early" in files.warnings

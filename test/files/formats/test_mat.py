@@ -140,6 +140,23 @@ def test_a_file_that_crashes_the_library_is_refused_and_the_next_one_read(tmp_pa
     assert list(read_channels(good)) == ["hammer"]
 
 
+def test_a_crash_prints_nothing(tmp_path):
+    scipy.io.savemat(tmp_path / "hit.mat", {"hammer": TRACE, "Fs": RATE})
+    content = (tmp_path / "hit.mat").read_bytes()
+    doubles, unknown = (struct.pack("<II", kind, 8 * TRACE.size) for kind in (9, 10))
+    (tmp_path / "hit.mat").write_bytes(content.replace(doubles, unknown))
+    script = (
+        "import sys; from pathlib import Path;"
+        "from impact_rig.files.formats.registry import read_measurement;"
+        "read_measurement(Path(sys.argv[1]))"
+    )
+    command = [sys.executable, "-X", "faulthandler", "-c", script, tmp_path / "hit.mat"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    assert "it crashes the library" in done.stderr
+    assert "Segmentation fault" not in done.stderr
+    assert "Fatal Python error" not in done.stderr
+
+
 KILLED = """
 import os, signal, sys
 from pathlib import Path
