@@ -40,10 +40,12 @@ def include(namespace, **arguments):
 
 
 def generate_launch_description():
-    return LaunchDescription([
-        include("left", visualizer="false"),
-        include("right", visualizer="false", seed="7", impacts="1"),
-    ])
+    return LaunchDescription(
+        [
+            include("left", visualizer="false"),
+            include("right", visualizer="false", seed="7", impacts="1"),
+        ]
+    )
 """
 """As the README has it, but for the visualizer, which Ubuntu's numpy does not go with."""
 
