@@ -10,14 +10,20 @@ from numpy.typing import NDArray
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.sample import SampleEstimate
-from impact_rig.recordings.messages import from_message, origin_from_msg
+from impact_rig.recordings.messages import check_numbers, from_message, origin_from_msg
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import ModelTraces, SampleTraces
 
 
 def hit_results_from_msg(message: msg.Impact) -> HitResults:
-    """Return a judged hit as the results that leave the rig, without injected faults."""
-    return HitResults(
+    """Return a judged hit as the results that leave the rig, without injected faults.
+
+    Raises
+    ------
+    ParameterError
+        If a number cannot be meant.
+    """
+    hit = HitResults(
         sample=message.sample,
         impact=message.impact,
         attempt=message.attempt,
@@ -31,6 +37,8 @@ def hit_results_from_msg(message: msg.Impact) -> HitResults:
         findings=tuple(message.findings),
         origin=origin_from_msg(message),
     )
+    check_numbers(hit)
+    return hit
 
 
 def estimate_from_msg(message: msg.SampleEstimate) -> SampleEstimate:

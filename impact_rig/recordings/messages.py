@@ -184,16 +184,24 @@ def from_message(kind: type[_T], message: Any) -> _T:
     RigError
         If a value cannot be meant.
     """
-    values = {}
-    for field in list_fields(kind):
-        if field.description.is_inline:
-            values[field.name] = from_message(field.hint, message)
-            continue
-        value = _value_from_message(field.hint, getattr(message, field.name))
-        if (problem := field.description.explain(value)) is not None:
+    record = kind(
+        **{
+            field.name: from_message(field.hint, message)
+            if field.description.is_inline
+            else _value_from_message(field.hint, getattr(message, field.name))
+            for field in list_fields(kind)
+        }
+    )
+    check_numbers(record)
+    return record
+
+
+def check_numbers(record: Any) -> None:
+    """Raise `ParameterError` that names the first number of a record that cannot be meant."""
+    for field in list_fields(type(record)):
+        problem = field.description.explain(getattr(record, field.name))
+        if problem is not None:
             raise ParameterError(f"{field.name} {problem}")
-        values[field.name] = value
-    return kind(**values)
 
 
 def _value_from_message(hint: Any, value: Any) -> Any:

@@ -1,6 +1,7 @@
 """Campaigns of the virtual rig, recorded without running nodes, and a way to call commands."""
 
 import itertools
+import math
 import os
 import subprocess
 import sys
@@ -147,7 +148,7 @@ def struck(tmp_path_factory):
         label = {"record": record, "sample": name, "impact": impact, "attempt": 1}
         blocks = rig.strike(HitLabel(**label)).split(1000, 0)
         reasons = ["weak: 3 % of full scale"] if impact == 3 else []
-        verdict = Impact(accepted=not reasons, reasons=reasons, **label)
+        verdict = Impact(accepted=not reasons, reasons=reasons, contact_time=math.nan, **label)
         told += [
             (interfaces.RELEASE, HammerRelease(**label)),
             *((interfaces.ACCELERATION, messages.block_to_msg(block)) for block in blocks),

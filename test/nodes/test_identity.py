@@ -1,5 +1,7 @@
 """Messages of other campaigns are told apart by one comparison of ids."""
 
+import math
+
 import pytest
 from impact_rig_msgs.msg import Impact, StreamBlock
 
@@ -23,7 +25,7 @@ def membership():
 
 
 def of(campaign_id):
-    return Impact(campaign_id=id_to_msg(campaign_id))
+    return Impact(campaign_id=id_to_msg(campaign_id), contact_time=math.nan)
 
 
 def test_a_node_that_has_joined_none_takes_everything(membership):

@@ -1,5 +1,6 @@
 """The visualizer shows what the rig says over real DDS."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -127,7 +128,9 @@ def test_what_comes_before_its_set_up_waits_for_it(harness, tmp_path):
         identities[stamp].fill(setup)
         deliver(setups, setup)
         for found in (1, 2, 3):
-            verdict = Impact(record=10 * stamp + found, sample=CONTROL_SAMPLE)
+            verdict = Impact(
+                record=10 * stamp + found, sample=CONTROL_SAMPLE, contact_time=math.nan
+            )
             identities[found].fill(verdict)
             deliver(impacts, verdict)
         assert list_records() == [[11], [12, 22]][stamp - 1]

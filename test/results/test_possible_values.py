@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from impact_rig_msgs.msg import Impact
 from rich.console import Console
 
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.ringing import FreeDecayEstimate
+from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.messages import make_message
 from impact_rig.present.rerun.markdown import format_summary
 from impact_rig.present.screen import print_full
@@ -99,6 +101,11 @@ def test_a_message_is_refused_for_the_same_reasons(name, value, told):
         fill_message(part, Quantity(value))
     with pytest.raises(RigError, match=told):
         from_message(FreeDecayEstimate, message)
+
+
+def test_a_verdict_is_refused_for_the_same_reasons():
+    with pytest.raises(RigError, match=r"contact_time is -0\.0001 s: it must be above 0"):
+        hit_results_from_msg(Impact(contact_time=-1e-4))
 
 
 def test_a_free_decay_without_damping_in_a_file_is_named(tmp_path: Path, content: Any) -> None:
