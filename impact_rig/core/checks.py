@@ -20,9 +20,11 @@ from impact_rig.core.momenta import (
 )
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
+from impact_rig.core.records import FloatArray
 from impact_rig.core.sensors import CHANNELS
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.tail import ZERO_AFTER
+from impact_rig.core.trends import follow_series
 from impact_rig.core.uncertainty import (
     LEAST_HITS,
     ONE_HIT,
@@ -30,13 +32,16 @@ from impact_rig.core.uncertainty import (
     RigNumbers,
     make_ensemble,
     make_input,
+    make_stated,
 )
 from impact_rig.core.verdict import Finding, Reason
 
 BALANCED = 0.01
 """Difference of a momentum ratio from 1 that is nothing odd [-], our choice."""
-SPEED_UNCERTAINTY = 0.01
-"""Standard uncertainty of a stated impact speed [-], our choice: no rig file gives one."""
+ASSUMED_SPEED = 0.03
+"""Standard uncertainty of a stated impact speed over it [-], our choice: nothing states one."""
+OTHER_SPEED = 0.02
+"""Difference of a law's impact speed from the stated one that is nothing odd [-], our choice."""
 NEAR_SLIP = 0.05
 """Difference from the ratio of a usual slip [-], our choice."""
 
@@ -88,22 +93,27 @@ def check_momenta(mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str) 
     restored = restore_levels(mean, chains)
     whole = follow_momentum(restored.traces, contact, rate)
     each = [follow_momentum(cut, contact, rate) for cut in restored.cut_hits()]
-    reading = _Reading(setup, rig, mean, sample)
+    ratios = np.array([item.sample_change / item.hammer_change for item in each])
+    course = follow_series(mean, ratios)
+    # Momenta need no width.
+    trending = rig.follow(replace(course, width_standard=0.0))
+    reading = _Reading(setup, trending, mean, sample)
     found = reading.state(whole, each, _find_zero_parts(restored, contact))
+    found = replace(found, warnings=found.warnings + course.warnings, notes=rig.notes)
     if whole.hold is Hold.SPRING:
         note = (
             "momenta: the sample is held, after the contact a spring brings it to rest: they do"
             " not balance, and e by v1 is that of free bodies"
         )
-        return replace(found, notes=(note,))
+        return replace(found, notes=(*rig.notes, note))
     if whole.hold is Hold.UNCLEAR:
         note = (
             f"momenta: after the contact the sample moves on at {whole.persistence:.2f} of the"
             " velocity of a free one, neither 0 as on a spring nor 1: its mass is not told, nor"
             " whether the gains are right"
         )
-        return replace(found, notes=(note,))
-    return replace(found, warnings=(*found.warnings, *_check_hits(mean, each)))
+        return replace(found, notes=(*rig.notes, note))
+    return replace(found, warnings=(*found.warnings, *_check_hits(mean, ratios)))
 
 
 def _find_zero_parts(mean: MeanHit, contact: slice) -> tuple[float, ...]:
@@ -128,7 +138,7 @@ class _Reading:
         stated = self.setup.samples.get_moving_mass(self.sample)
         m1, m2 = rig.hammer_mass, rig.moving_mass
         hammer_speed = hammer * rig.clock * rig.gains[0]
-        number = make_input("stated impact speed", speed, SPEED_UNCERTAINTY * np.nan_to_num(speed))
+        number = make_stated("impact speed", speed, 0.0, ASSUMED_SPEED)
         has_sample, is_free = whole.has_sample, whole.hold is not Hold.SPRING
         balance = ratio * m2 / m1
         gained = ratio * hammer * rig.clock * rig.gains[1]
@@ -233,9 +243,8 @@ def ask_for_sample(traced: float, stated: float) -> str:
     )
 
 
-def _check_hits(mean: MeanHit, each: Sequence[Passage]) -> tuple[str, ...]:
+def _check_hits(mean: MeanHit, ratios: FloatArray) -> tuple[str, ...]:
     """Warn of hits whose momentum ratio is not that of the others."""
-    ratios = np.array([item.sample_change / item.hammer_change for item in each])
     if not np.all(np.isfinite(ratios)):
         return ()
     odd = find_odd_hits(mean, ratios / np.median(ratios), BALANCED)
@@ -265,7 +274,7 @@ def check_speed(speed: Quantity, restitution: Quantity, stated: float) -> str | 
     if speed.is_known and math.isfinite(stated):
         low = high = speed.value / stated
         apart = abs(speed.value - stated) - np.nan_to_num(speed.expanded)
-        is_other = apart > 2.0 * SPEED_UNCERTAINTY * stated
+        is_other = apart > OTHER_SPEED * stated
     elif restitution.is_known:
         # Without loss the impulse is twice m v1, with e = 0 it is m v1.
         high = 1.0 + restitution.value

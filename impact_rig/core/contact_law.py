@@ -30,6 +30,7 @@ from impact_rig.core.records import FloatArray, make_read_only
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.tail import ZERO_AFTER, compute_share
+from impact_rig.core.trends import follow_series
 from impact_rig.core.uncertainty import (
     LEAST_HITS,
     RigNumbers,
@@ -270,7 +271,7 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     SignalError
         If there is no pulse.
     """
-    masses = make_rig_numbers(setup, sample)
+    masses = make_rig_numbers(setup, sample).follow(follow_series(mean))
     exponent = setup.analysis.contact_exponent or None
     pulse = measure_pulse(mean.traces[0])
     width, peak = pulse.half_amplitude_width, abs(pulse.peak)

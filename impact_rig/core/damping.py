@@ -196,6 +196,10 @@ class FreeDecay:
     residual_over_noise: float
     periods: float  # periods in the tail while the envelope stands out of the noise [-]
     tail: slice  # points of the trace that were fitted
+    covariance: FloatArray  # (2, 2), of a and omega by what the fit leaves beyond the noise
+    # Damping ratios of the first and the second half of what stands out of the noise, where they
+    # differ by more than noise makes; empty: they do not, or are too short.
+    halves: tuple[float, ...] = ()
 
     @property
     def frequency(self) -> float:
@@ -268,7 +272,11 @@ def estimate_free_decay(
             f"free decay: one damped oscillation explains only {100.0 * r_squared:.0f} % of the"
             f" tail; it must explain {100.0 * SMALLEST_R_SQUARED:.0f} %"
         )
+    _check_window(fit.residual, noise)
     hits = np.stack([hit[channel, tail] for hit in mean.cut_hits()])
+    # Birge's ratio: what a fit leaves times the noise makes the covariance larger, at least.
+    beyond = max(1.0 - 1.0 / max(excess, 1.0) ** 2, 0.0) if noise > 0.0 else 0.0
+    count = min(int(lasting * rate), measured.size)
     return FreeDecay(
         decay_rate=decay,
         angular_frequency=frequency,
@@ -278,7 +286,54 @@ def estimate_free_decay(
         residual_over_noise=excess,
         periods=periods,
         tail=tail,
+        covariance=beyond * covariance * rate**2,
+        halves=_fit_halves(measured[:count], solution, white),
     )
+
+
+def _check_window(residual: FloatArray, noise: float) -> None:
+    """Refuse a response that ends far quieter than its baseline: an analyser's window is in it.
+
+    Raises
+    ------
+    NotDeterminedError
+        If it does.
+    """
+    end = float(residual[-residual.size // 4 :].std())
+    # Filtered noise of a quarter of a short tail is known to a sixth or so.
+    if end < 0.35 * noise:
+        raise NotDeterminedError(
+            f"free decay: the response ends with {end / noise:.2g} of the noise of its baseline: a"
+            " window of an analyser is in it, and part of the decay is the window's; record"
+            " without one"
+        )
+
+
+SHORTEST_HALF = 1.5
+"""Periods of half a decay whose damping is compared [-], our choice."""
+
+
+def _fit_halves(measured: FloatArray, solution: FloatArray, white: float) -> tuple[float, ...]:
+    """Return the damping ratios of both halves of a decay, shape (n,), where they differ."""
+    half = measured.size // 2
+    if half < MINIMUM_POINTS or half * solution[1] < 2.0 * math.pi * SHORTEST_HALF:
+        return ()
+    ratios, errors = [], []
+    for part in (measured[:half], measured[half:]):
+        found = scipy.optimize.least_squares(
+            lambda factors, part=part: fit_amplitudes(part, factors * solution).residual,
+            np.ones(2),
+            method="lm",
+            max_nfev=50,
+        ).x
+        decay, frequency = (found * solution).tolist()
+        fit = fit_amplitudes(part, found * solution)
+        left = max(white, float(np.sqrt(fit.residual @ fit.residual / (part.size - FITTED))))
+        inverse = np.linalg.pinv(fit.jacobian @ fit.jacobian.T)
+        errors.append(left * math.sqrt(float(inverse[0, 0])) / frequency)
+        ratios.append(decay / math.hypot(decay, frequency))
+    apart = abs(ratios[1] - ratios[0])
+    return tuple(ratios) if apart > 2.0 * (errors[0] + errors[1]) else ()
 
 
 def _find_tail(mean: MeanHit, contact_end: float, cutoff_frequency: float) -> slice:

@@ -27,6 +27,7 @@ from impact_rig.core.quantity import (
     describe,
 )
 from impact_rig.core.setup import RigSetup
+from impact_rig.core.trends import follow_series
 from impact_rig.core.uncertainty import (
     LEAST_HITS,
     ONE_HIT,
@@ -135,7 +136,7 @@ def _estimate_peak_force(name: str, mean: MeanHit, setup: RigSetup) -> Quantity:
         return Quantity(setup.hammer_mass * peak, notes=(ONE_HIT,))
     peaks = [hit.pulse.peak for hit in mean.hits]
     number = make_scatter(f"scatter of the peaks on {name}", peak, peaks, mean.count)
-    rig = make_rig_numbers(setup, name)
+    rig = make_rig_numbers(setup, name).follow(follow_series(mean))
     force = rig.hammer_mass * rig.gains[0] * number
     return compute_quantity(setup.hammer_mass * peak, force)
 

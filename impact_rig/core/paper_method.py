@@ -41,6 +41,7 @@ from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, de
 from impact_rig.core.records import FloatArray
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.tail import ZERO_AFTER
+from impact_rig.core.trends import follow_series
 from impact_rig.core.uncertainty import (
     LEAST_HITS,
     ONE_HIT,
@@ -213,7 +214,7 @@ def read_mean_hit(
         rig,
         width,
         pulse.width_ratio,
-        Known(contact_time * rig.clock, reasons),
+        Known(contact_time * rig.follow(follow_series(mean)).clock, reasons),
         decrements,
         notes,
     )

@@ -1,5 +1,6 @@
 """What rings in a sample's tail: its free decay, and whether it is the sample's."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -26,6 +27,7 @@ from impact_rig.core.quantity import (
     Quantity,
     describe,
 )
+from impact_rig.core.records import FloatArray
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.uncertainty import find_decaying_body, make_rig_numbers, propagate_fit
 
@@ -67,6 +69,7 @@ class FreeDecayEstimate(Comparable):
     residual_over_noise: float = field(default=NAN, metadata=NOT_NEGATIVE)
     hold: str = ""  # what holds what rings, of `Hold`: only what is on a spring has k and c
     notes: tuple[str, ...] = field(default=(), metadata=INTERNAL)
+    warnings: tuple[str, ...] = field(default=(), metadata=INTERNAL)
 
     @property
     def is_known(self) -> bool:
@@ -100,6 +103,7 @@ def estimate_decay(
         make_rig_numbers(setup, sample),
         estimates=(decay.decay_rate, decay.angular_frequency),
         averaged=mean.count,
+        errors=_list_errors(decay),
     )
     if hold in {Hold.FREE, Hold.UNCLEAR}:
         body = {"damping_ratio": body["damping_ratio"]}
@@ -107,11 +111,40 @@ def estimate_decay(
         **body,
         hold=hold.value,
         notes=_explain_hold(hold, persistence, decay.frequency),
+        warnings=_explain_halves(decay),
         frequency=decay.frequency,
         periods=decay.periods,
         r_squared=decay.r_squared,
         residual_over_noise=decay.residual_over_noise,
     )
+
+
+def _list_errors(decay: FreeDecay) -> list[tuple[str, FloatArray]]:
+    """Return what is wrong with a and omega in all hits alike."""
+    errors = [("what the free decay leaves", decay.covariance)]
+    if decay.halves:
+        natural = math.hypot(decay.decay_rate, decay.angular_frequency)
+        ratio = decay.decay_rate / natural
+        # Of half a decay ζ is a mean, too: at its ends it is half as far away again.
+        reach = 1.5 * max(abs(half - ratio) for half in decay.halves)
+        variance = (reach * natural) ** 2 / 3.0
+        errors.append(("damping that depends on the amplitude", np.diag([variance, 0.0])))
+    return errors
+
+
+def _explain_halves(decay: FreeDecay) -> tuple[str, ...]:
+    """Warn of damping that is not the same in both halves of a decay."""
+    if not decay.halves:
+        return ()
+    first, second = decay.halves
+    kind = "rises as the motion dies, as by dry friction"
+    if second < first:
+        kind = "falls as the motion dies, as by air"
+    told = (
+        f"free decay: damping depends on the amplitude: ζ {kind}, from {first:.2g} in the first"
+        f" half of the decay to {second:.2g} in the second; the ± holds both"
+    )
+    return (told,)
 
 
 def _find_hold(mean: MeanHit, setup: RigSetup, decay: FreeDecay) -> tuple[Hold, float]:

@@ -189,6 +189,7 @@ class SampleParts:
             *check_sensors(setup, contact_time),
             check_speed(law.impact_speed, checks.stated_restitution, setup.impact_speed),
             *checks.warnings,
+            *traces.free_decay.warnings,
             *law.warnings,
             check_delay(self.mean, checks, contact_time),
             *paper.warnings,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.records import FloatArray
 from impact_rig.core.sensors import CHANNELS
 from impact_rig.core.setup import RigSetup
+from impact_rig.core.trends import STEADY, Course
 
 
 class Source(NamedTuple):
@@ -61,6 +62,21 @@ def make_input(source: str, value: float, standard: float) -> UncertainNumber:
         else load_gtc().ureal(value, standard, label=Source(source))
     )
     return number
+
+
+ASSUMED_GAIN, ASSUMED_MASS = 0.03, 0.005
+"""Relative standard uncertainties of what is stated without one [-]: a piezo accelerometer is
+known to 2 to 5 %; of a mass our choice, half a gram in 100."""
+
+
+def make_stated(source: str, value: float, standard: float, assumed: float) -> UncertainNumber:
+    """Make an input with its stated uncertainty, or, where that is 0, with one that is assumed.
+
+    What is not stated is not zero: the budget says that it is assumed.
+    """
+    if standard or math.isnan(value):
+        return make_input(source, value, standard)
+    return make_input(f"{source}, assumed", value, assumed * value)
 
 
 def make_ensemble(
@@ -181,12 +197,20 @@ class RigNumbers:
     # Factor on every measured time [-], 1 with the uncertainty of the sampling rate: times go
     # with it, rates against it.
     clock: UncertainNumber
-    # Of the channels of hammer and sample over what is taken for them [-]: 1, exact where their
-    # sensors state no uncertainty.
+    # Of the channels of hammer and sample over what is taken for them [-].
     gains: tuple[UncertainNumber, ...]
     low_pass: UncertainNumber  # 0 ± 1 [-]: the error by the low-pass, alike on all samples
     pulse_shape: UncertainNumber  # 0 ± 1 [-]: the error by the pulse's shape, alike on all samples
-    notes: tuple[str, ...]  # which masses state no uncertainty
+    notes: tuple[str, ...]  # what is assumed, since nothing states it
+
+    def follow(self, course: Course) -> "RigNumbers":
+        """Return them for a series whose peaks or widths change from hit to hit."""
+        if course == STEADY:
+            return self
+        peak = make_input("trend of the peaks", 1.0, course.peak_standard)
+        width = make_input("trend of the widths", 1.0, course.width_standard)
+        gains = tuple(gain * peak for gain in self.gains)
+        return replace(self, clock=self.clock * width, gains=gains)
 
 
 class RigInputs:
@@ -206,10 +230,11 @@ class RigInputs:
         self._low_pass = make_input("low-pass", 0.0, 1.0)
         self._pulse_shape = make_input(PULSE_SHAPE, 0.0, 1.0)
         self._gains = tuple(
-            make_input(
+            make_stated(
                 f"gain of the {body}'s channel",
                 1.0,
                 setup.find_sensor(channel).sensitivity_uncertainty,
+                ASSUMED_GAIN,
             )
             for body, channel in zip(("hammer", "sample"), CHANNELS, strict=True)
         )
@@ -228,14 +253,32 @@ class RigInputs:
         if body is None:
             body = self._bodies[stated] = _make_mass(*stated)
         masses = {
-            "the hammer": (setup.hammer_mass, self._hammer),
-            "the accelerometer": (setup.samples.accelerometer_mass, self._accelerometer),
-            struck.body: (struck.mass, body),
+            "the hammer": (setup.hammer_mass, setup.hammer_mass_uncertainty),
+            "the accelerometer": (
+                setup.samples.accelerometer_mass,
+                setup.samples.accelerometer_mass_uncertainty,
+            ),
+            struck.body: (struck.mass, struck.mass_uncertainty),
         }
         unstated = " and ".join(
-            name for name, (mass, number) in masses.items() if mass > 0.0 == number.u
+            name for name, (mass, standard) in masses.items() if mass > 0.0 == standard
         )
-        note = f"uncertainty of k and c: none is stated for the mass of {unstated}"
+        gains = " and ".join(
+            channel
+            for channel in CHANNELS
+            if not setup.find_sensor(channel).sensitivity_uncertainty
+        )
+        notes = []
+        if gains:
+            notes.append(
+                f"assumed: the gains of {gains} within {100.0 * ASSUMED_GAIN:g} %, standard, since"
+                " nothing states it: state sensitivity_u"
+            )
+        if unstated:
+            notes.append(
+                f"assumed: the mass of {unstated} within {100.0 * ASSUMED_MASS:g} %, standard,"
+                " since nothing states it: state mass_u"
+            )
         return RigNumbers(
             hammer_mass=self._hammer,
             moving_mass=body + self._accelerometer,
@@ -243,12 +286,12 @@ class RigInputs:
             gains=self._gains,
             low_pass=self._low_pass,
             pulse_shape=self._pulse_shape,
-            notes=(note,) if unstated else (),
+            notes=tuple(notes),
         )
 
 
 def _make_mass(name: str, mass: float, standard: float) -> UncertainNumber:
-    return make_input(f"mass of {name}", mass, standard)
+    return make_stated(f"mass of {name}", mass, standard, ASSUMED_MASS)
 
 
 def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
@@ -269,6 +312,7 @@ def propagate_fit(
     *,
     estimates: Sequence[float],
     averaged: int,
+    errors: Sequence[tuple[str, FloatArray]] = (),
 ) -> dict[str, Quantity]:
     """Propagate the scatter of fitted parameters, masses and clock to results.
 
@@ -288,6 +332,8 @@ def propagate_fit(
         The best estimates, say of the mean trace.
     averaged : int
         Hits that the estimates are the mean of.
+    errors : sequence of (str, ndarray of shape (p, p))
+        What is wrong with all hits alike: its source, and its covariance.
 
     Returns
     -------
@@ -299,7 +345,11 @@ def propagate_fit(
     scatter = np.zeros((count, count))
     if has_scatter:
         scatter += np.cov(per_hit, rowvar=False, ddof=1) / averaged
-    numbers = formula(make_ensemble(source, estimates, scatter, max(hits - 1, 1)), rig)
+    parameters = make_ensemble(source, estimates, scatter, max(hits - 1, 1))
+    for name, covariance in errors:
+        moved = make_ensemble(name, [0.0] * count, covariance, math.inf)
+        parameters = tuple(one + more for one, more in zip(parameters, moved, strict=True))
+    numbers = formula(parameters, rig)
     reasons = () if has_scatter else (ONE_HIT,)
     return {name: Known(number, reasons).state(rig.notes) for name, number in numbers.items()}
 

@@ -226,7 +226,8 @@ def test_masses_without_stated_uncertainty_are_named():
         hammer.stiffness,
     ):
         assert math.isfinite(found.standard)
-        assert "none is stated for the mass of the hammer" in found.notes[0]
+        assert "mass of the hammer, assumed" in {line.source for line in found.budget}
+        assert "the mass of the hammer within 0.5 %, standard, since" in found.notes[-1]
     assert contact.contact_time.notes == ()
 
 
