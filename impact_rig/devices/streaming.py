@@ -23,23 +23,16 @@ class StreamedSource(ABC):
     The trigger is the first point of the hammer whose size reaches the level while the one before
     it does not. The device streams from `configure` to `close`, armed or not, so that the time
     before a trigger is always there. `take` comes from a thread of the device's.
-
-    Attributes
-    ----------
-    changed : Condition
-        Guards all else; notified when points have come or the device has gone.
-    blocks : deque of Block
-        What came last; their points count from the beginning of the stream.
-    count : int
-        Points that have come since then, or were lost.
     """
 
     longest_silence = 2.0  # [s], without a point: the device is lost
 
     def __init__(self) -> None:
+        # Guards all else; notified when points have come or the device has gone.
         self.changed = threading.Condition()
+        # What came last; their points count from the beginning of the stream.
         self.blocks: deque[Block] = deque()
-        self.count = 0
+        self.count = 0  # points that have come since then, or were lost
         # Set by `open_device`: what messages call the device, its rate [Hz], and what its counts
         # mean, of the hammer's and, where it is measured, the sample's channel.
         self.name, self.sampling_rate = "", 0.0
