@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+from bench.freezes import measure_freezes
 from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses, use_own_domain
 from impact_rig.analysis.analyze import analyze
@@ -146,3 +147,4 @@ def measure_faults(bench: Bench) -> Iterator[Figure]:
                     wrong.append(f"{number}, {node} {fault} after {wait:.2f} s: {complaint}")
     note = "; ".join([f"of {total}", *wrong])
     yield Figure("campaigns that lost, doubled or did not explain", len(wrong), note=note, most=0)
+    yield from measure_freezes(bench)
