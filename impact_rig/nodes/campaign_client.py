@@ -223,6 +223,8 @@ class CampaignClient(RigClient):
         result = answer.result
         if not result.setup.samples:
             raise RigError(f"the campaign is rejected: {result.message}")
+        if not result.success and not (result.accepted or result.rejected):
+            raise DeviceError(result.message)  # it has no hit, or could not collect them
         if self.is_hammerless:
             hits = [*result.accepted, *result.rejected]
             # What the virtual rig did on purpose comes by another topic.
