@@ -25,6 +25,10 @@ SERVICES: dict[str, Any] = {
     interfaces.SET_ANGLE: srv.SetAngle,
     interfaces.CONFIRM_SAMPLE: srv.ConfirmSample,
     interfaces.GET_RESULTS: srv.GetResults,
+    **{
+        interfaces.make_join_name(node): srv.JoinCampaign
+        for node in ("accelerometer", "estimator", "hammer", "recorder", "visualizer")
+    },
 }
 """Those that ask for more than an act that anybody may do, such as a stop."""
 TEXTS = ("", "measured", "bogus", "steel small", "Prüfkörper", "\x1b[2J", "x" * 300)
