@@ -20,7 +20,13 @@ from impact_rig.recordings.hits import (
 from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, count_points
 from impact_rig.recordings.new_file import list_successors, write_new_file
 from impact_rig.recordings.records import Attachment, Channel, MetadataRecord, RawMessage
-from impact_rig.recordings.run import Run, choose_namespace, find_owner, list_namespaces
+from impact_rig.recordings.run import (
+    Run,
+    choose_namespace,
+    find_owner,
+    list_namespaces,
+    report_from,
+)
 from impact_rig.recordings.scan import PROFILES, Report, Scan, Wanted, describe_profile
 from impact_rig.recordings.schemas import decode_message
 from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
@@ -176,7 +182,7 @@ def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
     wanted, watch, before = _choose_topics(contents), HitWatch(), 0
     for scan in contents.scans:
         counts: dict[int, _ChannelCount] = {}
-        for item in scan.read(wanted, partial(_report_from, report, before)):
+        for item in scan.read(wanted, partial(report_from, report, before)):
             if isinstance(item, RawMessage):
                 _find_topic(contents, item.channel).take(item)
                 counts.setdefault(item.channel.id, _ChannelCount(item.sequence)).take(item)
@@ -374,7 +380,7 @@ def _copy(contents: Contents, writer: RecordingWriter, report: Report) -> None:
         return numbers[described]
 
     for scan in contents.scans:
-        for item in scan.read(wanted, partial(_report_from, report, before)):
+        for item in scan.read(wanted, partial(report_from, report, before)):
             if isinstance(item, RawMessage):
                 times = (item.log_time, item.publish_time)
                 writer.add_message(announce(item.channel), item.data, *times, item.sequence)
@@ -385,10 +391,6 @@ def _copy(contents: Contents, writer: RecordingWriter, report: Report) -> None:
         for channel in filter(wanted, scan.channels.values()):
             announce(channel)
         before += scan.size
-
-
-def _report_from(report: Report, before: int, done: int) -> None:
-    report(before + done)
 
 
 def extract_attachments(contents: Contents, folder: Path) -> list[Path]:

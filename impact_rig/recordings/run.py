@@ -196,7 +196,7 @@ class Run:
         for scan in self.scans:
             types = choose_types(scan)
             wanted = partial(self.is_wanted, types)
-            messages = scan.read_messages(wanted, partial(_report_from, report, before))
+            messages = scan.read_messages(wanted, partial(report_from, report, before))
             yield scan, (raw for raw in messages if self._is_new(watch, raw))
             before += scan.size
             self._repeated = watch.repeated
@@ -321,7 +321,8 @@ def choose_namespace(path: Path, found: Collection[str], wanted: str | None) -> 
     return wanted or next(iter(found), "/")
 
 
-def _report_from(report: Report, before: int, done: int) -> None:
+def report_from(report: Report, before: int, done: int) -> None:
+    """Report how much was read, after what was read of other files before [byte]."""
     report(before + done)
 
 
