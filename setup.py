@@ -15,6 +15,7 @@ NODES = (
     "recorder",
     "campaign",
     "visualizer",
+    "page",
     "replayer",
 )
 SOURCES = {
@@ -55,6 +56,7 @@ setup(
             "configuration/*.toml",
             "files/*.toml",
             "nodes/*.xml",
+            "page/templates/*",
             "present/report/templates/*",
         ],
     },
@@ -99,6 +101,7 @@ setup(
         "rich>=13.7",
         "rosbags>=0.10",
         "scipy>=1.11",
+        "tornado>=6.4",
         "zstandard>=0.22",
     ],
     extras_require={

@@ -97,6 +97,12 @@ ARGUMENTS = (
         description="show model and measurement in Rerun; auto: if rerun-sdk is installed",
     ),
     DeclareLaunchArgument(
+        "page",
+        default_value="false",
+        choices=SWITCH,
+        description=option_texts.PAGE.text,
+    ),
+    DeclareLaunchArgument(
         "viewer",
         default_value="",
         description=f"{option_texts.VIEWER.text}: spawn, web or the address, several by commas",
@@ -163,6 +169,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
         source=source,
         continuous=is_continuous,
         visualize=choose_view(read("visualizer"), executables / "visualizer"),
+        page=read("page") == "true",
         viewers=split_names(read("viewer")),
         only=split_names(read("only")),
     )

@@ -18,7 +18,7 @@ INTERFACES = sorted(
 )
 
 SIDE_BY_SIDE = {"configuration", "devices", "recordings", "results"}
-BELOW = {"core", "analysis", "files", "present", "simulators", *SIDE_BY_SIDE}
+BELOW = {"core", "analysis", "files", "page", "present", "simulators", *SIDE_BY_SIDE}
 MAY_IMPORT = {
     "core": {"core"},
     **{name: {"core", name} for name in SIDE_BY_SIDE},
@@ -26,6 +26,7 @@ MAY_IMPORT = {
     "files": {"core", "configuration", "recordings", "files"},
     "simulators": {"core", "results", "simulators"},
     "present": {"core", "results", "present"},
+    "page": {"core", "results", "page"},
     "analysis": {"core", "configuration", "files", "recordings", "results", "analysis"},
     "nodes": {"nodes", *BELOW} - {"analysis", "files", "simulators"},
     "cli": {"nodes", "cli", *BELOW},
@@ -49,13 +50,14 @@ WRAPS = {
     "files": {"RigolWFM", "h5py", "nptdms", "pyarrow", "python_calamine", "pyuff"},
     "recordings": {"lz4", "mcap", "mcap_protobuf", "rosbags", "yaml", "zstandard"},
     "analysis": {"dask", "distributed"},
+    "page": {"jinja2", "tornado"},
     "present": {"jinja2", "matplotlib", "pyarrow", "rerun", "rich"},
     "nodes": ROS,
     "cli": {"click", "rich"},
 }  # fmt: skip
 """Which libraries a package wraps, and no other may import; those of messages are for nodes."""
 IMPORTED_WHEN_USED = set.union(*WRAPS.values()) - ROS - {
-    "click", "lz4", "mcap", "rich", "rosbags", "yaml", "zstandard",
+    "click", "lz4", "mcap", "rich", "rosbags", "tornado", "yaml", "zstandard",
 }  # fmt: skip
 """What takes long to import: all libraries but these."""
 

@@ -87,6 +87,11 @@ class CampaignView:
         """Withdraw the request to release the hammer by hand."""
         self._print(Text(f"STOP: do not release the hammer: {reason}", ALARM))
 
+    def stay(self, text: str) -> None:
+        """Say why the program goes on though the campaign is over."""
+        self._progress.stop()
+        self._print(text)
+
     def _print(self, text: str | Text) -> None:
         self._progress.console.print(text)
 

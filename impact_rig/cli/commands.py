@@ -97,9 +97,27 @@ def demo() -> None:
 def up() -> None:
     """Start the nodes of a rig, each in its own process.
 
-    They run until Ctrl-C. Everything is recorded into one folder, that of an earlier run with
-    --resume. Several computers make one rig when each starts some of the nodes (--only) and
-    finds the others (--network).
+    They run until Ctrl-C, and record into one folder. Several computers make one rig when each
+    starts some of the nodes (--only) and finds the others (--network).
+    """
+
+
+@_command("""
+    \b
+    Examples:
+      impact-rig page                          for browsers of this computer
+      impact-rig page --address 192.168.1.5    for a phone or tablet, by the link with its token
+    """)
+@click.option("--address", default="127.0.0.1", help="Where to serve it. [this computer alone]")
+@click.option("--port", type=click.IntRange(0, 65535), default=8000, help="0: any. [8000]")
+@click.option("--certificate", type=FILE, help="TLS certificate of this server, PEM. [no TLS]")
+@click.option("--key", type=FILE, help="Its key. [in the same file]")
+@options.rig_options
+def page() -> None:
+    """Serve a page for the person at a rig that is up.
+
+    It says what to do, shows each hit, and has STOP, arm, mounted, pause, reject and notes as
+    buttons. It asks the rig as every other program does. Ctrl-C ends the page, not the rig.
     """
 
 

@@ -1,6 +1,8 @@
 """``impact-rig demo``: a whole campaign on the virtual rig, in separate processes."""
 
 import contextlib
+import math
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -30,9 +32,13 @@ from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal
 SHOWN_LOG_LINES = 15  # the last ones, when the rig ends unexpectedly
 START_TIMEOUT = 90.0  # [s] in which the processes start: seconds, more on a busy computer
 # A tenth of the paper's swing, and a short wait for missed triggers.
-SETTINGS = {"hammer": {"swing_time": 0.02}, "accelerometer": {"trigger_timeout": 0.1}}
+SETTINGS: dict[str, dict[str, Any]] = {
+    "hammer": {"swing_time": 0.02},
+    "accelerometer": {"trigger_timeout": 0.1},
+}
 ATTEMPTS = 50  # rejected hits in a row that end the demo: with --faults 0.1 half the hits are bad
 SUBSCRIBERS = 3  # estimator, recorder and visualizer: the view has all hits
+PAGE_NODE = "page"
 VIEW_TIMEOUT = 10.0  # [s] for the visualizer, which does not start without its library
 
 
@@ -44,7 +50,7 @@ def run_rig(processes: Sequence[NodeProcess], log: Path) -> Iterator[Callable[[]
     """
     check_free(join_names("", (process.name for process in processes)))
     with log.open("w", encoding="utf-8") as output:
-        nodes = RunningNodes(output, lambda page: click.echo(f"the view is at {page}", err=True))
+        nodes = RunningNodes(output, _show_page)
         failures: list[RigError] = []
 
         def follow() -> None:
@@ -72,6 +78,16 @@ def run_rig(processes: Sequence[NodeProcess], log: Path) -> Iterator[Callable[[]
             signal.signal(signal.SIGINT, previous)
 
 
+def _show_page(node: str, address: str) -> None:
+    """Say where a page is, and open the rig's own where there is a screen."""
+    if node != PAGE_NODE:
+        click.echo(f"the view is at {address}", err=True)
+        return
+    click.echo(f"the page is at {address}", err=True)
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        click.launch(address)
+
+
 def run(
     rig_file: Path | None,
     output: Path | None,
@@ -92,8 +108,11 @@ def run(
     check_open_files()
     folder = choose_run_folder(output)
     source = {key: chosen.pop(key) for key in options.SOURCE_KEYS}
+    overrides: dict[str, dict[str, Any]] = dict(SETTINGS)
+    if chosen["page"]:
+        overrides[PAGE_NODE] = {"port": 0}
     processes = list_rig_processes(
-        folder.resolve(), rig=rig, source=source, overrides=SETTINGS, **chosen
+        folder.resolve(), rig=rig, source=source, overrides=overrides, **chosen
     )
     make_run_folder(folder)
     options.set_discovery(network=False)
@@ -112,6 +131,10 @@ def run(
                 release_angles=angles,
             )  # fmt: skip
             outcome = run_campaign(client, goal, view, is_attended=False)
+            if chosen["page"]:
+                view.stay("the campaign is done; the page stays until Ctrl-C")
+                with contextlib.suppress(KeyboardInterrupt):
+                    client.spin_until(lambda: check() is not None, math.inf)
     except KeyboardInterrupt:
         recorded = folder / RECORDING_NAME
         if recorded.exists():

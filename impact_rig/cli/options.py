@@ -121,6 +121,7 @@ nodes_options = _combine(
     ),
     notes_option,
     make_output_option(option_texts.OUTPUT.help, "FOLDER"),
+    click.option("--page", is_flag=True, help=option_texts.PAGE.help),
     make_list_option(
         "--viewer",
         "spawn|web|ADDRESS",

@@ -40,7 +40,7 @@ from impact_rig.present.console import print_warning
 
 OPEN_FILES = 100  # that a process of a rig may need: three times what they were seen to have
 END_TIMEOUT = 10.0  # [s] in which a node ends after SIGTERM; then it is killed
-COLOURS = ("cyan", "yellow", "green", "magenta", "red", "blue", "bright_cyan")  # of the nodes
+COLOURS = ("cyan", "yellow", "green", "magenta", "red", "blue", "bright_cyan", "white")
 
 
 def make_command(process: NodeProcess, namespace: str = "") -> list[str]:
@@ -76,10 +76,12 @@ class RunningNodes:
     output : IO of str
         Gets each line of a node, with time and node in front.
     on_page : callable, optional
-        Gets the address of a web page that a node serves.
+        Gets the name of a node that serves a web page, and its address.
     """
 
-    def __init__(self, output: IO[str], on_page: Callable[[str], None] = lambda _: None) -> None:
+    def __init__(
+        self, output: IO[str], on_page: Callable[[str, str], None] = lambda *_: None
+    ) -> None:
         self._output = output
         self._on_page = on_page
         self._nodes: dict[str, subprocess.Popen[bytes]] = {}  # those that have not ended
@@ -165,7 +167,7 @@ class RunningNodes:
         if found is None:
             self._print(name, text)
         elif found[0] is Notice.PAGE:
-            self._on_page(found[1])
+            self._on_page(name, found[1])
         return found is not None and found[0] is Notice.ACTIVE
 
     def _goes_on_without(self, name: str) -> bool:

@@ -29,7 +29,8 @@ CONTINUOUS = OptionText(
     "Stream both channels all the time, and find the impacts in the stream", "each hit"
 )
 OUTPUT = OptionText("Folder for recording, view and results", "runs/<time>")
-RESUME = OptionText("Go on with the run that this folder holds, with its own rig")
+RESUME = OptionText("Go on with this folder's run, with its rig")
+PAGE = OptionText("Serve a page for the person at the rig")
 VIEWER = OptionText(
     "Show it live, too: in a window, on a web page, in the Rerun viewer at"
     " rerun+http://HOST:9876/proxy"

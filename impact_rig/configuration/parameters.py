@@ -17,6 +17,7 @@ PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "campaign": ("rig_file", "verdict_timeout", "pause_timeout"),
     "estimator": (),
     "hammer": (*_DEVICE, "swing_time", "return_time", "confirm_return"),
+    "page": ("address", "port", "certificate", "key"),
     "recorder": ("output", "compression", "record_stream", "notes", "attachments"),
     "replayer": (
         "file", "rate", "loop", "rig_namespace", "required_subscribers", "exit_when_done",

@@ -94,7 +94,7 @@ class Notice(Enum):
     """What a node tells the process that started it."""
 
     ACTIVE = "active"
-    PAGE = "page"  # and its address
+    PAGE = "page"  # and the address of the web page that it serves
 
 
 def notify(notice: Notice, value: str = "") -> None:
@@ -140,6 +140,7 @@ def list_rig_processes(
     record_stream: bool = False,
     notes: str = "",
     visualize: bool = True,
+    page: bool = False,
     viewers: Sequence[str] = (),
     overrides: Mapping[str, Mapping[str, Any]] | None = None,
     only: Sequence[str] = (),
@@ -164,6 +165,8 @@ def list_rig_processes(
         Words of the operator to keep in the recording.
     visualize : bool
         Whether model and measurement are shown.
+    page : bool
+        Whether a page for the person at the rig is served.
     viewers : sequence of str
         Where, beside the file in the folder; see `make_viewer_parameters`.
     overrides : mapping, optional
@@ -205,6 +208,8 @@ def list_rig_processes(
         del stated["visualizer"]
         if viewers:
             raise ParameterError(f"a viewer ({', '.join(viewers)}) needs the visualizer")
+    if page:
+        stated["page"] = {}
     nodes = {
         name: {key: value for key, value in parameters.items() if value}
         for name, parameters in stated.items()
@@ -284,7 +289,7 @@ def parse_parameters(settings: tuple[str, ...]) -> dict[str, dict[str, Any]]:
     ParameterError
         If a text has another form, or the rig has no such node.
     """
-    nodes = [process.name for process in list_rig_processes("")]
+    nodes = [process.name for process in list_rig_processes("", page=True)]
     known = [*nodes, SOURCE]
     parsed: dict[str, dict[str, Any]] = {}
     for text in settings:

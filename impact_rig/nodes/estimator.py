@@ -26,9 +26,11 @@ from impact_rig.nodes.result_messages import (
     estimate_to_msg,
     hit_to_msg,
     record_to_msg,
+    trace_to_msg,
 )
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.campaigns import begins_campaign
+from impact_rig.results.traces import align_hit
 
 LIBRARIES = (
     "GTC",
@@ -64,6 +66,8 @@ class EstimatorNode(RigNode):
         self._cuts: Any = None
         self._early: deque[Received[Block]] = deque(maxlen=1000)  # without a set-up yet
         self._impact = self.advertise(interfaces.IMPACT)
+        self._trace = self.advertise(interfaces.IMPACT_TRACE)
+        self._full_scale: tuple[float, ...] = ()  # of the channels of the newest block [m/s^2]
         self._estimate = self.advertise(interfaces.ESTIMATE)
         self._hammer_estimate = self.advertise(interfaces.HAMMER_ESTIMATE)
         self._comparison = self.advertise(interfaces.COMPARISON)
@@ -161,6 +165,7 @@ class EstimatorNode(RigNode):
             self._early.append(received)
             return
         block = received.value
+        self._full_scale = tuple(channel.full_scale for channel in block.channels)
         key = (identity.stream_id, block.label.record)
         self._publish_hits(self._ledger.session, self._ledger.add_block(key, block))
 
@@ -189,9 +194,14 @@ class EstimatorNode(RigNode):
             numbers = session.estimate_numbers(struck) if hit.accepted else None
         finally:
             self._impact.publish(hit_to_msg(hit, self.membership.identity))
+        if numbers is not None:
+            self._publish_estimate(session, numbers)
+        if hit.filtered is not None:
+            aligned = align_hit(hit.label, hit.filtered)
+            identity = self.membership.identity
+            self._trace.publish(trace_to_msg(hit, aligned, self._full_scale, identity))
         if numbers is None:
             return
-        self._publish_estimate(session, numbers)
         # Everything beside the numbers takes most of the time, and the next hit replaces it.
         # The hammer's stiffness from the control sample changes every other sample's k2.
         self._incomplete |= dict.fromkeys(session.names if is_control else [struck])

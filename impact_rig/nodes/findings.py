@@ -10,9 +10,14 @@ from numpy.typing import NDArray
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.sample import SampleEstimate
-from impact_rig.recordings.messages import check_numbers, from_message, origin_from_msg
+from impact_rig.recordings.messages import (
+    check_numbers,
+    from_message,
+    label_from_msg,
+    origin_from_msg,
+)
 from impact_rig.results.campaign import HitResults
-from impact_rig.results.traces import ModelTraces, SampleTraces
+from impact_rig.results.traces import AlignedHit, JudgedTraces, ModelTraces, SampleTraces
 
 
 def hit_results_from_msg(message: msg.Impact) -> HitResults:
@@ -93,7 +98,31 @@ def traces_from_msg(message: msg.ModelComparison) -> SampleTraces:
     )
 
 
-def _stack(traces: tuple[Any, Any]) -> NDArray[np.float64]:
-    """Return two traces of a message, shape (2, n)."""
+def judged_traces_from_msg(message: msg.ImpactTrace) -> JudgedTraces:
+    """Return a hit's traces as they were judged.
+
+    Raises
+    ------
+    ParameterError
+        If rate or traces cannot be meant.
+    """
+    rate = message.sampling_rate
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise ParameterError(f"sampling_rate is {rate:g} Hz: it must be above 0")
+    channels = [message.hammer] + [message.specimen] * bool(message.specimen)
+    sizes = {len(trace) for trace in (message.time, *channels)}
+    if len(sizes) != 1 or 0 in sizes:
+        raise ParameterError(
+            f"its traces have {sorted(sizes)} points: they must be as long, and not empty"
+        )
+    traces = _stack(tuple(channels))
+    if not (np.isfinite(traces).all() and math.isfinite(message.time[0])):
+        raise ParameterError("its traces must be finite")
+    aligned = AlignedHit(label_from_msg(message), rate, float(message.time[0]), traces)
+    return JudgedTraces(aligned, message.accepted, message.contact_time, tuple(message.full_scale))
+
+
+def _stack(traces: tuple[Any, ...]) -> NDArray[np.float64]:
+    """Return traces of a message, shape (channels, n)."""
     views = [np.frombuffer(memoryview(trace), np.float32) for trace in traces]
     return np.stack(views).astype(np.float64)

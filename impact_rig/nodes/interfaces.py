@@ -18,6 +18,7 @@ from impact_rig_msgs.msg import (
     HammerRelease,
     HammerState,
     Impact,
+    ImpactTrace,
     ModelComparison,
     RecorderState,
     RecordStored,
@@ -129,6 +130,13 @@ VIRTUAL_IMPACT = Topic(
     "virtual_impact", VirtualImpact, _RESULT, _by("conversions", "truth_from_msg")
 )
 IMPACT = Topic("impact", Impact, _RESULT, _by("findings", "hit_results_from_msg"))
+IMPACT_TRACE = Topic(
+    "impact/trace",
+    ImpactTrace,
+    make_qos(64, latched=True),
+    _by("findings", "judged_traces_from_msg"),
+)
+"""Traces as judged, 60 kB each."""
 ESTIMATE = Topic("estimate", SampleEstimate, _RESULT, _by("findings", "estimate_from_msg"))
 HAMMER_ESTIMATE = Topic(
     "hammer_estimate", HammerEstimate, _LATEST, _by("findings", "hammer_estimate_from_msg")
@@ -165,6 +173,7 @@ RECORDED_TOPICS = (
     RELEASE,
     VIRTUAL_IMPACT,
     IMPACT,
+    IMPACT_TRACE,
     ESTIMATE,
     HAMMER_ESTIMATE,
     COMPARISON,

@@ -26,6 +26,7 @@ from impact_rig.recordings.messages import (
     setup_from_msg,
 )
 from impact_rig.results.campaign import Results
+from impact_rig.results.traces import AlignedHit
 
 
 def record_to_msg(record: SampleEstimate | HammerEstimate | SpeedExponents) -> Any:
@@ -49,6 +50,26 @@ def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
     identity.fill(message)
     message.header.stamp = stamp_to_msg(judged.stamp)
     fill_message(message.origin, judged.origin)
+    return message
+
+
+def trace_to_msg(
+    judged: JudgedHit, aligned: AlignedHit, full_scale: Sequence[float], identity: Identity
+) -> msg.ImpactTrace:
+    """Return a judged hit's traces as a message, stamped as its verdict."""
+    hammer, *others = aligned.traces
+    message = msg.ImpactTrace(
+        **asdict(judged.label),
+        accepted=judged.accepted,
+        sampling_rate=aligned.sampling_rate,
+        contact_time=judged.contact_time,
+        full_scale=list(full_scale),
+        time=_floats(aligned.time),
+        hammer=_floats(hammer),
+        specimen=_floats(others[0]) if others else array("f"),
+    )
+    identity.fill(message)
+    message.header.stamp = stamp_to_msg(judged.stamp)
     return message
 
 

@@ -18,11 +18,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from impact_rig.configuration.processes import Notice, notify
 from impact_rig.core.contact_law import NO_LAW
-from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.errors import RigError
-from impact_rig.core.hits import judge_hit
 from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.records import Block, HitLabel, Record
+from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
@@ -37,7 +35,7 @@ from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.recordings.campaigns import begins_campaign
 from impact_rig.recordings.new_file import choose_free
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.traces import AlignedHit, SampleTraces, TraceAssembler, align_hit
+from impact_rig.results.traces import JudgedTraces, SampleTraces, TraceAssembler
 
 SILENCE = 5.0 * DIAGNOSTIC_PERIOD
 """How long a node that is not silent may take between two diagnostics [s]."""
@@ -86,7 +84,9 @@ def is_shown(number: int) -> bool:
     return number % step == 0
 
 
-Finding: TypeAlias = Truth | HitResults | SampleEstimate | HammerEstimate | SampleTraces
+Finding: TypeAlias = (
+    Truth | HitResults | JudgedTraces | SampleEstimate | HammerEstimate | SampleTraces
+)
 LARGEST_CAMPAIGN = 1000
 """Most hits that tables show, the newest [-]: eight of the paper's campaigns."""
 
@@ -97,8 +97,6 @@ class ShownCampaign:
     def __init__(self, setup: RigSetup, campaign_id: bytes) -> None:
         self.setup = setup
         self.campaign_id = campaign_id
-        self._detector = ImpactDetector(setup.analysis)
-        self._records: deque[Record] = deque(maxlen=10)  # one waits for its verdict
         self._numbers: Counter[str] = Counter()
         self._hits: dict[HitLabel, HitResults] = {}  # the newest, as many as are shown
         self._faults: dict[HitLabel, tuple[str, ...]] = {}
@@ -106,21 +104,13 @@ class ShownCampaign:
         self.estimates: dict[str, SampleEstimate] = {}
         self._traces: dict[str, dict[str, SampleTraces]] = {}  # each with one model
 
-    def add_block(self, block: Block) -> None:
-        """Keep the record that a block completes until its verdict comes."""
-        self._records.extend(self._detector.feed(block))
-
-    def align(self, label: HitLabel) -> AlignedHit | None:
-        """Return an accepted hit, to be laid over the others; of a long series only some."""
-        record = next((it for it in self._records if it.label == label), None)
-        # A flaw is a block that was lost on the way to this node.
-        if record is None or record.flaws or not self._hits[label].accepted:
-            return None
-        self._numbers[label.sample] += 1
-        if not is_shown(self._numbers[label.sample]):
-            return None
-        hit = judge_hit(record, self.setup.analysis, self.setup.responses).filtered
-        return None if hit is None else align_hit(label, hit)
+    def is_laid_over(self, traces: JudgedTraces) -> bool:
+        """Return whether a hit is laid over the others: an accepted one, of many only some."""
+        if not traces.accepted:
+            return False
+        sample = traces.aligned.label.sample
+        self._numbers[sample] += 1
+        return is_shown(self._numbers[sample])
 
     def add(self, found: Finding) -> None:
         """Keep what was found, in place of what was known of the same hit, sample and model."""
@@ -232,6 +222,7 @@ class VisualizerNode(RigNode):
                 (interfaces.ACCELERATION.deepen(2000), self._on_block),
                 (interfaces.VIRTUAL_IMPACT, self._on_finding),
                 (interfaces.IMPACT, self._on_finding),
+                (interfaces.IMPACT_TRACE, self._on_finding),
                 (interfaces.ESTIMATE, self._on_finding),
                 (interfaces.HAMMER_ESTIMATE, self._on_finding),
                 (interfaces.COMPARISON, self._on_finding),
@@ -323,12 +314,14 @@ class VisualizerNode(RigNode):
         if campaign is None or received.identity.campaign_id != campaign.campaign_id:
             self._early.append(received)
             return
+        if isinstance(found, JudgedTraces):
+            if campaign.is_laid_over(found):
+                self._log(lambda log: log.log_aligned_hits([found.aligned]))
+            return
         campaign.add(found)
         if isinstance(found, HitResults):
             verdict, stamp = campaign.newest_hit, received.stamp
             self._log(lambda log: log.log_verdicts([verdict], [stamp]))
-            if hit := campaign.align(verdict.label):
-                self._log(lambda log: log.log_aligned_hits([hit]))
         if isinstance(found, SampleTraces):
             self._counts["comparisons"] += 1
             self._latest["traces", found.name] = partial(
@@ -339,8 +332,6 @@ class VisualizerNode(RigNode):
     def _on_block(self, received: Received[Block]) -> None:
         self._counts["blocks"] += 1
         block = received.value
-        if self._campaign is not None:
-            self._campaign.add_block(block)
         traces = self._assembler.feed(block)
         if traces is not None:
             self._counts["hits"] += 1

@@ -139,6 +139,16 @@ class AlignedHit:
 
 
 @dataclass(frozen=True)
+class JudgedTraces:
+    """A hit's traces as they were judged when it came."""
+
+    aligned: AlignedHit
+    accepted: bool
+    contact_time: float  # of this hit alone [s]; NaN: not determined
+    full_scale: tuple[float, ...]  # of the channels [m/s^2]; 0: not known
+
+
+@dataclass(frozen=True)
 class ModelTraces:
     """One model beside a sample's mean hit."""
 

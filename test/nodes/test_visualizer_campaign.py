@@ -1,6 +1,6 @@
 """The campaign that is shown, as the topics tell it."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,8 +20,8 @@ from impact_rig.nodes import interfaces, messages, result_messages, visualizer
 from impact_rig.nodes.identity import NO_IDENTITY
 from impact_rig.nodes.visualizer import ShownCampaign
 from impact_rig.recordings.messages import NO_ID
-from impact_rig.results.campaign import HitResults, results_from_session
-from impact_rig.results.traces import sample_traces_from_estimate
+from impact_rig.results.campaign import results_from_session
+from impact_rig.results.traces import align_hit, sample_traces_from_estimate
 
 FAULTS = FaultPlan(scheduled=(ScheduledFault(Fault.WEAK_HIT, 2),))
 RIG = VirtualRig(PAPER_SETUP, VirtualRigSettings(faults=FAULTS))
@@ -38,53 +38,36 @@ def shown():
     return ShownCampaign(PAPER_SETUP, NO_ID)
 
 
-def add(shown, blocks):
-    for block in blocks:
-        shown.add_block(block)
-
-
-def judge(shown, label, *, accepted=True):
-    """Let the estimator's verdict come; return the hit if it is laid over the others."""
-    shown.add(HitResults(**asdict(label), accepted=accepted))
-    return shown.align(label)
+def judge(label, blocks):
+    """Return a hit's traces as the estimator publishes them."""
+    session = Session(PAPER_SETUP)
+    (hit,) = [hit for block in blocks for hit in session.feed(block)]
+    message = result_messages.trace_to_msg(
+        hit, align_hit(label, hit.filtered), (2000.0, 4000.0), NO_IDENTITY
+    )
+    return interfaces.IMPACT_TRACE.convert(message)
 
 
 def test_the_middle_of_a_hit_s_pulse_is_at_time_zero(shown):
-    label, blocks = strike()
-    assert judge(shown, label) is None
-    add(shown, blocks)
-    hit = judge(shown, label)
-    assert hit.label == label
+    traces = judge(*strike())
+    assert shown.is_laid_over(traces)
+    hit = traces.aligned
     middle = hit.start_time + measure_pulse(hit.traces[0]).middle / hit.sampling_rate
     assert middle == pytest.approx(0.0, abs=0.02 / hit.sampling_rate)
 
 
 def test_a_hit_that_the_estimator_rejects_is_not_laid_over_the_others(shown):
-    label, blocks = strike()
-    add(shown, blocks)
-    assert judge(shown, label, accepted=False) is None
-    assert judge(shown, label) is not None
+    traces = judge(*strike())
+    assert not shown.is_laid_over(replace(traces, accepted=False))
+    assert shown.is_laid_over(traces)
 
 
 def test_of_a_long_series_ever_fewer_hits_are_shown(shown):
-    (block,) = RIG.strike(HitLabel(CONTROL_SAMPLE)).split(10_000, 0)
-    count = 0
-    for record in range(1, 121):
-        named = HitLabel(CONTROL_SAMPLE, record=record, impact=record)
-        shown.add_block(replace(block, label=named))
-        count += judge(shown, named) is not None
-    assert count == 99 + 3
+    traces = judge(*strike())
+    assert sum(shown.is_laid_over(traces) for _ in range(120)) == 99 + 3
     # Each sample counts for itself.
-    other = HitLabel("steel small", record=2000)
-    shown.add_block(replace(block, label=other))
-    assert judge(shown, other) is not None
-
-
-@pytest.mark.parametrize("lost", [0, 1, 3])
-def test_a_record_with_a_lost_block_is_not_laid_over_the_others(shown, lost):
-    label, blocks = strike()
-    add(shown, [*blocks[:lost], *blocks[lost + 1 :]])
-    assert judge(shown, label) is None
+    other = replace(traces.aligned, label=HitLabel("steel small", record=2000))
+    assert shown.is_laid_over(replace(traces, aligned=other))
 
 
 NAMES = ("steel small", CONTROL_SAMPLE)

@@ -1,0 +1,287 @@
+"""The page at the rig: what the rig says goes to browsers, what a person does comes back.
+
+It knows the rig through topics, services and the action alone. Nothing waits for it, and it is no
+way around the interlock: it asks the hammer as every other program does.
+"""
+
+import math
+import shutil
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+from action_msgs.srv import CancelGoal
+from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.msg import AcquisitionState, CampaignState, HammerState, RecorderState
+from impact_rig_msgs.srv import ConfirmSample
+from rclpy.action import ActionClient
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from impact_rig.configuration.processes import Notice, notify
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.setup import RigSetup
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.guarded_hammer import HammerPlace
+from impact_rig.nodes.identity import id_to_msg, make_id
+from impact_rig.nodes.intake import Received
+from impact_rig.nodes.rig_node import RigNode
+from impact_rig.page.server import Act, Address, Answer, Form, PageServer
+from impact_rig.page.status import (
+    CampaignStatus,
+    HammerStatus,
+    RecorderStatus,
+    RigStatus,
+    SampleProgress,
+    Step,
+    Task,
+)
+from impact_rig.page.traces import pack_traces
+from impact_rig.page.view import make_view
+from impact_rig.recordings.campaigns import begins_campaign
+from impact_rig.results.campaign import HitResults
+from impact_rig.results.traces import JudgedTraces
+
+SHOW_PERIOD = 0.05
+"""Between two views at least [s]: a person sees no more."""
+TRIGGERS = {
+    "stop": interfaces.EMERGENCY_STOP,
+    "reset": interfaces.RESET_HAMMER,
+    "arm": interfaces.ARM_HAMMER,
+    "disarm": interfaces.DISARM_HAMMER,
+    "held": interfaces.CONFIRM_HELD,
+    "pause": interfaces.PAUSE_CAMPAIGN,
+    "resume": interfaces.RESUME_CAMPAIGN,
+}
+"""Services without a request, by the names of their forms."""
+
+
+class PageNode(RigNode):
+    """Serves the page at the rig."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("page", **options)
+        self.declare("address", "127.0.0.1", "where the page is served; elsewhere with a token")
+        self.declare("port", 8000, "of the page; 0: any that is free", low=0, high=65535)
+        self.declare("certificate", "", "path of the server's TLS certificate; empty: no TLS")
+        self.declare("key", "", "path of the certificate's key; empty: it is in the same file")
+        self._status = RigStatus()
+        self._campaign_id = b""
+        self._server: PageServer | None = None
+        self._is_shown = True
+        self._traced = ""  # sample of the newest trace
+        self._notes = self.advertise(interfaces.NOTE)
+        self._campaigns = ActionClient(self, RunCampaign, interfaces.RUN_CAMPAIGN)
+        self._acts: dict[str, Act] = {
+            name: self._ask(Trigger, service, lambda _: Trigger.Request(), name)
+            for name, service in TRIGGERS.items()
+        }
+        self._acts["mounted"] = self._ask(
+            ConfirmSample, interfaces.CONFIRM_SAMPLE,
+            lambda form: ConfirmSample.Request(sample=form["sample"]), "mounted",
+        )  # fmt: skip
+        # A request without a goal's id cancels them all.
+        self._acts["end"] = self._ask(
+            CancelGoal, f"{interfaces.RUN_CAMPAIGN}/_action/cancel_goal",
+            lambda _: CancelGoal.Request(), "end",
+        )  # fmt: skip
+        self._acts |= {"start": self._start, "note": self._note}
+        self.offer_to_join()
+        for topic, callback in (
+            (interfaces.SETUP, self._on_setup),
+            (interfaces.CAMPAIGN_STATE, self._on_campaign),
+            (interfaces.HAMMER_STATE, self._on_hammer),
+            (interfaces.ACQUISITION_STATE, self._on_accelerometers),
+            (interfaces.RECORDER_STATE, self._on_recorder),
+            (interfaces.IMPACT, self._on_impact),
+            (interfaces.ESTIMATE, self._on_estimate),
+            (interfaces.IMPACT_TRACE, self._on_trace),
+        ):
+            self.listen(topic, callback)
+        self.create_timer(SHOW_PERIOD, self._show)
+        self.create_timer(1.0, self._look_at_disk)
+        self._disk = ""
+
+    def configure(self) -> None:
+        """Listen for browsers."""
+        certificate, key = self.get_value("certificate"), self.get_value("key")
+        address = Address(
+            self.get_value("address"),
+            self.get_value("port"),
+            Path(certificate) if certificate else None,
+            Path(key) if key else None,
+        )
+        self._server = PageServer(address, self._acts)
+        self._server.__enter__()
+        self._server.show(make_view(self._status))
+
+    def activate(self) -> None:
+        """Tell where the page is."""
+        if self._server is not None:
+            self.get_logger().info(f"the page is at {self._server.link}")
+            notify(Notice.PAGE, self._server.link)
+
+    def cleanup(self) -> None:
+        """Close the page."""
+        if self._server is not None:
+            self._server.__exit__()
+            self._server = None
+
+    # What the rig says.
+
+    def on_received(
+        self, topic: interfaces.Topic, callback: Callable[[Any], None], received: Received[Any]
+    ) -> None:
+        """Call back, and show soon."""
+        super().on_received(topic, callback, received)
+        self._is_shown = False
+
+    def _on_setup(self, received: Received[RigSetup]) -> None:
+        if begins_campaign(received.message, self._campaign_id or None):
+            self._campaign_id = received.identity.campaign_id
+            self._status.begin(received.value)
+
+    def _on_campaign(self, received: Received[CampaignState]) -> None:
+        state = received.value
+        until = state.until.sec + state.until.nanosec / 1e9
+        self._status.campaign = CampaignStatus(
+            step=Step(state.state),
+            message=state.message,
+            task=Task(state.task),
+            until=until or math.nan,
+            impacts=state.impacts,
+            samples=tuple(
+                SampleProgress(count.sample, count.accepted, count.rejected)
+                for count in state.counts
+            ),
+            sample=state.sample,
+            mounted=state.mounted,
+        )
+
+    def _on_hammer(self, received: Received[HammerState]) -> None:
+        state = received.value
+        self._status.hammer = HammerStatus(
+            place=HammerPlace(state.state).name.lower(),
+            message=state.message,
+            is_armed=state.armed,
+            is_stopped=state.disarmed_by == HammerState.EMERGENCY_STOP and not state.armed,
+            is_away=state.state == HammerState.AWAY,
+            since=received.stamp / 1e9,
+        )
+
+    def _on_accelerometers(self, received: Received[AcquisitionState]) -> None:
+        self._status.is_simulated = received.value.hammerless
+        self._status.source = received.value.source
+
+    def _on_recorder(self, received: Received[RecorderState]) -> None:
+        state = received.value
+        self._status.recorder = RecorderStatus(
+            state.recording, state.uri, state.messages_lost, state.message
+        )
+
+    def _on_impact(self, received: Received[HitResults]) -> None:
+        self._status.add_hit(received.value)
+
+    def _on_estimate(self, received: Received[SampleEstimate]) -> None:
+        self._status.estimates[received.value.name] = received.value
+
+    def _on_trace(self, received: Received[JudgedTraces]) -> None:
+        traces, label = received.value, received.value.aligned.label
+        self._status.full_scale = traces.full_scale[0] if traces.full_scale else 0.0
+        if self._server is not None:
+            packed = pack_traces(traces, self._status.list_levels())
+            self._server.show_trace(label.record, packed, is_first=label.sample != self._traced)
+            self._traced = label.sample
+
+    def _show(self) -> None:
+        if self._server is not None and not self._is_shown:
+            self._server.show(make_view(self._status, self._disk))
+            self._is_shown = True
+
+    def _look_at_disk(self) -> None:
+        path = self._status.recorder.path
+        try:
+            free = shutil.disk_usage(Path(path).parent).free if path else math.nan
+        except OSError:  # it is on another computer
+            free = math.nan
+        disk = "" if math.isnan(free) else f"{free / 1e9:.0f} GB left"
+        self._is_shown &= disk == self._disk
+        self._disk = disk
+
+    # What a person does; called in the server's thread.
+
+    def _ask(self, kind: Any, name: str, make_request: Callable[[Form], Any], act: str) -> Act:
+        """Return an act that calls a service of the rig."""
+        client = self.create_client(kind, name)
+
+        def call(form: Form) -> "Future[Answer]":
+            answer: Future[Answer] = Future()
+            if not client.service_is_ready():
+                answer.set_result(Answer(done=False, message=f"no node offers {name}"))
+                return answer
+
+            def finish(done: Any) -> None:
+                response = done.result()
+                is_done = getattr(response, "success", not getattr(response, "return_code", 0))
+                message = getattr(response, "message", "")
+                if act == "stop":
+                    message = f"{message} ({time.strftime('%H:%M:%S')}{form.signature})"
+                answer.set_result(Answer(bool(is_done), message))
+
+            client.call_async(make_request(form)).add_done_callback(finish)
+            self._write_down(form, act)
+            return answer
+
+        return call
+
+    def _write_down(self, form: Form, what: str) -> None:
+        """Let the recording know what was done at the page, and by whom."""
+        self._notes.publish(String(data=f"at the page{form.signature}: {what}"))
+
+    def _note(self, form: Form) -> "Future[Answer]":
+        answer: Future[Answer] = Future()
+        self._write_down(form, form["text"])
+        answer.set_result(Answer(done=True, message="noted"))
+        return answer
+
+    def _start(self, form: Form) -> "Future[Answer]":
+        """Begin a campaign."""
+        answer: Future[Answer] = Future()
+        try:
+            goal = _read_goal(form)
+        except ParameterError as error:
+            answer.set_result(Answer(done=False, message=str(error)))
+            return answer
+        if not self._campaigns.server_is_ready():
+            answer.set_result(Answer(done=False, message="no campaign node answers"))
+            return answer
+
+        def finish(done: Any) -> None:
+            is_accepted = done.result().accepted
+            message = "the campaign begins" if is_accepted else "another campaign is under way"
+            answer.set_result(Answer(is_accepted, message))
+
+        self._campaigns.send_goal_async(goal).add_done_callback(finish)
+        self._write_down(form, "start")
+        return answer
+
+
+def _read_goal(form: Form) -> RunCampaign.Goal:
+    """Return what a filled in form asks for; raises `ParameterError` if it cannot be meant."""
+    impacts = form["impacts"]
+    if not impacts.isdecimal() or not 1 <= int(impacts) <= 1000:  # noqa: PLR2004
+        raise ParameterError(f"hits of each sample are {impacts!r}: write 1 to 1000")
+    try:
+        angles = [math.radians(float(part)) for part in form["angles"].split(",") if part.strip()]
+    except ValueError:
+        raise ParameterError(f"release angles are {form['angles']!r}: write 5, 10, 20") from None
+    return RunCampaign.Goal(
+        samples=form.fields.get("sample", ()),
+        impacts=int(impacts),
+        confirm_samples=form["ask"] == "yes",
+        release_angles=angles,
+        campaign_id=id_to_msg(make_id()),
+    )
