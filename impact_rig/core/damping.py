@@ -236,6 +236,7 @@ def estimate_free_decay(
     if channel >= mean.traces.shape[0]:
         raise NotDeterminedError("free decay: this channel was not measured")
     tail = _find_tail(mean, contact_end, cutoff_frequency)
+    check_window(mean, channel, cutoff_frequency)
     measured = mean.traces[channel, tail]
     rate = mean.sampling_rate / tail.step
     spread = float(measured.std())
@@ -272,7 +273,6 @@ def estimate_free_decay(
             f"free decay: one damped oscillation explains only {100.0 * r_squared:.0f} % of the"
             f" tail; it must explain {100.0 * SMALLEST_R_SQUARED:.0f} %"
         )
-    _check_window(fit.residual, noise)
     hits = np.stack([hit[channel, tail] for hit in mean.cut_hits()])
     # Birge's ratio: what a fit leaves times the noise makes the covariance larger, at least.
     beyond = max(1.0 - 1.0 / max(excess, 1.0) ** 2, 0.0) if noise > 0.0 else 0.0
@@ -291,7 +291,7 @@ def estimate_free_decay(
     )
 
 
-def _check_window(residual: FloatArray, noise: float) -> None:
+def check_window(mean: MeanHit, channel: int, cutoff_frequency: float) -> None:
     """Refuse a response that ends far quieter than its baseline: an analyser's window is in it.
 
     Raises
@@ -299,11 +299,20 @@ def _check_window(residual: FloatArray, noise: float) -> None:
     NotDeterminedError
         If it does.
     """
-    end = float(residual[-residual.size // 4 :].std())
-    # Filtered noise of a quarter of a short tail is known to a sixth or so.
-    if end < 0.35 * noise:
+    step = 1
+    if cutoff_frequency > 0.0:
+        step = max(1, int(mean.sampling_rate / (5.0 * cutoff_frequency)))
+    trace = mean.traces[channel]
+    # Fourth differences leave noise, and little of what rings; what the low-pass smears before the
+    # contact stays out.
+    before, end = (
+        float(np.diff(part[::step], 4).std()) if part.size > 5 * step else 0.0
+        for part in (trace[: mean.baseline_points // 2], trace[-trace.size // 4 :])
+    )
+    # Filtered noise of a short baseline is known to a sixth or so.
+    if end < 0.35 * before > 1e-9 * float(np.abs(trace).max()):
         raise NotDeterminedError(
-            f"free decay: the response ends with {end / noise:.2g} of the noise of its baseline: a"
+            f"no decay: the response ends with {end / before:.2g} of the noise of its baseline: a"
             " window of an analyser is in it, and part of the decay is the window's; record"
             " without one"
         )

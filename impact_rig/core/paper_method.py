@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from impact_rig.core.contact_law import NO_LAW, ContactLaw, look_at_law
-from impact_rig.core.damping import LogDecrement, estimate_log_decrement
+from impact_rig.core.damping import LogDecrement, check_window, estimate_log_decrement
 from impact_rig.core.equations import (
     UncertainNumber,
     estimate_damping_coefficient,
@@ -170,6 +170,7 @@ def read_mean_hit(
             found = estimate_log_decrement(
                 mean.traces[channel], max(float(mean.noise[channel]), step)
             )
+            check_window(mean, channel, settings.cutoff_frequency)
             _check_own_decay(mean, channel, found)
             if channel:
                 _check_spring(mean, setup)

@@ -125,8 +125,8 @@ def _list_errors(decay: FreeDecay) -> list[tuple[str, FloatArray]]:
     if decay.halves:
         natural = math.hypot(decay.decay_rate, decay.angular_frequency)
         ratio = decay.decay_rate / natural
-        # Of half a decay ζ is a mean, too: at its ends it is half as far away again.
-        reach = 1.5 * max(abs(half - ratio) for half in decay.halves)
+        # Half a decay tells ζ in its middle: at its end it is twice as far away.
+        reach = 2.0 * max(abs(half - ratio) for half in decay.halves)
         variance = (reach * natural) ** 2 / 3.0
         errors.append(("damping that depends on the amplitude", np.diag([variance, 0.0])))
     return errors

@@ -128,7 +128,7 @@ def test_a_real_ringing_gives_the_decrement_of_its_peaks():
     # Its noise before the drop, which is not in the extract: 0.17 g.
     noise = np.full(2, 0.17)
     pulse = replace(measure_pulse(np.hanning(board.size)), rise=0.0, fall=0.0)
-    hit = FilteredHit(np.stack([board, board]), float(rate), pulse, noise, noise, noise, 300)
+    hit = FilteredHit(np.stack([board, board]), float(rate), pulse, noise, noise, noise, 1)
     found = estimate_free_decay(average_hits([hit]), 1, 1e-5, 0.0)
     peaks, _ = find_peaks(board, distance=40, height=20.0)
     times = np.polyfit(np.arange(peaks.size), time[peaks], 1)[0]

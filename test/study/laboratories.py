@@ -19,13 +19,16 @@ from scipy.signal import butter, cont2discrete, lfilter
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import Block, ChannelBlock, HitLabel
 from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.session import Session
-from impact_rig.core.setup import RigSetup, Sample, SampleSet
+from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 
 FloatArray = NDArray[np.float64]
 COVERED = 1.5
 """Half widths of its 95 % interval within which a figure is right [-]: 99.7 % of honest ones."""
 NAME = "struck"
+BEFORE = 2.5e-4
+"""Of the record, before the impact [s]."""
 
 
 class Cause(Enum):
@@ -88,9 +91,13 @@ class Laboratory:
     window: float = 0.0  # exponential, of an analyser [1/s]
     gains: tuple[float, float] = (1.0, 1.0)  # true over stated
     warming: float = 0.0  # of both gains, over the series [-]
+    slowing: float = 0.0  # of the converters' clock, over the series [-]
+    clock: float = 0.0  # by how much it runs fast all the time [-]
     stated_speed: float = 1.0  # over the true one
     stated_sample: float = 1.0
     gain_uncertainty: float = 0.0  # that is stated; 0: none
+    mass_uncertainty: float = 1e-4  # that is stated, over the masses; 0: none
+    clock_uncertainty: float = 1e-4  # that is stated [-]
     hits: int = 10
     seed: int = 0
 
@@ -197,8 +204,9 @@ def measure(
     lab: Laboratory, motion: Motion, number: int, random: np.random.Generator
 ) -> FloatArray:
     """Return what the converters give of one hit, (2, n) [m/s^2]."""
-    rate, before = lab.rate, 2.5e-4
-    time = np.arange(int(lab.record * rate)) / rate - before - random.uniform() / rate
+    rate = lab.rate
+    time = np.arange(int(lab.record * rate)) / rate - BEFORE - random.uniform() / rate
+    time = time / (1.0 + lab.clock + lab.slowing * number / (lab.hits - 1.0))
     traces = np.stack([np.interp(time, motion.time, a, 0.0) for a in motion.accelerations])
     traces[:, time < 0.0] = 0.0
     traces[1] = _resonate(traces[1], *lab.mount, rate)
@@ -228,12 +236,15 @@ def run_series(lab: Laboratory) -> tuple[SampleEstimate, Truth, str]:
     """Strike a series; return what is estimated, what is true, and all that is said."""
     random = np.random.default_rng(lab.seed)
     stated = lab.sample * lab.stated_sample
-    samples = SampleSet((Sample(NAME, stated, mass_uncertainty=1e-4 * stated),), NAME)
+    part, gain = lab.mass_uncertainty, lab.gain_uncertainty
     setup = RigSetup(
-        samples,
+        SampleSet((Sample(NAME, stated, mass_uncertainty=part * stated),), NAME),
         lab.hammer,
         lab.speed * lab.stated_speed,
-        hammer_mass_uncertainty=1e-4 * lab.hammer,
+        AnalysisSettings(record_duration=lab.record),
+        hammer_mass_uncertainty=part * lab.hammer,
+        clock_uncertainty=lab.clock_uncertainty,
+        sensors=tuple(Sensor(name, sensitivity_uncertainty=gain) for name in CHANNELS),
     )
     session, motions, speeds = Session(setup), list[Motion](), list[float]()
     known: dict[float, Motion] = {}
@@ -303,17 +314,20 @@ def find_truth(lab: Laboratory, motions: Sequence[Motion], speeds: Sequence[floa
                 [both * (math.pi / d) ** 2 for d in durations]
             ),
             "checks.stated_restitution": mean([motion.restitution for motion in motions]),
+            "checks.separation_restitution": mean([motion.restitution for motion in motions]),
+            "checks.momentum_ratio": (1.0, 1.0),
         }
     return Truth(figures, frozenset(absent))
 
 
 def _find_damping_range(lab: Laboratory, motion: Motion) -> tuple[float, float]:
     """Return zeta between the first and the last maxima of the tail, as they fall."""
-    trace = motion.accelerations[1][motion.time > motion.duration + 2e-5]
+    is_seen = (motion.time > motion.duration + 2e-5) & (motion.time < lab.record - BEFORE)
+    trace = motion.accelerations[1][is_seen]
     inner = np.abs(trace)
     peaks = np.flatnonzero((inner[1:-1] > inner[:-2]) & (inner[1:-1] >= inner[2:])) + 1
     heights = inner[peaks]
-    heights = heights[heights > 0.02 * heights.max()]
+    heights = heights[heights > 0.1 * heights.max()]
     if heights.size < 3:
         return lab.spring[1], lab.spring[1]
     decrements = np.log(heights[:-1] / heights[1:]) / math.pi
@@ -343,7 +357,7 @@ def judge(cause: Cause, lab: Laboratory) -> Verdict:
     wrong: dict[str, float] = {}
     given = 0
     for name, (low, high) in truth.figures.items():
-        found = _read(estimate, name)
+        found = read(estimate, name)
         if not (found.is_known and math.isfinite(low)):
             continue
         given += 1
@@ -352,13 +366,14 @@ def judge(cause: Cause, lab: Laboratory) -> Verdict:
         if away > COVERED * wide:
             wrong[name] = away / wide
     for name in truth.absent:
-        if _read(estimate, name).is_known:
+        if read(estimate, name).is_known:
             wrong[name] = math.inf
     named = any(word in said for word in NAMED[cause])
     return Verdict(cause, lab, given, wrong, named, estimate.contact_law.is_known)
 
 
-def _read(estimate: SampleEstimate, name: str) -> Quantity:
+def read(estimate: SampleEstimate, name: str) -> Quantity:
+    """Return a figure by the names of its part and its field."""
     part, _, attribute = name.partition(".")
     found: Quantity = getattr(getattr(estimate, part), attribute)
     return found
