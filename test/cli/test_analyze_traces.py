@@ -120,3 +120,23 @@ def test_a_folder_of_measured_files_says_how_to_name_them(run, tmp_path):
     outcome = run("analyze", tmp_path)
     assert outcome.exit_code == 2
     assert "name other files one by one" in outcome.stderr
+
+
+def test_the_first_line_says_which_channel_was_taken_as_what(run, tmp_path):
+    path = tmp_path / "hit.csv"
+    time = np.arange(2000) / 1e6
+    pulse = np.sin(np.pi * np.clip((time - 5e-4) / 2e-4, 0.0, 1.0)) ** 2
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, (2, 2000))
+    rows = np.stack([time, 20 * pulse + noise[0], 100 * pulse + noise[1]]).T
+    np.savetxt(path, rows, delimiter=",", header="time (s),Acc (g),Force (N)", comments="")
+    line = "Channels: hammer 'Force' [N], sample 'Acc' [g]."
+    assert run("analyze", path).stdout.startswith(f"{line}\n")
+    aside = run("analyze", "--json", path)
+    assert json.loads(aside.stdout)["samples"]
+    assert aside.stderr.startswith(f"{line}\n")
+    words = (path, "-o", tmp_path / "hit.mcap", "--hammer-mass", "100g")
+    assert run("import", *words).stdout.startswith(f"{line}\n")
+    for option, value in (("--hammer-mass", "100"), ("--cutoff", "20"), ("--rate", "1e6")):
+        refused = run("analyze", path, option, value)
+        assert refused.exit_code == 2
+        assert f'{option} is "{value}", which has no unit: write it like' in refused.stderr
