@@ -186,15 +186,10 @@ def _add_specimen(hammer: MeasuredChannel, group: Channels, time: MeasuredChanne
     rest = [item for item in group if item is not hammer and not says_hammer(item.name)]
     if _is_by_place(group):
         return Roles(hammer, _list_pair(group)[1], time, by_place=True)
-    kinds = {item.name: _get_kind(item) for item in rest}
-    named = [
-        item
-        for item in rest
-        if says_sample(item.name) and kinds[item.name] not in (Kind.FORCE, Kind.OTHER)
-    ]
-    moved = [item for item in named or rest if kinds[item.name] is Kind.ACCELERATION]
-    unknown = [item for item in rest if kinds[item.name] is Kind.UNKNOWN]
-    found = moved or named or [item for item in unknown if _fits(hammer, item)]
+    usable = [item for item in rest if _get_kind(item) not in (Kind.FORCE, Kind.OTHER)]
+    named = [item for item in usable if says_sample(item.name)]
+    moved = [item for item in named or usable if _get_kind(item) is Kind.ACCELERATION]
+    found = moved or named or [item for item in usable if _fits(hammer, item)]
     if len(found) > 1:
         found = [item for item in found if _fits(hammer, item)] or found
     if len(found) == 1:

@@ -231,6 +231,8 @@ def find_gap(times: RawArray, step: float) -> int | None:
     `LEAST_GAP` steps, and more than the times are rounded to: a stamp that is late alone comes
     back.
     """
+    if not step > 0.0:
+        return None
     steps = np.diff(times)
     is_coarse = steps.min() == 0.0
     least = max(LEAST_GAP, steps[steps > 0].min() / step if is_coarse else 0.0)
