@@ -5,7 +5,7 @@ import shlex
 import signal
 import sys
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import click
 from rich.text import Text
@@ -16,15 +16,19 @@ from impact_rig.configuration.processes import RESULTS_NAME, choose_run_folder
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal, CampaignOutcome
 from impact_rig.nodes.campaign_plan import read_newest_campaign
+from impact_rig.page.states import CampaignStatus
+from impact_rig.page.status import RigStatus
+from impact_rig.page.view import list_numbers
 from impact_rig.present.console import ALARM
+from impact_rig.results.campaign import HitResults
 from impact_rig.results.results_file import write_results
 
 
 class CampaignView:
     """Follows a campaign on standard error; use it in a ``with`` statement.
 
-    A rejected hit gets a line that stays, and so does a pause with its reason. A log, which has no
-    bar, also gets a line for each sample.
+    Each hit gets a line that stays, and so does a pause with its reason. A log, which has no bar,
+    also gets a line for each sample.
     """
 
     def __init__(self) -> None:
@@ -43,35 +47,43 @@ class CampaignView:
         """Take the bar away."""
         self._progress.stop()
 
-    def follow(self, campaign: Any) -> None:
+    def follow(self, rig: RigStatus) -> None:
         """Show what the campaign does now."""
-        names = [count.sample for count in campaign.counts]
+        campaign, hit = rig.campaign, rig.last_hit
+        names = [sample.name for sample in campaign.samples]
         number = names.index(campaign.sample) if campaign.sample in names else 0
         place = f"sample {number + 1} of {len(names)}: {campaign.sample}"
         if campaign.sample != self._sample:
             self._sample = campaign.sample
             if self._progress.disable:
                 self._print(place)
-        if campaign.last.record not in (0, self._record):
-            self._record = campaign.last.record
-            if not campaign.last.accepted:
-                self._print(_describe_rejection(campaign.last))
-        if campaign.message != self._pause:
-            self._pause = campaign.message
-            paused = Text.assemble(("paused", ALARM), f": {self._pause}")
-            self._print(paused if self._pause else "the campaign goes on")
+        if hit is not None and hit.record != self._record:
+            self._record = hit.record
+            self._print(_describe_hit(rig, hit))
+        self._follow_pause(campaign)
         # Accepted hits are counted: the next one is under way.
-        total = len(names) * campaign.impacts
-        done = number * campaign.impacts + campaign.impact
-        hit = min(campaign.impact + 1, campaign.impacts)
-        text = f"{place}, hit {hit} of {campaign.impacts}" if done < total else "estimating"
-        if rejected := sum(count.rejected for count in campaign.counts):
+        total, accepted = len(names) * campaign.impacts, campaign.progress.accepted
+        done = number * campaign.impacts + min(accepted, campaign.impacts)
+        next_hit = min(accepted + 1, campaign.impacts)
+        text = f"{place}, hit {next_hit} of {campaign.impacts}" if done < total else "estimating"
+        if rejected := sum(sample.rejected for sample in campaign.samples):
             text += f", {rejected} rejected"
         self._progress.update(self._task, description=text, total=total, completed=done)
 
-    def mount(self, sample: str) -> None:
+    def _follow_pause(self, campaign: CampaignStatus) -> None:
+        """Say that the campaign pauses, or that it goes on."""
+        if campaign.is_looking or not campaign.is_running:
+            return
+        pause = campaign.message if campaign.is_paused else ""
+        if pause and pause != self._pause:
+            self._print(Text.assemble(("paused", ALARM), f": {pause}"))
+        elif self._pause and not pause:
+            self._print("the campaign goes on")
+        self._pause = pause
+
+    def mount(self, sample: str, further: str) -> None:
         """Ask for a sample to be mounted, and wait for the answer."""
-        self._ask(f"Mount {sample} and press Enter")
+        self._ask(", ".join([f"Mount {sample}", *[further] * bool(further), "and press Enter"]))
 
     def put_back(self, refusal: str) -> None:
         """Ask for the hammer to be put back, and wait for the answer."""
@@ -101,9 +113,13 @@ class CampaignView:
         self._progress.start()
 
 
-def _describe_rejection(hit: Any) -> Text:
+def _describe_hit(rig: RigStatus, hit: HitResults) -> Text:
+    """Return a hit as a line: a good one in numbers, another with its reasons."""
     place = f"{hit.sample}, hit {hit.impact}.{hit.attempt} "
-    return Text.assemble(place, ("rejected", ALARM), f": {'; '.join(hit.reasons)}")
+    if not hit.accepted:
+        return Text.assemble(place, ("rejected", ALARM), f": {'; '.join(hit.reasons)}")
+    numbers = ", ".join(f"{name} {text}" for name, text in list_numbers(rig, hit))
+    return Text(f"{place}accepted: {numbers}")
 
 
 def report_outcome(

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from impact_rig_msgs.msg import AcquisitionState, HammerRelease, HammerState
+from impact_rig_msgs.msg import HammerRelease
 from impact_rig_msgs.srv import Arm, JoinCampaign
 from std_srvs.srv import Trigger
 
@@ -22,6 +22,7 @@ from impact_rig.nodes.accelerometer_source import (
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
+from impact_rig.page.states import HammerPlace, HammerStatus, Phase
 from impact_rig.recordings.messages import NO_ID
 
 TRIGGERED = "triggered"
@@ -66,7 +67,7 @@ class AccelerometerNode(DeviceNode):
         self._thread: SourceThread | None = None
         self._arming: Arming | None = None
         self._record = 0
-        self._hammer = HammerState(armed=True)
+        self._hammer = HammerStatus(is_armed=True)
         self._stream_id = NO_ID
         self._is_continuous = self.get_value("mode") == CONTINUOUS
         self._blocks = self.advertise(
@@ -115,7 +116,7 @@ class AccelerometerNode(DeviceNode):
             on_failed=lambda error: self.run_soon(lambda: self._on_failed(opened, error)),
         )
         self._thread.start()
-        self._publish(AcquisitionState.IDLE, "ready")
+        self._publish(Phase.IDLE, "ready")
 
     def deactivate(self) -> None:
         """Disarm, and read no more."""
@@ -123,11 +124,11 @@ class AccelerometerNode(DeviceNode):
         if thread is not None and not thread.stop():
             self.get_logger().error("the source's driver does not return from a call")
         if self.context.ok():
-            self._publish(AcquisitionState.IDLE, "node inactive")
+            self._publish(Phase.IDLE, "node inactive")
 
     def publish_fault(self, text: str) -> None:
         """Publish in the node's state that the source is lost, and why."""
-        self._publish(AcquisitionState.FAULT, text)
+        self._publish(Phase.FAULT, text)
 
     def describe_warning(self) -> str | None:
         """Return what has been lost since the node was activated."""
@@ -196,7 +197,7 @@ class AccelerometerNode(DeviceNode):
         # A fast device is armed in one request, and nothing else of the node waits for long.
         response.success, response.record = arming.armed.wait(0.05), arming.label.record
         if response.success:
-            self._publish(AcquisitionState.ARMED, "waiting for the trigger", label.sample)
+            self._publish(Phase.ARMED, "waiting for the trigger", label.sample)
         else:
             response.message, response.later = "the source is being armed", True
         return response
@@ -256,15 +257,15 @@ class AccelerometerNode(DeviceNode):
         arming.release(swing + timeout + opened.plan.record_duration)
         self._check_enable()
 
-    def _on_hammer_state(self, received: Received[HammerState]) -> None:
+    def _on_hammer_state(self, received: Received[HammerStatus]) -> None:
         self._hammer = received.value
         self._check_enable()
 
     def _check_enable(self) -> None:
         """End the record of a hammer that was disarmed while it swings: its hit does not count."""
         arming, hammer = self._arming, self._hammer
-        is_under_way = hammer.state in (HammerState.SWINGING, HammerState.FAULT)
-        if arming is None or not arming.is_released or hammer.armed or not is_under_way:
+        is_under_way = hammer.place in (HammerPlace.SWINGING, HammerPlace.FAULT)
+        if arming is None or not arming.is_released or hammer.is_armed or not is_under_way:
             return
         if self._thread is not None:
             self._thread.withdraw(arming)
@@ -274,17 +275,17 @@ class AccelerometerNode(DeviceNode):
         arming, block = self._arming, received.value
         if arming is not None and block.label.record == arming.label.record and block.last:
             self._end_arming(is_judged=True)
-            self._publish(AcquisitionState.IDLE, COMPLETE)
+            self._publish(Phase.IDLE, COMPLETE)
 
     def _on_ended(self, arming: Arming, why: str) -> None:
         if self._arming is arming:
             self._arming = None
-            self._publish(AcquisitionState.IDLE, why)
+            self._publish(Phase.IDLE, why)
 
     def _on_disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._end_arming()
         if self.is_active:
-            self._publish(AcquisitionState.IDLE, "disarmed by the operator")
+            self._publish(Phase.IDLE, "disarmed by the operator")
         response.success, response.message = True, "disarmed"
         return response
 
@@ -297,7 +298,7 @@ class AccelerometerNode(DeviceNode):
         if self._open is opened:
             self.lose_device(error)
 
-    def _publish(self, state: int, message: str, sample: str = "") -> None:
+    def _publish(self, state: Phase, message: str, sample: str = "") -> None:
         missing = self._thread.flow.missing_points if self._thread else 0
         loss = f"; {missing} points of the source were lost so far" if missing else ""
         fields: dict[str, Any] = {}

@@ -4,14 +4,11 @@ import contextlib
 import math
 import time
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass, field
-from enum import IntEnum
-from functools import cached_property
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import CampaignState, HammerState, Impact, SampleCount
+from impact_rig_msgs.msg import Impact, SampleCount
 from impact_rig_msgs.msg import RigSetup as RigSetupMessage
 from impact_rig_msgs.srv import Arm, ConfirmSample, GetResults, JoinCampaign, Release, SetAngle
 from rclpy.action import ActionServer, CancelResponse
@@ -21,14 +18,23 @@ from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.setup import PAPER_SETUP, RigSetup, Sample, format_angle
+from impact_rig.core.setup import PAPER_SETUP, RigSetup, format_angle
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.async_node import ANSWER_TIMEOUT
 from impact_rig.nodes.campaign_plan import plan_campaign
+from impact_rig.nodes.campaign_state import (
+    TASKS,
+    TRANSITIONS,
+    ArmingError,
+    Campaign,
+    EndError,
+    HeldError,
+)
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.recordings.messages import NO_ID, setup_from_msg
+from impact_rig.page.states import Disarming, HammerPlace, HammerStatus, Step, Task
+from impact_rig.recordings.messages import NO_ID
 
 LOOK_PERIOD = 0.5
 """How often a campaign checks whether its pause is over [s]."""
@@ -40,123 +46,6 @@ RESULTS_TIMEOUT = 600.0
 
 DISPLAY_TIMEOUT = 1.0
 """How long a campaign's start may wait for a display [s]."""
-
-
-class State(IntEnum):
-    """What a campaign does, numbered as in the message `CampaignState`."""
-
-    JOINING = 0
-    COUNTING = 1
-    WAITING_FOR_SAMPLE = 2
-    PAUSED = 3
-    WAITING_FOR_HAMMER = 4
-    STRIKING = 5
-    DISARMING = 6
-    COMPLETE = 7
-    ENDED = 8
-
-
-class Task(IntEnum):
-    """What a person is asked to do, numbered as in the message `CampaignState`."""
-
-    NOTHING = 0
-    MOUNT = 1
-    PUT_BACK = 2
-    LET_GO = 3
-    ARM = 4
-    RESUME = 5
-
-
-TRANSITIONS: Mapping[State, tuple[State, ...]] = {
-    State.JOINING: (State.COUNTING, State.PAUSED),
-    State.COUNTING: (
-        State.STRIKING,
-        State.WAITING_FOR_SAMPLE,
-        State.WAITING_FOR_HAMMER,
-        State.PAUSED,
-        State.COMPLETE,
-    ),
-    State.WAITING_FOR_SAMPLE: (State.COUNTING,),
-    State.PAUSED: (State.JOINING,),
-    State.WAITING_FOR_HAMMER: (State.COUNTING, State.PAUSED),
-    State.STRIKING: (State.COUNTING, State.DISARMING),
-    State.DISARMING: (State.JOINING,),
-    State.COMPLETE: (),
-    State.ENDED: (),
-}
-"""From which state a campaign goes where. A fault in a strike leads to DISARMING, any other to
-PAUSED, and both lead back to the top; ENDED, with a reason, is possible in every state."""
-
-
-@dataclass
-class Campaign:
-    """A campaign that is under way, with its state."""
-
-    handle: ServerGoalHandle
-    setup: RigSetupMessage  # with id and plan: enough to go on with the campaign
-    show: Callable[..., None]  # publishes the fields of the state
-    state: CampaignState = field(default_factory=CampaignState)
-    stream_id: bytes = NO_ID
-    recording: str = ""
-    has_armed: bool = False
-    hit: dict[str, Any] = field(default_factory=dict)  # the next one's label
-    newest_record: int = 0
-    verdict: Impact = field(default_factory=Impact)
-    failures: int = 0  # strikes in a row without an accepted hit [-]
-    failure: str = ""  # of the last of them
-    stands_since: float = math.inf  # no hit since [s], by the monotonic clock
-    stumbled_at: float = math.inf  # when the newest strike failed [s], by the same; inf: not
-    paused_for: str = ""  # why the last pause took the enable back
-    is_announced: bool = False  # who listens knows its id, or could not be asked
-    is_held: bool = False  # a person wants a pause
-    is_superseded: bool = False  # another client goes on with it
-
-    @cached_property
-    def find_sample(self) -> Callable[[str], Sample]:
-        """Finds a sample by its name."""
-        return setup_from_msg(self.setup).samples.find
-
-    def publish(self, **fields: Any) -> None:
-        """Publish the state with some fields changed."""
-        for name, value in fields.items():
-            setattr(self.state, name, value)
-        if self.is_announced:
-            self.show(**{name: getattr(self.state, name) for name in FIELDS})
-        self.handle.publish_feedback(RunCampaign.Feedback(campaign=self.state))
-
-    @property
-    def is_cancelled(self) -> bool:
-        """Whether the client has cancelled the campaign."""
-        return bool(self.handle.is_cancel_requested)
-
-    @property
-    def is_to_end(self) -> bool:
-        """Whether nothing is waited for any more."""
-        return self.is_cancelled or self.is_superseded
-
-
-FIELDS = [
-    name
-    for name in CampaignState.get_fields_and_field_types()
-    if name not in ("header", "campaign_id")
-]
-"""Of the state, those that are not the same for all messages."""
-
-
-class ArmingError(DeviceError):
-    """The campaign pauses until a person has armed the hammer."""
-
-
-class HeldError(DeviceError):
-    """The campaign pauses because a person wants it."""
-
-
-class EndError(RigError):
-    """The campaign ends here, with a reason."""
-
-
-TASKS: Mapping[type[DeviceError], Task] = {ArmingError: Task.ARM, HeldError: Task.RESUME}
-"""What a pause asks of a person, by what it is for."""
 
 
 class CampaignNode(RigNode):
@@ -176,7 +65,7 @@ class CampaignNode(RigNode):
         self._setup_of_rig: RigSetup = PAPER_SETUP
         self._angles: tuple[float, ...] = ()
         self._campaign: Campaign | None = None
-        self._hammer = HammerState(message="it has published no state")
+        self._hammer = HammerStatus(message="it has published no state")
         self._setup = self.advertise(interfaces.SETUP)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
         self.listen(interfaces.IMPACT.unread, self._on_impact)
@@ -196,14 +85,14 @@ class CampaignNode(RigNode):
         self._arm = self.create_client(Arm, interfaces.ARM_ACCELEROMETER)
         self._disarm = self.create_client(Trigger, interfaces.DISARM_ACCELEROMETER)
         self._release = self.create_client(Release, interfaces.RELEASE_HAMMER)
-        self._work: Mapping[State, Callable[[Campaign], Awaitable[State]]] = {
-            State.JOINING: self._join_nodes,
-            State.COUNTING: self._count_hits,
-            State.WAITING_FOR_SAMPLE: self._wait_for_sample,
-            State.PAUSED: self._pause,
-            State.WAITING_FOR_HAMMER: self._wait_for_hammer,
-            State.STRIKING: self._strike,
-            State.DISARMING: self._disarm_accelerometers,
+        self._work: Mapping[Step, Callable[[Campaign], Awaitable[Step]]] = {
+            Step.JOINING: self._join_nodes,
+            Step.COUNTING: self._count_hits,
+            Step.WAITING_FOR_SAMPLE: self._wait_for_sample,
+            Step.PAUSED: self._pause,
+            Step.WAITING_FOR_HAMMER: self._wait_for_hammer,
+            Step.STRIKING: self._strike,
+            Step.DISARMING: self._disarm_accelerometers,
         }
         self._server = ActionServer(
             self,
@@ -222,20 +111,20 @@ class CampaignNode(RigNode):
         """Publish the set-up, so that the rig's other nodes know what it is."""
         self._setup.publish(messages.setup_to_msg(self._setup_of_rig, Time()))
         if self._campaign is None:
-            self._publish_state(state=State.ENDED)
+            self._publish_state(state=Step.ENDED)
 
     # The states.
 
     async def _run(self, campaign: Campaign) -> None:
-        state, task = State.JOINING, Task.NOTHING
-        while state is not State.COMPLETE:
+        state, task = Step.JOINING, Task.NOTHING
+        while state is not Step.COMPLETE:
             campaign.publish(state=state, task=task, until=Time())
             self._check_end(campaign)
             try:
-                if campaign.is_held and state in (State.JOINING, State.COUNTING):
+                if campaign.is_held and state in (Step.JOINING, Step.COUNTING):
                     raise HeldError("a person wants a pause: to go on, call campaign/resume")
                 following = await self._work[state](campaign)
-                if following not in (State.JOINING, State.COUNTING):
+                if following not in (Step.JOINING, Step.COUNTING):
                     task = Task.NOTHING  # what was asked for in a pause is done
             except DeviceError as error:
                 self._check_end(campaign)
@@ -243,9 +132,9 @@ class CampaignNode(RigNode):
                     self.get_logger().warning(str(error))
                 campaign.state.message = str(error)
                 campaign.is_announced = True
-                following, task = State.PAUSED, TASKS.get(type(error), Task.NOTHING)
-                if state is State.STRIKING:
-                    following, campaign.stumbled_at = State.DISARMING, time.monotonic()
+                following, task = Step.PAUSED, TASKS.get(type(error), Task.NOTHING)
+                if state is Step.STRIKING:
+                    following, campaign.stumbled_at = Step.DISARMING, time.monotonic()
             if following not in TRANSITIONS[state]:
                 raise RuntimeError(f"no way leads from {state.name} to {following.name}")
             state = following
@@ -263,7 +152,7 @@ class CampaignNode(RigNode):
             reason = campaign.state.message
             raise EndError(f"the pause took longer than {limit:g} s: {reason}")
 
-    async def _join_nodes(self, campaign: Campaign) -> State:
+    async def _join_nodes(self, campaign: Campaign) -> Step:
         """Ask every node to take part, and whether it is ready; then arm the hammer, once."""
         # Who joins publishes its state, which those take that have joined before: the hammer needs
         # those of all others, and by the accelerometers' id the others know the running stream.
@@ -282,12 +171,12 @@ class CampaignNode(RigNode):
         if not campaign.has_armed:
             answer = await self.call(self._arm_hammer, Trigger.Request())
             # After an emergency stop a person arms, even if this is the start.
-            is_stopped = self._hammer.disarmed_by == HammerState.EMERGENCY_STOP
+            is_stopped = self._hammer.is_stopped
             campaign.has_armed = answer.success or is_stopped
             if not answer.success:
                 raise DeviceError(f"the hammer cannot be armed: {answer.message}")
-            await self.wait_until(lambda: bool(self._hammer.armed), ANSWER_TIMEOUT)
-        return State.COUNTING
+            await self.wait_until(lambda: bool(self._hammer.is_armed), ANSWER_TIMEOUT)
+        return Step.COUNTING
 
     async def _announce(self, campaign: Campaign) -> None:
         """Let those who listen know the campaign's id before anybody publishes with it."""
@@ -319,7 +208,7 @@ class CampaignNode(RigNode):
             raise DeviceError(answer.message)
         return answer
 
-    async def _count_hits(self, campaign: Campaign) -> State:
+    async def _count_hits(self, campaign: Campaign) -> Step:
         """Ask the ledger what is missing, and whether the hammer can strike it."""
         request = GetResults.Request(counts_only=True)
         ledger = await self.call(self._results, request)
@@ -341,7 +230,7 @@ class CampaignNode(RigNode):
             counts=[counts[name] for name in plan.samples],
         )
         if not missing:
-            return State.COMPLETE
+            return Step.COMPLETE
         if campaign.failures >= (plan.attempts_per_impact or 10):
             raise EndError(
                 f"{sample}: {campaign.failures} hits in a row were rejected or got no verdict, the"
@@ -353,7 +242,7 @@ class CampaignNode(RigNode):
             "attempt": counts[sample].attempts + 1,
         }
         if campaign.state.mounted != sample and self._is_person_needed(campaign, sample):
-            return State.WAITING_FOR_SAMPLE
+            return Step.WAITING_FOR_SAMPLE
         campaign.state.mounted = sample
         return await self._check_hammer(campaign)
 
@@ -371,26 +260,26 @@ class CampaignNode(RigNode):
         is_there = mounted and campaign.find_sample(mounted).body == wanted.body
         return not (wanted.has_angle and is_set and is_there)
 
-    async def _check_hammer(self, campaign: Campaign) -> State:
-        await self._wait_while_at(campaign, HammerState.SWINGING)
+    async def _check_hammer(self, campaign: Campaign) -> Step:
+        await self._wait_while_at(campaign, HammerPlace.SWINGING)
         hammer = self._hammer
-        if hammer.armed and hammer.state == HammerState.AWAY:
+        if hammer.is_armed and hammer.is_away:
             campaign.state.message = (
                 "put the hammer back into its holder, then call hammer/confirm_held"
             )
-            return State.WAITING_FOR_HAMMER
-        if not hammer.armed:
-            is_stop = hammer.disarmed_by == HammerState.EMERGENCY_STOP
+            return Step.WAITING_FOR_HAMMER
+        if not hammer.is_armed:
+            is_stop = hammer.is_stopped
             calls = "hammer/reset and then hammer/arm" if is_stop else "hammer/arm"
-            is_paused = hammer.disarmed_by == HammerState.OPERATOR and campaign.paused_for
+            is_paused = hammer.disarmed_by is Disarming.OPERATOR and campaign.paused_for
             why = campaign.paused_for if is_paused else hammer.message
             raise ArmingError(f"the hammer is not armed ({why}): to go on, call {calls}")
         if time.monotonic() - campaign.stumbled_at > interfaces.LEASE:
             # It was on show for so long that the campaign stands: as in a pause.
             raise DeviceError(campaign.state.message)
-        return State.STRIKING
+        return Step.STRIKING
 
-    async def _pause(self, campaign: Campaign) -> State:
+    async def _pause(self, campaign: Campaign) -> Step:
         """Disarm the hammer; wait a little, or until its state changes.
 
         Who reads that the campaign pauses may walk up to the hammer: it goes when a person has
@@ -398,26 +287,26 @@ class CampaignNode(RigNode):
         """
         campaign.stands_since = min(campaign.stands_since, time.monotonic())
         campaign.stumbled_at = math.inf
-        if self._hammer.armed:
+        if self._hammer.is_armed:
             campaign.paused_for = campaign.state.message
             await self._call_if_there(self._disarm_hammer, Trigger.Request(), PAUSE_TIMEOUT)
-            await self.wait_until(lambda: not self._hammer.armed, PAUSE_TIMEOUT)
+            await self.wait_until(lambda: not self._hammer.is_armed, PAUSE_TIMEOUT)
         hammer, was_held = self._hammer, campaign.is_held
         await self._wait(
             campaign,
             lambda: self._hammer is not hammer or campaign.is_held != was_held,
             LOOK_PERIOD / self.pace,
         )
-        return State.JOINING
+        return Step.JOINING
 
-    async def _wait_for_hammer(self, campaign: Campaign) -> State:
+    async def _wait_for_hammer(self, campaign: Campaign) -> Step:
         """Wait until a person has put the hammer back."""
         campaign.publish(task=Task.PUT_BACK)
-        await self._wait_while_at(campaign, HammerState.AWAY)
+        await self._wait_while_at(campaign, HammerPlace.AWAY)
         campaign.state.message = ""
-        return State.COUNTING
+        return Step.COUNTING
 
-    async def _wait_while_at(self, campaign: Campaign, place: int) -> None:
+    async def _wait_while_at(self, campaign: Campaign, place: HammerPlace) -> None:
         """Wait while the hammer is armed and at a place.
 
         A hammer node that was started again meanwhile publishes for this campaign once it is asked
@@ -425,13 +314,13 @@ class CampaignNode(RigNode):
         """
 
         def has_left() -> bool:
-            is_at = self._hammer.armed and self._hammer.state == place
+            is_at = self._hammer.is_armed and self._hammer.place is place
             return not is_at or campaign.is_to_end or campaign.is_held
 
         while not await self.wait_until(has_left, LOOK_PERIOD / self.pace):
             await self._join_node(campaign, "hammer")
 
-    async def _wait_for_sample(self, campaign: Campaign) -> State:
+    async def _wait_for_sample(self, campaign: Campaign) -> Step:
         """Wait until a person has mounted the sample, and set the angle if the holder cannot."""
         sample = campaign.find_sample(campaign.state.sample)
         text = ""
@@ -442,9 +331,9 @@ class CampaignNode(RigNode):
             campaign, lambda: campaign.state.mounted == sample.name or campaign.is_held
         )
         campaign.state.message = ""
-        return State.COUNTING
+        return Step.COUNTING
 
-    async def _strike(self, campaign: Campaign) -> State:
+    async def _strike(self, campaign: Campaign) -> Step:
         """Strike once, and wait for the verdict; every failure is a `DeviceError`."""
         campaign.stumbled_at = math.inf
         ids = {"campaign_id": campaign.setup.campaign_id}
@@ -477,13 +366,13 @@ class CampaignNode(RigNode):
             campaign.failures = 0
         campaign.stands_since = math.inf
         campaign.publish(last=verdict, message="", task=Task.NOTHING, until=Time())
-        return State.COUNTING
+        return Step.COUNTING
 
-    async def _disarm_accelerometers(self, campaign: Campaign) -> State:
+    async def _disarm_accelerometers(self, campaign: Campaign) -> Step:
         """Disarm, so that no later release falls into this record; back to the top."""
         campaign.stands_since = min(campaign.stands_since, time.monotonic())
         await self._call_if_there(self._disarm, Trigger.Request())
-        return State.JOINING
+        return Step.JOINING
 
     # Helpers of the states.
 
@@ -515,7 +404,7 @@ class CampaignNode(RigNode):
             return await self.call(client, request, timeout, lambda: not client.service_is_ready())
         return None
 
-    def _on_hammer_state(self, received: Received[HammerState]) -> None:
+    def _on_hammer_state(self, received: Received[HammerStatus]) -> None:
         self._hammer = received.value
 
     def _on_impact(self, received: Received[Impact]) -> None:
@@ -526,7 +415,7 @@ class CampaignNode(RigNode):
         self, request: ConfirmSample.Request, response: ConfirmSample.Response
     ) -> ConfirmSample.Response:
         campaign = self._campaign
-        if campaign is None or campaign.state.state != State.WAITING_FOR_SAMPLE:
+        if campaign is None or campaign.state.state != Step.WAITING_FOR_SAMPLE:
             response.message = "no campaign is waiting for a sample"
         elif request.sample != (wanted := campaign.state.sample):
             response.message = f"the campaign is waiting for {wanted!r}, not {request.sample!r}"
@@ -553,7 +442,7 @@ class CampaignNode(RigNode):
         campaign = self._campaign
         if campaign is None or not campaign.is_held:
             response.message = "no campaign is paused by a person"
-        elif self._hammer.disarmed_by == HammerState.EMERGENCY_STOP:
+        elif self._hammer.is_stopped:
             response.message = "an emergency stop lasts: call hammer/reset first"
         else:
             campaign.is_held = campaign.has_armed = False
@@ -599,7 +488,7 @@ class CampaignNode(RigNode):
             await self._finish(campaign, result)
             campaign.is_announced = True
             campaign.publish(
-                state=State.COMPLETE if result.success else State.ENDED,
+                state=Step.COMPLETE if result.success else Step.ENDED,
                 message="" if result.success else result.message,
                 task=Task.NOTHING,
                 until=Time(),

@@ -4,19 +4,13 @@ import math
 import time
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import (
-    AcquisitionState,
-    CampaignState,
-    HammerRelease,
-    HammerState,
-    RecorderState,
-)
+from impact_rig_msgs.msg import HammerRelease
 from impact_rig_msgs.srv import ConfirmSample
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy
@@ -28,9 +22,12 @@ from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import START_ONE, RigClient
 from impact_rig.nodes.conversions import Truth
+from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.result_messages import results_from_msg
+from impact_rig.page.states import HammerStatus, RecorderStatus, Step, Task
+from impact_rig.page.status import RigStatus
 from impact_rig.recordings.messages import VIRTUAL_IMPACT_TYPE, campaign_id_from_msg
 from impact_rig.recordings.run import Run
 from impact_rig.results.campaign import Results
@@ -44,8 +41,6 @@ RESEND_PERIOD = 3.0
 GONE_TIMEOUT = 6.0
 """How long after the end of its lease the campaign node is waited for [s]. A node that only stood
 still has its campaign yet: who resumes that goes on with it."""
-LOOKING = (CampaignState.JOINING, CampaignState.COUNTING)
-"""States in which a campaign that is paused looks whether it can go on."""
 SERVICE_TIMEOUT = 20.0
 """How long the rig may take to answer what a person has done [s]."""
 
@@ -63,12 +58,12 @@ class CampaignOutcome:
 class Operator(Protocol):
     """Who sees what a campaign does, and has a hand in it."""
 
-    def follow(self, campaign: CampaignState) -> None:
-        """See what the campaign does now."""
+    def follow(self, rig: RigStatus) -> None:
+        """See what the campaign does now, and the hits since it began here."""
         ...
 
-    def mount(self, sample: str) -> None:
-        """Mount a sample; return when it is."""
+    def mount(self, sample: str, further: str) -> None:
+        """Mount a sample, and do what is said further; return when it is done."""
         ...
 
     def put_back(self, refusal: str) -> None:
@@ -104,23 +99,22 @@ class CampaignClient(RigClient):
     def __init__(self, namespace: str = "", check: Callable[[], None] = lambda: None) -> None:
         super().__init__("campaign_client", namespace)
         self._check = check
-        self._acquisition: AcquisitionState | None = None
         self._sent: list[Future] = []  # the goal of the running campaign, each time it was sent
         self._result = Future()
         self._gone_since = math.inf
         self._paused_since = math.inf
-        self._recording = ""
         self._operator: Operator | None = None
-        self._state = CampaignState()
+        # Only a hammer that says it is disarmed holds an operator back.
+        self._status = RigStatus(hammer=HammerStatus(is_armed=True))
         self._duties: list[Callable[[Operator], None]] = []
-        self._hammer = HammerState(armed=True)
         self._is_to_let_go = False  # the operator is asked to release the hammer
         self._faults: dict[tuple[bytes, int], tuple[str, ...]] = {}  # by campaign and record
         self.listen(interfaces.VIRTUAL_IMPACT, self._on_virtual_impact)
         self.listen(interfaces.CAMPAIGN_STATE, lambda _: None, on_liveliness=self._on_liveliness)
-        self.listen(interfaces.RECORDER_STATE, self._on_recorder_state)
-        self.listen(interfaces.ACQUISITION_STATE, self._on_acquisition_state)
-        self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
+        for topic in (
+            interfaces.RECORDER_STATE, interfaces.ACQUISITION_STATE, interfaces.HAMMER_STATE,
+        ):  # fmt: skip
+            self.listen(topic, self._on_state)
         new_ones = copy(interfaces.RELEASE.qos)
         new_ones.durability = DurabilityPolicy.VOLATILE
         self.listen(interfaces.RELEASE, self._on_release, new_ones)
@@ -143,7 +137,7 @@ class CampaignClient(RigClient):
 
         def is_ready() -> bool:
             self._check()
-            return self._action.server_is_ready() and self._acquisition is not None
+            return self._action.server_is_ready() and self._status.acquisition is not None
 
         if not self.spin_until(is_ready, timeout):
             raise DeviceError(
@@ -174,7 +168,8 @@ class CampaignClient(RigClient):
     @property
     def is_hammerless(self) -> bool:
         """Whether no hammer strikes anything: hits are computed."""
-        return self._acquisition is not None and self._acquisition.hammerless
+        acquisition = self._status.acquisition
+        return acquisition is not None and acquisition.is_hammerless
 
     def run(
         self, goal: CampaignGoal, operator: Operator, longest_pause: float = math.inf
@@ -198,7 +193,8 @@ class CampaignClient(RigClient):
         goal.campaign_id = id_to_msg(campaign_id)
         # From now on only the messages of this campaign count.
         self._intake.membership.join(Identity(campaign_id))
-        self._recording = ""
+        self._status.begin(None)
+        self._status.recorder = RecorderStatus()
         self._operator, self._paused_since = operator, math.inf
         vain = ""  # why a campaign that nobody could go on with was cancelled
         self._sent.clear()
@@ -207,7 +203,7 @@ class CampaignClient(RigClient):
         while not self._result.done():
             self._check_life()
             if not vain and time.monotonic() - self._paused_since > longest_pause:
-                vain = self._state.message
+                vain = self._status.campaign.message
                 self._goal.cancel_goal_async()
             if self._duties:
                 self._duties.pop(0)(operator)
@@ -292,33 +288,38 @@ class CampaignClient(RigClient):
             # A node that was started again answers that it does not know the goal.
             self._result = self._goal.get_result_async()
             return
-        self._state.state = CampaignState.PAUSED
-        self._state.message = "the campaign node gives no sign of life"
-        self._operator.follow(self._state)
+        self._status.campaign = replace(
+            self._status.campaign,
+            step=Step.PAUSED,
+            message="the campaign node gives no sign of life",
+        )
+        self._operator.follow(self._status)
 
     def _on_feedback(self, message: Any) -> None:
         """Show a feedback; what it asks of a person is done outside of callbacks."""
-        state, before = message.feedback.campaign, self._state
-        self._state = state
+        campaign = interfaces.CAMPAIGN_STATE.convert(message.feedback.campaign)
+        before, self._status.campaign = self._status.campaign, campaign
+        if message.feedback.campaign.last.record:
+            self._status.add_hit(hit_results_from_msg(message.feedback.campaign.last))
         if self._operator is None:
             return
-        if state.state == CampaignState.PAUSED:
+        if campaign.step is Step.PAUSED:
             self._paused_since = min(self._paused_since, time.monotonic())
-        elif state.state not in LOOKING:
+        elif not campaign.is_looking:
             self._paused_since = math.inf
-        self._operator.follow(state)
-        if state.state != CampaignState.STRIKING:
+        self._operator.follow(self._status)
+        if campaign.step is not Step.STRIKING:
             self._is_to_let_go = False
-        if (state.task, state.sample) == (before.task, before.sample):
+        if (campaign.task, campaign.sample) == (before.task, before.sample):
             return
-        if state.task == CampaignState.MOUNT:
+        if campaign.task is Task.MOUNT:
             self._duties.append(self._mount)
-        elif state.task == CampaignState.PUT_BACK:
+        elif campaign.task is Task.PUT_BACK:
             self._duties.append(self._put_back)
 
     def _mount(self, operator: Operator) -> None:
-        sample = self._state.sample
-        operator.mount(sample)
+        sample = self._status.campaign.sample
+        operator.mount(sample, self._status.campaign.message)
         request = ConfirmSample.Request(sample=sample)
         self.call(ConfirmSample, interfaces.CONFIRM_SAMPLE, request, SERVICE_TIMEOUT)
 
@@ -338,31 +339,27 @@ class CampaignClient(RigClient):
             self._is_to_let_go = True
             self._hold_back()
 
-    def _on_hammer_state(self, received: Received[HammerState]) -> None:
-        self._hammer = received.value
+    def _on_state(self, received: Received[Any]) -> None:
+        self._status.keep(received.value)
         self._hold_back()
 
     def _hold_back(self) -> None:
         """Withdraw the request to release the hammer, if that was disarmed meanwhile."""
-        if self._operator is not None and self._is_to_let_go and not self._hammer.armed:
+        hammer = self._status.hammer
+        if self._operator is not None and self._is_to_let_go and not hammer.is_armed:
             self._is_to_let_go = False
-            self._operator.hold_back(self._hammer.message)
+            self._operator.hold_back(hammer.message)
 
     def _on_virtual_impact(self, received: Received[Truth]) -> None:
         """Keep what the virtual rig did on purpose."""
         key = (received.identity.campaign_id, received.value.label.record)
         self._faults[key] = received.value.faults
 
-    def _on_acquisition_state(self, received: Received[AcquisitionState]) -> None:
-        self._acquisition = received.value
-
-    def _on_recorder_state(self, received: Received[RecorderState]) -> None:
-        self._recording = received.value.uri
-
     @property
     def run_folder(self) -> Path | None:
         """Where the rig records, on the recorder's host; None: nowhere, or it is not known."""
-        return Path(self._recording).parent if self._recording else None
+        path = self._status.recorder.path
+        return Path(path).parent if path else None
 
     def check_run(self, folder: Path) -> None:
         """Require that the rig records into a run's folder, as far as that can be seen from here.
@@ -374,8 +371,8 @@ class CampaignClient(RigClient):
         DeviceError
             If it records elsewhere.
         """
-        self.spin_until(lambda: bool(self._recording), 5.0)
-        recording = Path(self._recording)
+        self.spin_until(lambda: bool(self._status.recorder.path), 5.0)
+        recording = Path(self._status.recorder.path)
         if recording.exists() and recording.parent != folder.resolve():
             raise DeviceError(
                 f"the rig records into {recording.parent}: start it with"

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 from typing import Any, Self
 
 import rclpy
-from impact_rig_msgs.msg import HammerState
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -22,6 +21,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.executor import make_executor
 from impact_rig.nodes.intake import Intake, Received
+from impact_rig.page.states import HammerStatus
 
 START_ONE = (
     "start one with `impact-rig up`, and check ROS_DOMAIN_ID and the namespace on both sides"
@@ -217,17 +217,13 @@ class HammerClient(RigClient):
 
     def describe(self) -> str:
         """Return in words what the hammer does; raises `DeviceError` if it publishes no state."""
-        from impact_rig.nodes.guarded_hammer import HammerPlace  # which a stop does not need
-
-        states: list[Received[HammerState]] = []
+        states: list[Received[HammerStatus]] = []
         self.listen(interfaces.HAMMER_STATE, states.append)
         if not self.spin_until(lambda: bool(states), self._timeout):
             raise DeviceError(
                 f"no hammer publishes its state within {self._timeout:g} s: {START_ONE}"
             )
         state = states[-1].value
-        text = (
-            f"{HammerPlace(state.state).name.lower()}, {'armed' if state.armed else 'not armed'}"
-        )
+        text = f"{state.place.name.lower()}, {'armed' if state.is_armed else 'not armed'}"
         why = "" if state.message == text else f" ({state.message})"
         return f"{text}{why}; holder: {state.holder or 'none'}"

@@ -4,39 +4,95 @@ Findings are in `impact_rig.nodes.findings`: here no physics is loaded.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs import msg
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.records import HitLabel
-from impact_rig.nodes.guarded_hammer import Disarming, HammerPlace
+from impact_rig.page.states import (
+    AcquisitionStatus,
+    CampaignStatus,
+    Disarming,
+    HammerPlace,
+    HammerStatus,
+    Level,
+    NodeHealth,
+    Phase,
+    RecorderStatus,
+    SampleProgress,
+    Step,
+    Task,
+)
 from impact_rig.recordings.messages import block_from_msg, label_from_msg, setup_from_msg
 
 __all__ = ["block_from_msg", "setup_from_msg"]
 
 
-def check_hammer_state(message: msg.HammerState) -> msg.HammerState:
-    """Return a state whose numbers are those of a place and of a reason."""
-    HammerPlace(message.state)
-    Disarming(message.disarmed_by)
-    return message
+def _read_time(time: Any) -> float:
+    """Return a `builtin_interfaces/Time` [s since the epoch]."""
+    return float(time.sec + time.nanosec / 1e9)
 
 
-def check_acquisition_state(message: msg.AcquisitionState) -> msg.AcquisitionState:
-    """Return a state whose number is one of the message's constants."""
-    if message.state > message.FAULT:
-        raise ParameterError(f"state is {message.state}: it must not be above {message.FAULT}")
-    return message
+def hammer_from_msg(message: msg.HammerState) -> HammerStatus:
+    """Return what the hammer says of itself."""
+    return HammerStatus(
+        place=HammerPlace(message.state),
+        is_armed=message.armed,
+        disarmed_by=Disarming(message.disarmed_by),
+        message=message.message,
+        holder=message.holder,
+        sets_angle=message.sets_angle,
+        since=_read_time(message.header.stamp),
+    )
 
 
-def check_campaign_state(message: msg.CampaignState) -> msg.CampaignState:
-    """Return a state whose numbers are among the message's constants."""
-    for name, most in (("state", message.ENDED), ("task", message.RESUME)):
-        if getattr(message, name) > most:
-            found = getattr(message, name)
-            raise ParameterError(f"{name} is {found}: it must not be above {most}")
-    return message
+def acquisition_from_msg(message: msg.AcquisitionState) -> AcquisitionStatus:
+    """Return what the accelerometers say of themselves."""
+    return AcquisitionStatus(
+        phase=Phase(message.state),
+        record=message.record,
+        sample=message.sample,
+        message=message.message,
+        source=message.source,
+        is_hammerless=message.hammerless,
+    )
+
+
+def recorder_from_msg(message: msg.RecorderState) -> RecorderStatus:
+    """Return what the recorder says of itself."""
+    return RecorderStatus(message.recording, message.uri, message.messages_lost, message.message)
+
+
+def campaign_from_msg(message: msg.CampaignState) -> CampaignStatus:
+    """Return what a campaign says of itself, but for the newest verdict."""
+    return CampaignStatus(
+        step=Step(message.state),
+        message=message.message,
+        task=Task(message.task),
+        until=_read_time(message.until) or math.nan,
+        impacts=message.impacts,
+        samples=tuple(
+            SampleProgress(count.sample, count.accepted, count.rejected)
+            for count in message.counts
+        ),
+        sample=message.sample,
+        mounted=message.mounted,
+    )
+
+
+def health_from_msg(message: DiagnosticArray) -> tuple[NodeHealth, ...]:
+    """Return the diagnostics of nodes, with their full names."""
+    return tuple(
+        NodeHealth(
+            name=status.name,
+            level=Level(int.from_bytes(status.level)),  # rclpy has a byte as bytes
+            message=status.message,
+            values=tuple((item.key, item.value) for item in status.values),
+        )
+        for status in message.status
+    )
 
 
 def check_release(message: msg.HammerRelease) -> msg.HammerRelease:

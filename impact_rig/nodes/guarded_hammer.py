@@ -5,22 +5,12 @@ holder releases after an accepted release, and never else.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from enum import IntEnum
+from dataclasses import replace
 from typing import Any
 
 from impact_rig.core.errors import DeviceError
 from impact_rig.devices.protocols import AngledHolder, HammerHolder, HolderState
-
-
-class HammerPlace(IntEnum):
-    """Where the hammer is, numbered as in the message `HammerState`."""
-
-    HELD = 0
-    SWINGING = 1
-    FAULT = 2
-    AWAY = 3
-
+from impact_rig.page.states import Disarming, HammerPlace, HammerStatus
 
 TRANSITIONS: Mapping[HammerPlace, tuple[HammerPlace, ...]] = {
     HammerPlace.HELD: (HammerPlace.SWINGING, HammerPlace.FAULT),
@@ -31,27 +21,9 @@ TRANSITIONS: Mapping[HammerPlace, tuple[HammerPlace, ...]] = {
 """Where a hammer may be next."""
 
 
-class Disarming(IntEnum):
-    """What took the enable, numbered as in the message `HammerState`."""
-
-    OPERATOR = 0
-    LOSS = 1
-    EMERGENCY_STOP = 2
-
-
 NEVER_ARMED = "held, not armed"
 """The message of a hammer that has just been started, or is back."""
 _AWAY = "put it back and call hammer/confirm_held"
-
-
-@dataclass(frozen=True)
-class HammerCondition:
-    """The state of the hammer, as it is published."""
-
-    place: HammerPlace = HammerPlace.HELD
-    is_armed: bool = False  # the operator's enable is given
-    disarmed_by: Disarming = Disarming.OPERATOR  # also while it is given, and before it ever was
-    message: str = NEVER_ARMED
 
 
 class GuardedHammer:
@@ -67,23 +39,23 @@ class GuardedHammer:
         Called with every new condition.
     """
 
-    def __init__(self, publish: Callable[[HammerCondition], None]) -> None:
+    def __init__(self, publish: Callable[[HammerStatus], None]) -> None:
         self._publish = publish
-        self._condition = HammerCondition()
+        self._condition = HammerStatus(message=NEVER_ARMED)
         self._holder: HammerHolder | None = None
         self._fault: str | None = None
         self._is_known_held = True
         self.is_turning = False  # on its way to the release angle that was last asked for
 
     @property
-    def condition(self) -> HammerCondition:
+    def condition(self) -> HammerStatus:
         """Its state."""
         return self._condition
 
     @property
     def is_stopped(self) -> bool:
         """Whether an emergency stop lasts."""
-        return self._condition.disarmed_by is Disarming.EMERGENCY_STOP
+        return self._condition.is_stopped
 
     def take(self, holder: HammerHolder, *, confirm_return: bool) -> None:
         """Use a holder that has been configured: the hammer is held and disarmed.

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from builtin_interfaces.msg import Time
-from impact_rig_msgs.msg import AcquisitionState, HammerRelease
+from impact_rig_msgs.msg import HammerRelease
 from impact_rig_msgs.srv import Release, SetAngle
 from std_srvs.srv import Trigger
 
@@ -16,13 +16,10 @@ from impact_rig.core.setup import check_release_angles
 from impact_rig.devices.drivers import HOLDERS, make_device
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.device_node import DeviceNode
-from impact_rig.nodes.guarded_hammer import (
-    GuardedHammer,
-    HammerCondition,
-    HammerPlace,
-)
+from impact_rig.nodes.guarded_hammer import GuardedHammer
 from impact_rig.nodes.identity import id_from_msg
 from impact_rig.nodes.rig_member import RigMember
+from impact_rig.page.states import HammerPlace, HammerStatus, Phase
 
 Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
 
@@ -147,7 +144,7 @@ class HammerNode(DeviceNode):
         """Return that an emergency stop lasts."""
         return "an emergency stop lasts" if self._hammer.is_stopped else None
 
-    def _publish_condition(self, condition: HammerCondition) -> None:
+    def _publish_condition(self, condition: HammerStatus) -> None:
         if self.context.ok():
             self._publish_state(
                 state=condition.place,
@@ -162,20 +159,20 @@ class HammerNode(DeviceNode):
 
     def _on_acquisition_state(self) -> None:
         self._check_rig()
-        message = self._accelerometer.state
-        if message is None:
+        state = self._accelerometer.state
+        if state is None:
             return
-        is_armed = message.state == AcquisitionState.ARMED
-        is_new = is_armed and message.record != self._armed_record
-        self._armed_record = message.record if is_armed else 0
+        is_armed = state.phase is Phase.ARMED
+        is_new = is_armed and state.record != self._armed_record
+        self._armed_record = state.record if is_armed else 0
         if is_new:
             # A request that equals an earlier one is a request for this arming.
             self._released = None
         elif (
-            message.state == AcquisitionState.IDLE
+            state.phase is Phase.IDLE
             and self._patience  # only a release by hand ends with its record
             and self._released is not None
-            and self._released.record == message.record
+            and self._released.record == state.record
         ):
             self._end_swing("the record has ended")
 
@@ -211,7 +208,7 @@ class HammerNode(DeviceNode):
             if loss := member.describe_loss():
                 return loss
         recorder = self._recorder.state
-        if recorder is None or recorder.recording:
+        if recorder is None or recorder.is_recording:
             return None
         return f"nothing is being recorded ({recorder.message}): start the recorder"
 
@@ -220,7 +217,7 @@ class HammerNode(DeviceNode):
         if loss := self._describe_loss():
             return loss
         acquisition = self._accelerometer.state
-        if acquisition is None or acquisition.state != AcquisitionState.ARMED:
+        if acquisition is None or acquisition.phase is not Phase.ARMED:
             why = acquisition.message if acquisition else "no accelerometers have reported"
             return f"the accelerometers are not armed ({why}): call accelerometer/arm first"
         if (acquisition.record, acquisition.sample) != (request.record, request.sample):

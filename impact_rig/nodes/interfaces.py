@@ -145,25 +145,27 @@ COMPARISON = Topic(
     "comparison", ModelComparison, make_qos(64, latched=True), _by("findings", "traces_from_msg")
 )
 """Measured and model traces, 80 kB each."""
-HAMMER_STATE = Topic(
-    "hammer/state", HammerState, _LATEST, _by("conversions", "check_hammer_state")
-)
+HAMMER_STATE = Topic("hammer/state", HammerState, _LATEST, _by("conversions", "hammer_from_msg"))
 ACQUISITION_STATE = Topic(
     "accelerometer/state",
     AcquisitionState,
     _LATEST,
-    _by("conversions", "check_acquisition_state"),
+    _by("conversions", "acquisition_from_msg"),
     LEASE,
 )
-RECORDER_STATE = Topic("recorder/state", RecorderState, _LATEST, lease=LEASE)
+RECORDER_STATE = Topic(
+    "recorder/state", RecorderState, _LATEST, _by("conversions", "recorder_from_msg"), LEASE
+)
 CAMPAIGN_STATE = Topic(
-    "campaign/state", CampaignState, _LATEST, _by("conversions", "check_campaign_state"), LEASE
+    "campaign/state", CampaignState, _LATEST, _by("conversions", "campaign_from_msg"), LEASE
 )
 RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT)
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
 NOTE = Topic("note", String, make_qos(10, latched=False))
 """What an operator has to say while the rig runs."""
-DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, QoSProfile(depth=64))
+DIAGNOSTICS = Topic(
+    "/diagnostics", DiagnosticArray, QoSProfile(depth=64), _by("conversions", "health_from_msg")
+)
 """Of every node, once a second: one topic for all namespaces, as everywhere in ROS 2."""
 REPLAYER_STATE = Topic("replayer/state", ReplayerState, _LATEST)
 

@@ -14,7 +14,6 @@ from typing import Any
 
 from action_msgs.srv import CancelGoal
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import AcquisitionState, CampaignState, HammerState, RecorderState
 from impact_rig_msgs.srv import ConfirmSample
 from rclpy.action import ActionClient
 from std_msgs.msg import String
@@ -25,20 +24,12 @@ from impact_rig.core.errors import ParameterError
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.guarded_hammer import HammerPlace
 from impact_rig.nodes.identity import id_to_msg, make_id
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.page.server import Act, Address, Answer, Form, PageServer
-from impact_rig.page.status import (
-    CampaignStatus,
-    HammerStatus,
-    RecorderStatus,
-    RigStatus,
-    SampleProgress,
-    Step,
-    Task,
-)
+from impact_rig.page.states import NodeHealth
+from impact_rig.page.status import RigStatus
 from impact_rig.page.traces import pack_traces
 from impact_rig.page.view import make_view
 from impact_rig.recordings.campaigns import begins_campaign
@@ -68,7 +59,7 @@ class PageNode(RigNode):
         self.declare("port", 8000, "of the page; 0: any that is free", low=0, high=65535)
         self.declare("certificate", "", "path of the server's TLS certificate; empty: no TLS")
         self.declare("key", "", "path of the certificate's key; empty: it is in the same file")
-        self._status = RigStatus()
+        self._status = RigStatus(self.get_namespace())
         self._campaign_id = b""
         self._server: PageServer | None = None
         self._is_shown = True
@@ -92,18 +83,20 @@ class PageNode(RigNode):
         self.offer_to_join()
         for topic, callback in (
             (interfaces.SETUP, self._on_setup),
-            (interfaces.CAMPAIGN_STATE, self._on_campaign),
-            (interfaces.HAMMER_STATE, self._on_hammer),
-            (interfaces.ACQUISITION_STATE, self._on_accelerometers),
-            (interfaces.RECORDER_STATE, self._on_recorder),
+            (interfaces.CAMPAIGN_STATE, self._on_state),
+            (interfaces.HAMMER_STATE, self._on_state),
+            (interfaces.ACQUISITION_STATE, self._on_state),
+            (interfaces.RECORDER_STATE, self._on_state),
+            (interfaces.DIAGNOSTICS, self._on_health),
             (interfaces.IMPACT, self._on_impact),
             (interfaces.ESTIMATE, self._on_estimate),
             (interfaces.IMPACT_TRACE, self._on_trace),
         ):
             self.listen(topic, callback)
         self.create_timer(SHOW_PERIOD, self._show)
-        self.create_timer(1.0, self._look_at_disk)
+        self.create_timer(1.0, self._look_round)
         self._disk = ""
+        self._troubles: tuple[str, ...] = ()
 
     def configure(self) -> None:
         """Listen for browsers."""
@@ -135,52 +128,20 @@ class PageNode(RigNode):
     def on_received(
         self, topic: interfaces.Topic, callback: Callable[[Any], None], received: Received[Any]
     ) -> None:
-        """Call back, and show soon."""
+        """Call back, and show soon; health is looked at once a second."""
         super().on_received(topic, callback, received)
-        self._is_shown = False
+        self._is_shown &= topic is interfaces.DIAGNOSTICS
 
     def _on_setup(self, received: Received[RigSetup]) -> None:
         if begins_campaign(received.message, self._campaign_id or None):
             self._campaign_id = received.identity.campaign_id
             self._status.begin(received.value)
 
-    def _on_campaign(self, received: Received[CampaignState]) -> None:
-        state = received.value
-        until = state.until.sec + state.until.nanosec / 1e9
-        self._status.campaign = CampaignStatus(
-            step=Step(state.state),
-            message=state.message,
-            task=Task(state.task),
-            until=until or math.nan,
-            impacts=state.impacts,
-            samples=tuple(
-                SampleProgress(count.sample, count.accepted, count.rejected)
-                for count in state.counts
-            ),
-            sample=state.sample,
-            mounted=state.mounted,
-        )
+    def _on_state(self, received: Received[Any]) -> None:
+        self._status.keep(received.value)
 
-    def _on_hammer(self, received: Received[HammerState]) -> None:
-        state = received.value
-        self._status.hammer = HammerStatus(
-            place=HammerPlace(state.state).name.lower(),
-            message=state.message,
-            is_armed=state.armed,
-            is_stopped=state.disarmed_by == HammerState.EMERGENCY_STOP and not state.armed,
-            is_away=state.state == HammerState.AWAY,
-            since=received.stamp / 1e9,
-        )
-
-    def _on_accelerometers(self, received: Received[AcquisitionState]) -> None:
-        self._status.is_simulated = received.value.hammerless
-        self._status.source = received.value.source
-
-    def _on_recorder(self, received: Received[RecorderState]) -> None:
-        state = received.value
-        self._status.recorder = RecorderStatus(
-            state.recording, state.uri, state.messages_lost, state.message
-        )
+    def _on_health(self, received: Received[tuple[NodeHealth, ...]]) -> None:
+        self._status.add_health(received.value)
 
     def _on_impact(self, received: Received[HitResults]) -> None:
         self._status.add_hit(received.value)
@@ -201,15 +162,17 @@ class PageNode(RigNode):
             self._server.show(make_view(self._status, self._disk))
             self._is_shown = True
 
-    def _look_at_disk(self) -> None:
+    def _look_round(self) -> None:
+        """Show soon what has changed of the disk and of the nodes' health."""
         path = self._status.recorder.path
         try:
             free = shutil.disk_usage(Path(path).parent).free if path else math.nan
         except OSError:  # it is on another computer
             free = math.nan
         disk = "" if math.isnan(free) else f"{free / 1e9:.0f} GB left"
-        self._is_shown &= disk == self._disk
-        self._disk = disk
+        troubles = self._status.list_troubles()
+        self._is_shown &= (disk, troubles) == (self._disk, self._troubles)
+        self._disk, self._troubles = disk, troubles
 
     # What a person does; called in the server's thread.
 

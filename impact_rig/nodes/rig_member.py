@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from impact_rig_msgs.msg import AcquisitionState
-
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.intake import Received
+from impact_rig.page.states import AcquisitionStatus, Phase
+from impact_rig.recordings.messages import NO_ID
 
 if TYPE_CHECKING:
     from impact_rig.nodes.rig_node import RigNode
@@ -42,7 +42,8 @@ class RigMember:
         is_single: bool = True,
     ) -> None:
         self.name = name
-        self.state: Any = None  # the newest message; None: none has come yet
+        self.state: Any = None  # what it says of itself; None: nothing yet
+        self.campaign_id = NO_ID  # of that
         self._is_single = is_single
         self._on_change = on_change
         self._was_there = False
@@ -72,13 +73,13 @@ class RigMember:
                 " one rig (or the replay of one), or give it another ROS_DOMAIN_ID or namespace"
             )
         state = self.state
-        if isinstance(state, AcquisitionState) and state.state == AcquisitionState.FAULT:
+        if isinstance(state, AcquisitionStatus) and state.phase is Phase.FAULT:
             return f"the {self.name}'s device is lost: {state.message}"
         return None
 
     def _keep_state(self, received: Received[Any]) -> None:
         self._was_there = True
-        self.state = received.message
+        self.state, self.campaign_id = received.value, received.identity.campaign_id
         self._on_change()
 
     def _keep_liveliness(self, status: Any) -> None:

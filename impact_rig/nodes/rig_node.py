@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
-from impact_rig_msgs.msg import CampaignState
 from impact_rig_msgs.srv import JoinCampaign
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
@@ -185,12 +184,12 @@ class RigNode(ManagedNode):
     @property
     def _is_bound(self) -> bool:
         """Whether the campaign that this node takes part in goes on, and its node lives."""
-        state = self.campaign.state
+        campaign = self.campaign
         return (
-            state is not None
-            and id_from_msg(state.campaign_id) == self.membership.identity.campaign_id
-            and state.state not in (CampaignState.COMPLETE, CampaignState.ENDED)
-            and not self.campaign.is_gone
+            campaign.state is not None
+            and campaign.campaign_id == self.membership.identity.campaign_id
+            and campaign.state.is_running
+            and not campaign.is_gone
         )
 
     # Diagnostics, and the end.

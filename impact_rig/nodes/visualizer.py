@@ -5,7 +5,6 @@ The file is written as hits come. What it keeps of a hit is its verdict; 512 MB 
 this host that come late.
 """
 
-import time
 from collections import Counter, deque
 from collections.abc import Callable, Hashable
 from dataclasses import replace
@@ -14,7 +13,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 
 from impact_rig.configuration.processes import Notice, notify
 from impact_rig.core.contact_law import NO_LAW
@@ -25,51 +23,17 @@ from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.conversions import Truth
-from impact_rig.nodes.diagnostics import DIAGNOSTIC_PERIOD
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import RigNode
+from impact_rig.page.states import NodeHealth
+from impact_rig.page.status import RigStatus
 from impact_rig.present.rerun.delivery import LiveView
-from impact_rig.present.rerun.health import Level, NodeHealth
 from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.recordings.campaigns import begins_campaign
 from impact_rig.recordings.new_file import choose_free
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.traces import JudgedTraces, SampleTraces, TraceAssembler
-
-SILENCE = 5.0 * DIAGNOSTIC_PERIOD
-"""How long a node that is not silent may take between two diagnostics [s]."""
-
-
-class RigHealth:
-    """Keeps the newest diagnostics of each node in the namespace of a rig."""
-
-    def __init__(self, namespace: str) -> None:
-        self._prefix = namespace.rstrip("/") + "/"
-        self._nodes: dict[str, tuple[NodeHealth, float]] = {}
-
-    def add(self, message: DiagnosticArray) -> bool:
-        """Keep the diagnostics of the rig's nodes; return whether there are any."""
-        is_any = False
-        for status in message.status:
-            name = status.name.removeprefix(self._prefix)
-            if name != status.name and "/" not in name:
-                # rclpy has a byte as bytes.
-                level = Level(int.from_bytes(status.level))
-                values = tuple((item.key, item.value) for item in status.values)
-                health = NodeHealth(name, level, status.message, values)
-                self._nodes[name], is_any = (health, time.monotonic()), True
-        return is_any
-
-    def list_nodes(self) -> tuple[NodeHealth, ...]:
-        """Return the newest diagnostics, by the names of the nodes."""
-        nodes = []
-        for _, (node, came) in sorted(self._nodes.items()):
-            silence = time.monotonic() - came
-            message = f"silent for {silence:.0f} s; last: {node.message}"
-            is_silent = silence >= SILENCE
-            nodes.append(replace(node, level=Level.STALE, message=message) if is_silent else node)
-        return tuple(nodes)
 
 
 def is_shown(number: int) -> bool:
@@ -193,7 +157,7 @@ class VisualizerNode(RigNode):
         self._campaign: ShownCampaign | None = None
         # Of a campaign whose set-up has not come: more than the topics keep.
         self._early: deque[Received[Finding]] = deque(maxlen=1000)
-        self._health = RigHealth(self.get_namespace())
+        self._status = RigStatus(self.get_namespace())
         self._counts = {"blocks": 0, "hits": 0, "comparisons": 0, "left out": 0}
 
     def configure(self) -> None:
@@ -337,9 +301,9 @@ class VisualizerNode(RigNode):
             self._counts["hits"] += 1
             self._log(lambda log: log.log_hit(traces))
 
-    def _on_diagnostics(self, received: Received[DiagnosticArray]) -> None:
-        if self._health.add(received.value):
-            nodes, stamp = self._health.list_nodes(), received.stamp
+    def _on_diagnostics(self, received: Received[tuple[NodeHealth, ...]]) -> None:
+        if self._status.add_health(received.value):
+            nodes, stamp = self._status.list_nodes(), received.stamp
             self._latest["health"] = lambda log: log.log_health(nodes, stamp)
 
     def _log_results_soon(self, campaign: ShownCampaign) -> None:

@@ -4,96 +4,34 @@ Displays read it: the page, the campaign in a terminal, and the view. Whoever li
 puts in what has come.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from enum import IntEnum
+import time
+from dataclasses import dataclass, field, replace
 from statistics import fmean, stdev
+from typing import TYPE_CHECKING
 
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import RigSetup
-from impact_rig.results.campaign import HitResults
+from impact_rig.page.states import (
+    NO_HAMMER,
+    AcquisitionStatus,
+    CampaignStatus,
+    HammerStatus,
+    Level,
+    NodeHealth,
+    RecorderStatus,
+    SampleProgress,
+)
 
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
-class Step(IntEnum):
-    """What a campaign does, numbered as in its message."""
+    from impact_rig.core.sample import SampleEstimate
+    from impact_rig.core.setup import RigSetup
+    from impact_rig.results.campaign import HitResults
 
-    JOINING = 0
-    COUNTING = 1
-    WAITING_FOR_SAMPLE = 2
-    PAUSED = 3
-    WAITING_FOR_HAMMER = 4
-    STRIKING = 5
-    DISARMING = 6
-    COMPLETE = 7
-    ENDED = 8
-
-
-class Task(IntEnum):
-    """What is asked of a person, numbered as in the campaign's message."""
-
-    NOTHING = 0
-    MOUNT = 1
-    PUT_BACK = 2
-    LET_GO = 3
-    ARM = 4
-    RESUME = 5
-
-
-@dataclass(frozen=True)
-class SampleProgress:
-    """How far the hits of one sample have come."""
-
-    name: str
-    accepted: int
-    rejected: int
-
-
-@dataclass(frozen=True)
-class CampaignStatus:
-    """What a campaign says of itself."""
-
-    step: Step = Step.ENDED
-    message: str = ""  # what is lost, awaited, or ended it; empty while it runs
-    task: Task = Task.NOTHING
-    until: float = math.nan  # of the task [s since the epoch]; NaN: there is no limit
-    impacts: int = 0  # wanted hits of each sample
-    samples: tuple[SampleProgress, ...] = ()  # in the order of the plan
-    sample: str = ""  # under test
-    mounted: str = ""  # last; empty: none yet
-
-    @property
-    def is_running(self) -> bool:
-        """Whether a campaign is under way."""
-        return self.step not in (Step.COMPLETE, Step.ENDED)
-
-    @property
-    def progress(self) -> SampleProgress:
-        """Of the sample under test."""
-        none = SampleProgress(self.sample, 0, 0)
-        return next((item for item in self.samples if item.name == self.sample), none)
-
-
-@dataclass(frozen=True)
-class HammerStatus:
-    """What the hammer says of itself."""
-
-    place: str = "unknown"  # held, swinging, away, fault
-    message: str = "no hammer has published its state"
-    is_armed: bool = False
-    is_stopped: bool = False  # by an emergency stop, until it is reset
-    is_away: bool = False  # a person must put it back
-    since: float = math.nan  # of the last change [s since the epoch]
-
-
-@dataclass(frozen=True)
-class RecorderStatus:
-    """What the recorder says of itself."""
-
-    is_recording: bool = False
-    path: str = ""
-    lost: int = 0  # messages
-    message: str = ""
+SILENCE = 5.0
+"""How long a node that is not silent may take between two diagnostics [s]: five of its periods."""
 
 
 @dataclass
@@ -103,26 +41,66 @@ class RigStatus:
     A set-up of another campaign begins afresh.
     """
 
+    namespace: str = "/"  # of the rig
     setup: RigSetup | None = None
     campaign: CampaignStatus = field(default_factory=CampaignStatus)
-    hammer: HammerStatus = field(default_factory=HammerStatus)
+    hammer: HammerStatus = NO_HAMMER
     recorder: RecorderStatus = field(default_factory=RecorderStatus)
-    is_simulated: bool | None = None  # None: no accelerometers have reported
-    source: str = ""  # what delivers the accelerations
+    acquisition: AcquisitionStatus | None = None  # None: no accelerometers have reported
     full_scale: float = 0.0  # of the hammer's channel [m/s^2]; 0: not known
     hits: dict[int, HitResults] = field(default_factory=dict)  # by record, in order of arrival
     estimates: dict[str, SampleEstimate] = field(default_factory=dict)
     overruled: dict[int, str] = field(default_factory=dict)  # by whom and why, by record
-    nodes: Mapping[str, str] = field(default_factory=dict)  # what is wrong with each; "": nothing
+    _health: dict[str, tuple[NodeHealth, float]] = field(default_factory=dict)
 
-    def begin(self, setup: RigSetup) -> None:
+    def begin(self, setup: RigSetup | None) -> None:
         """Begin afresh with the set-up of another campaign."""
         self.setup = setup
         self.hits, self.estimates, self.overruled = {}, {}, {}
 
+    def keep(
+        self, status: CampaignStatus | HammerStatus | RecorderStatus | AcquisitionStatus
+    ) -> None:
+        """Keep what a node says of itself now."""
+        match status:
+            case CampaignStatus():
+                self.campaign = status
+            case HammerStatus():
+                self.hammer = status
+            case RecorderStatus():
+                self.recorder = status
+            case AcquisitionStatus():
+                self.acquisition = status
+
     def add_hit(self, hit: HitResults) -> None:
         """Keep a hit with its newest verdict."""
         self.hits[hit.record] = hit
+
+    def add_health(self, nodes: Iterable[NodeHealth]) -> bool:
+        """Keep the diagnostics of the rig's nodes; return whether there are any."""
+        prefix = self.namespace.rstrip("/") + "/"
+        own = [
+            replace(node, name=node.name.removeprefix(prefix))
+            for node in nodes
+            if node.name.startswith(prefix) and "/" not in node.name.removeprefix(prefix)
+        ]
+        self._health |= {node.name: (node, time.monotonic()) for node in own}
+        return bool(own)
+
+    def list_nodes(self) -> tuple[NodeHealth, ...]:
+        """Return the newest diagnostics, by the names of the nodes."""
+        nodes = []
+        for _, (node, came) in sorted(self._health.items()):
+            silence = time.monotonic() - came
+            message = f"silent for {silence:.0f} s; last: {node.message}"
+            is_silent = silence >= SILENCE
+            nodes.append(replace(node, level=Level.STALE, message=message) if is_silent else node)
+        return tuple(nodes)
+
+    def list_troubles(self) -> tuple[str, ...]:
+        """Return what is wrong with which nodes; empty: nothing."""
+        nodes = self.list_nodes()
+        return tuple(f"{it.name}: {it.message}" for it in nodes if it.level is not Level.OK)
 
     @property
     def last_hit(self) -> HitResults | None:
@@ -147,7 +125,7 @@ class RigStatus:
         """Return the samples of the campaign, or before the first those of the set-up."""
         if self.campaign.samples or self.setup is None:
             return self.campaign.samples
-        return tuple(SampleProgress(name, 0, 0) for name in self.setup.samples.names)
+        return tuple(SampleProgress(name) for name in self.setup.samples.names)
 
     def list_levels(self) -> tuple[tuple[str, float], ...]:
         """Return levels of the hammer's channel, by name [m/s^2]; empty: they are not known."""

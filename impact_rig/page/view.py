@@ -6,7 +6,8 @@ from datetime import datetime
 
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.verdict import Reason
-from impact_rig.page.status import HammerStatus, RigStatus, Step, Task
+from impact_rig.page.states import NO_HAMMER, HammerStatus, Step, Task
+from impact_rig.page.status import RigStatus
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO, MISSING, format_number
 from impact_rig.results.tables import tabulate_summary
@@ -89,7 +90,7 @@ class Strength:
 class View:
     """Everything that the page shows, but for traces."""
 
-    is_simulated: bool | None
+    is_simulated: bool | None  # None: no accelerometers have reported
     origin: str
     sentence: Sentence
     stopped: str  # beside STOP, once it was pressed
@@ -124,7 +125,7 @@ def make_view(status: RigStatus, disk: str = "") -> View:
     hits = sorted(status.hits.values(), key=lambda hit: -hit.record)[:LONGEST_LIST]
     columns, rows = _tabulate(status)
     return View(
-        is_simulated=status.is_simulated,
+        is_simulated=None if status.acquisition is None else status.acquisition.is_hammerless,
         origin=_describe_origin(status),
         sentence=make_sentence(status),
         stopped=f"since {_format_clock(hammer.since)}" if hammer.is_stopped else "",
@@ -137,7 +138,7 @@ def make_view(status: RigStatus, disk: str = "") -> View:
         mass_differs=False,
         hammer=hammer,
         hammer_rows=(
-            ("where", hammer.place),
+            ("where", "unknown" if hammer is NO_HAMMER else hammer.place.name.lower()),
             ("armed", _describe_arming(hammer)),
         ),
         is_running=campaign.is_running,
@@ -244,16 +245,20 @@ def _show_samples(status: RigStatus) -> tuple[ShownSample, ...]:
     )
 
 
-def _show_hit(status: RigStatus, hit: HitResults) -> ShownHit:
-    contact_time = _with_unit(hit.contact_time * MICRO, 2, "µs")
+def list_numbers(status: RigStatus, hit: HitResults) -> tuple[tuple[str, str], ...]:
+    """Return what is known of a hit in numbers: names and texts."""
     mass = status.setup.hammer_mass if status.setup else math.nan
     numbers = (
         ("hammer", _with_unit(hit.hammer_peak, 1, "m/s²")),
         ("sample", _with_unit(hit.specimen_peak, 1, "m/s²")),
         ("force", _with_unit(mass * hit.hammer_peak, 1, "N")),
-        ("τp", contact_time),
-        ("off its series", _with_unit(status.compute_deviation(hit), 1, "s")),
+        ("τp", _with_unit(hit.contact_time * MICRO, 2, "µs")),
+        ("off its series", _with_unit(status.compute_deviation(hit), 1, "times its scatter")),
     )
+    return tuple((name, text) for name, text in numbers if text != MISSING)
+
+
+def _show_hit(status: RigStatus, hit: HitResults) -> ShownHit:
     return ShownHit(
         record=hit.record,
         sample=hit.sample,
@@ -261,8 +266,8 @@ def _show_hit(status: RigStatus, hit: HitResults) -> ShownHit:
         verdict="accepted" if hit.accepted else f"rejected: {'; '.join(hit.reasons)}",
         advice="" if hit.accepted else _advise(hit),
         peak=_with_unit(hit.hammer_peak, 1, "m/s²"),
-        contact_time=contact_time,
-        numbers=tuple((name, text) for name, text in numbers if text != MISSING),
+        contact_time=_with_unit(hit.contact_time * MICRO, 2, "µs"),
+        numbers=list_numbers(status, hit),
         overruled=status.overruled.get(hit.record, ""),
     )
 
@@ -305,19 +310,21 @@ def _describe_arming(hammer: HammerStatus) -> str:
 
 
 def _describe_origin(status: RigStatus) -> str:
-    if status.is_simulated:
-        return f"SIMULATED: {status.source}, no hammer strikes"
-    return f"MEASURED: {status.source}"
+    acquisition = status.acquisition
+    if acquisition is None:
+        return ""
+    if acquisition.is_hammerless:
+        return f"SIMULATED: {acquisition.source}, no hammer strikes"
+    return f"MEASURED: {acquisition.source}"
 
 
 def _describe_health(status: RigStatus, disk: str) -> tuple[tuple[str, str], ...]:
     recorder = status.recorder
-    unwell = [f"{name}: {text}" for name, text in status.nodes.items() if text]
     rows = [
         ("recording", recorder.path if recorder.is_recording else f"nothing: {recorder.message}"),
         ("disk", disk),
         ("lost", f"{recorder.lost} messages"),
-        ("nodes", "; ".join(unwell)),
+        ("nodes", "; ".join(status.list_troubles())),
     ]
     return tuple((name, text) for name, text in rows if text)
 

@@ -92,8 +92,8 @@ def test_where_nobody_is_there_a_pause_that_a_person_would_end_is_an_end(
     start_rig(harness, campaign=SOON)
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
 
-    def disarm(feedback):
-        if feedback.impact == 1 and not calls:
+    def disarm(rig):
+        if rig.campaign.progress.accepted == 1 and not calls:
             calls.append(harness.peer.create_client(Trigger, interfaces.DISARM_HAMMER))
             calls[0].call_async(Trigger.Request())
 

@@ -52,7 +52,7 @@ class Seen:
     def follow(self, feedback):
         self._publish()
 
-    def mount(self, sample):
+    def mount(self, sample, further):
         raise AssertionError
 
     def put_back(self, refusal):

@@ -10,13 +10,8 @@ from impact_rig_msgs.msg import HammerState
 
 from impact_rig.core.errors import DeviceError
 from impact_rig.devices.protocols import HolderState
-from impact_rig.nodes.guarded_hammer import (
-    TRANSITIONS,
-    Disarming,
-    GuardedHammer,
-    HammerCondition,
-    HammerPlace,
-)
+from impact_rig.nodes.guarded_hammer import NEVER_ARMED, TRANSITIONS, GuardedHammer
+from impact_rig.page.states import Disarming, HammerPlace, HammerStatus
 
 CONFIRMED = st.booleans()
 
@@ -58,7 +53,7 @@ class Interlock(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.told: list[HammerCondition] = [HammerCondition()]
+        self.told: list[HammerStatus] = [HammerStatus(message=NEVER_ARMED)]
         self.hammer = GuardedHammer(self.told.append)
         self.holders: list[Holder] = []
         self.holder: Holder | None = None

@@ -11,13 +11,14 @@ from impact_rig.configuration.parameters import PARAMETERS, check_parameters
 from impact_rig.core.errors import ParameterError
 from impact_rig.nodes import guarded_hammer, interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
-from impact_rig.nodes.campaign import TRANSITIONS, CampaignNode, State
+from impact_rig.nodes.campaign import CampaignNode
+from impact_rig.nodes.campaign_state import TRANSITIONS
 from impact_rig.nodes.estimator import EstimatorNode
-from impact_rig.nodes.guarded_hammer import HammerPlace
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.nodes.visualizer import VisualizerNode
+from impact_rig.page.states import HammerPlace, Step
 
 PAGE = (Path(__file__).parents[2] / "msg_config" / "README.md").read_text("utf-8")
 ROWS = [line.strip("| ").split(" | ") for line in PAGE.splitlines() if line.startswith("| `")]
@@ -81,7 +82,7 @@ def test_the_quality_of_service_of_every_topic_is_on_the_page():
 @pytest.mark.parametrize(
     ("states", "transitions", "message"),
     [
-        (State, TRANSITIONS, CampaignState),
+        (Step, TRANSITIONS, CampaignState),
         (HammerPlace, guarded_hammer.TRANSITIONS, HammerState),
     ],
 )

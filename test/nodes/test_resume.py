@@ -10,6 +10,7 @@ from impact_rig.analysis.analyze import analyze
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.nodes.campaign_plan import read_newest_campaign
+from impact_rig.page.states import Step
 from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import format_json, results_to_json
 
@@ -80,8 +81,9 @@ def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
 
     killed = []
 
-    def cut(feedback):
-        if not killed and feedback.sample == SAMPLES[1] and feedback.state == feedback.STRIKING:
+    def cut(rig):
+        campaign = rig.campaign
+        if not killed and campaign.sample == SAMPLES[1] and campaign.step is Step.STRIKING:
             off()
             killed.append(True)
 

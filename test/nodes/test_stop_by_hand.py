@@ -5,13 +5,13 @@ import time
 
 import pytest
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import CampaignState
 from std_srvs.srv import Trigger
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
+from impact_rig.page.states import Step
 from impact_rig.recordings.run import Run
 
 from .campaigns import start_rig
@@ -29,8 +29,8 @@ class Person:
         self.paused = threading.Event()
         self.reason, self.seen_at = "", 0.0
 
-    def follow(self, feedback):
-        if feedback.state == CampaignState.PAUSED and "is not armed" in feedback.message:
+    def follow(self, rig):
+        if rig.campaign.step is Step.PAUSED and "is not armed" in rig.campaign.message:
             self.paused.set()
 
     def let_go(self, sample, patience):

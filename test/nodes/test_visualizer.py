@@ -1,22 +1,19 @@
 """The visualizer shows what the rig says over real DDS."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from impact_rig_msgs.msg import Impact, ModelComparison
 from lifecycle_msgs.msg import State
 
 from impact_rig.core.records import HitLabel
 from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
-from impact_rig.nodes import interfaces, visualizer
+from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
-from impact_rig.nodes.visualizer import SILENCE, RigHealth, VisualizerNode
-from impact_rig.present.rerun.health import Level
+from impact_rig.nodes.visualizer import VisualizerNode
 
 from .test_visualizer_campaign import RIG
 
@@ -77,7 +74,7 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
     harness.wait_until(
         lambda: (
             {"estimator", "visualizer"}
-            <= {each.name for each in harness.run(node._health.list_nodes)}
+            <= {each.name for each in harness.run(node._status.list_nodes)}
         )
     )
     harness.close(node)
@@ -162,46 +159,3 @@ def test_a_view_that_goes_nowhere_fails_to_configure_and_says_what_to_set(harnes
         assert not node.is_active
         assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
         assert expected in node.fault
-
-
-@pytest.fixture
-def clock(monkeypatch):
-    """Return a clock that moves when its `now` is set."""
-    clock = SimpleNamespace(now=100.0)
-    monkeypatch.setattr(visualizer, "time", SimpleNamespace(monotonic=lambda: clock.now))
-    return clock
-
-
-def say(name, message="active", level=DiagnosticStatus.OK, **values):
-    status = DiagnosticStatus(name=name, message=message, level=level)
-    status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
-    return DiagnosticArray(status=[status])
-
-
-def test_the_last_word_of_each_node_is_kept(clock):
-    health = RigHealth("/lab/rig1")
-    assert health.add(say("/lab/rig1/recorder", gaps="0"))
-    assert health.add(say("/lab/rig1/hammer"))
-    assert health.add(say("/lab/rig1/recorder", "disk full", DiagnosticStatus.ERROR, gaps="2"))
-
-    hammer, recorder = health.list_nodes()
-    assert (hammer.name, hammer.level) == ("hammer", Level.OK)
-    assert (recorder.name, recorder.level, recorder.message) == (
-        "recorder", Level.ERROR, "disk full",
-    )  # fmt: skip
-    assert recorder.values == (("gaps", "2"),)
-    for other in ("/hammer", "/lab/rig2/hammer", "joystick: status", "/lab/rig1"):
-        assert not health.add(say(other))
-    assert len(health.list_nodes()) == 2
-
-
-def test_a_node_that_says_nothing_any_more_is_marked(clock):
-    health = RigHealth("/")
-    health.add(say("/hammer", "armed"))
-    clock.now += SILENCE + 1.0
-    health.add(say("/recorder"))
-
-    hammer, recorder = health.list_nodes()
-    assert hammer.level == Level.STALE
-    assert hammer.message == "silent for 6 s; last: armed"
-    assert recorder.level == Level.OK

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import IntEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from impact_rig.page.states import Level, NodeHealth
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.markdown import escape_markdown
 from impact_rig.present.rerun.viewers import import_rerun
@@ -17,30 +16,6 @@ from impact_rig.results.palette import GREEN, GREY, ORANGE, VERMILION
 
 if TYPE_CHECKING:
     import rerun as rr
-
-
-class Level(IntEnum):
-    """How well a node is; the numbers are those of `diagnostic_msgs/DiagnosticStatus`."""
-
-    OK = 0
-    WARNING = 1
-    ERROR = 2
-    STALE = 3
-
-    @classmethod
-    def _missing_(cls, _: object) -> Level:
-        """Count any other number as an error."""
-        return cls.ERROR
-
-
-@dataclass(frozen=True)
-class NodeHealth:
-    """The newest state of one node."""
-
-    name: str
-    level: Level = Level.OK
-    message: str = ""
-    values: tuple[tuple[str, str], ...] = ()  # names and texts of its figures
 
 
 LOSSES = "losses"

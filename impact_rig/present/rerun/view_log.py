@@ -10,10 +10,11 @@ import numpy as np
 
 from impact_rig.core.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.setup import ACCELERATION, RigSetup
+from impact_rig.page.states import NodeHealth
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.blueprint import make_blueprint
 from impact_rig.present.rerun.entities import Path
-from impact_rig.present.rerun.health import HealthLog, NodeHealth, format_health
+from impact_rig.present.rerun.health import HealthLog, format_health
 from impact_rig.present.rerun.markdown import (
     format_log_line,
     format_results,

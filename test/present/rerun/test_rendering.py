@@ -10,6 +10,7 @@ import time
 import numpy as np
 import pytest
 
+from impact_rig.page.states import Level, NodeHealth
 from impact_rig.present.rerun.blueprint import (
     TAB_CAMPAIGN,
     TAB_HEALTH,
@@ -17,7 +18,6 @@ from impact_rig.present.rerun.blueprint import (
     TAB_SAMPLE,
 )
 from impact_rig.present.rerun.entities import HIT, HIT_TIME, WALL_CLOCK
-from impact_rig.present.rerun.health import Level, NodeHealth
 from impact_rig.present.rerun.viewers import find_free_port
 from impact_rig.results import palette
 

@@ -1,0 +1,108 @@
+"""A campaign that is under way: where it may go, its state, and what ends or holds it."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.msg import CampaignState, Impact
+from impact_rig_msgs.msg import RigSetup as RigSetupMessage
+from rclpy.action.server import ServerGoalHandle
+
+from impact_rig.core.errors import DeviceError, RigError
+from impact_rig.core.setup import Sample
+from impact_rig.page.states import Step, Task
+from impact_rig.recordings.messages import NO_ID, setup_from_msg
+
+TRANSITIONS: Mapping[Step, tuple[Step, ...]] = {
+    Step.JOINING: (Step.COUNTING, Step.PAUSED),
+    Step.COUNTING: (
+        Step.STRIKING,
+        Step.WAITING_FOR_SAMPLE,
+        Step.WAITING_FOR_HAMMER,
+        Step.PAUSED,
+        Step.COMPLETE,
+    ),
+    Step.WAITING_FOR_SAMPLE: (Step.COUNTING,),
+    Step.PAUSED: (Step.JOINING,),
+    Step.WAITING_FOR_HAMMER: (Step.COUNTING, Step.PAUSED),
+    Step.STRIKING: (Step.COUNTING, Step.DISARMING),
+    Step.DISARMING: (Step.JOINING,),
+    Step.COMPLETE: (),
+    Step.ENDED: (),
+}
+"""From which state a campaign goes where. A fault in a strike leads to DISARMING, any other to
+PAUSED, and both lead back to the top; ENDED, with a reason, is possible in every state."""
+
+
+@dataclass
+class Campaign:
+    """A campaign that is under way, with its state."""
+
+    handle: ServerGoalHandle
+    setup: RigSetupMessage  # with id and plan: enough to go on with the campaign
+    show: Callable[..., None]  # publishes the fields of the state
+    state: CampaignState = field(default_factory=CampaignState)
+    stream_id: bytes = NO_ID
+    recording: str = ""
+    has_armed: bool = False
+    hit: dict[str, Any] = field(default_factory=dict)  # the next one's label
+    newest_record: int = 0
+    verdict: Impact = field(default_factory=Impact)
+    failures: int = 0  # strikes in a row without an accepted hit [-]
+    failure: str = ""  # of the last of them
+    stands_since: float = math.inf  # no hit since [s], by the monotonic clock
+    stumbled_at: float = math.inf  # when the newest strike failed [s], by the same; inf: not
+    paused_for: str = ""  # why the last pause took the enable back
+    is_announced: bool = False  # who listens knows its id, or could not be asked
+    is_held: bool = False  # a person wants a pause
+    is_superseded: bool = False  # another client goes on with it
+
+    @cached_property
+    def find_sample(self) -> Callable[[str], Sample]:
+        """Finds a sample by its name."""
+        return setup_from_msg(self.setup).samples.find
+
+    def publish(self, **fields: Any) -> None:
+        """Publish the state with some fields changed."""
+        for name, value in fields.items():
+            setattr(self.state, name, value)
+        if self.is_announced:
+            self.show(**{name: getattr(self.state, name) for name in FIELDS})
+        self.handle.publish_feedback(RunCampaign.Feedback(campaign=self.state))
+
+    @property
+    def is_cancelled(self) -> bool:
+        """Whether the client has cancelled the campaign."""
+        return bool(self.handle.is_cancel_requested)
+
+    @property
+    def is_to_end(self) -> bool:
+        """Whether nothing is waited for any more."""
+        return self.is_cancelled or self.is_superseded
+
+
+FIELDS = [
+    name
+    for name in CampaignState.get_fields_and_field_types()
+    if name not in ("header", "campaign_id")
+]
+"""Of the state, those that are not the same for all messages."""
+
+
+class ArmingError(DeviceError):
+    """The campaign pauses until a person has armed the hammer."""
+
+
+class HeldError(DeviceError):
+    """The campaign pauses because a person wants it."""
+
+
+class EndError(RigError):
+    """The campaign ends here, with a reason."""
+
+
+TASKS: Mapping[type[DeviceError], Task] = {ArmingError: Task.ARM, HeldError: Task.RESUME}
+"""What a pause asks of a person, by what it is for."""

@@ -1,0 +1,171 @@
+"""What each node of a rig says of itself, numbered as in its message; no physics is loaded."""
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Step(IntEnum):
+    """What a campaign does, numbered as in the message `CampaignState`."""
+
+    JOINING = 0
+    COUNTING = 1
+    WAITING_FOR_SAMPLE = 2
+    PAUSED = 3
+    WAITING_FOR_HAMMER = 4
+    STRIKING = 5
+    DISARMING = 6
+    COMPLETE = 7
+    ENDED = 8
+
+
+class Task(IntEnum):
+    """What a person is asked to do, numbered as in the message `CampaignState`."""
+
+    NOTHING = 0
+    MOUNT = 1
+    PUT_BACK = 2
+    LET_GO = 3
+    ARM = 4
+    RESUME = 5
+
+
+@dataclass(frozen=True)
+class SampleProgress:
+    """How far the hits of one sample have come."""
+
+    name: str
+    accepted: int = 0
+    rejected: int = 0
+
+
+@dataclass(frozen=True)
+class CampaignStatus:
+    """What a campaign says of itself."""
+
+    step: Step = Step.ENDED
+    message: str = ""  # what is lost, awaited, or ended it; empty while it runs
+    task: Task = Task.NOTHING
+    until: float = math.nan  # of the task [s since the epoch]; NaN: there is no limit
+    impacts: int = 0  # wanted hits of each sample
+    samples: tuple[SampleProgress, ...] = ()  # in the order of the plan
+    sample: str = ""  # under test
+    mounted: str = ""  # last; empty: none yet
+
+    @property
+    def is_running(self) -> bool:
+        """Whether a campaign is under way."""
+        return self.step not in (Step.COMPLETE, Step.ENDED)
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether something, or a person, keeps it from the next hit."""
+        return self.step in (Step.PAUSED, Step.DISARMING)
+
+    @property
+    def is_looking(self) -> bool:
+        """Whether it looks if it can go on, in a pause too."""
+        return self.step in (Step.JOINING, Step.COUNTING)
+
+    @property
+    def progress(self) -> SampleProgress:
+        """Of the sample under test."""
+        none = SampleProgress(self.sample)
+        return next((item for item in self.samples if item.name == self.sample), none)
+
+
+class HammerPlace(IntEnum):
+    """Where the hammer is, numbered as in the message `HammerState`."""
+
+    HELD = 0
+    SWINGING = 1
+    FAULT = 2
+    AWAY = 3
+
+
+class Disarming(IntEnum):
+    """What took the enable, numbered as in the message `HammerState`."""
+
+    OPERATOR = 0
+    LOSS = 1
+    EMERGENCY_STOP = 2
+
+
+@dataclass(frozen=True)
+class HammerStatus:
+    """What the hammer says of itself."""
+
+    place: HammerPlace = HammerPlace.HELD
+    is_armed: bool = False  # the operator's enable is given
+    disarmed_by: Disarming = Disarming.OPERATOR  # also while it is given, and before it ever was
+    message: str = ""
+    holder: str = ""  # what holds it
+    sets_angle: bool = False  # the holder does, when it is asked to
+    since: float = math.nan  # of the last change [s since the epoch]
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether an emergency stop lasts."""
+        return self.disarmed_by is Disarming.EMERGENCY_STOP
+
+    @property
+    def is_away(self) -> bool:
+        """Whether a person must put it back."""
+        return self.place is HammerPlace.AWAY
+
+
+NO_HAMMER = HammerStatus(HammerPlace.FAULT, message="no hammer has published its state")
+
+
+class Phase(IntEnum):
+    """What the accelerometers do, numbered as in the message `AcquisitionState`."""
+
+    IDLE = 0
+    ARMED = 1
+    FAULT = 2
+
+
+@dataclass(frozen=True)
+class AcquisitionStatus:
+    """What the accelerometers say of themselves."""
+
+    phase: Phase = Phase.IDLE
+    record: int = 0  # of the newest arming; 0: none yet
+    sample: str = ""  # that the arming is for
+    message: str = ""
+    source: str = ""  # what delivers the accelerations
+    is_hammerless: bool = False  # no hammer strikes anything: hits are computed, or read
+
+
+@dataclass(frozen=True)
+class RecorderStatus:
+    """What the recorder says of itself."""
+
+    is_recording: bool = False
+    path: str = ""  # on the recorder's host
+    lost: int = 0  # messages
+    message: str = ""
+
+
+class Level(IntEnum):
+    """How well a node is; the numbers are those of `diagnostic_msgs/DiagnosticStatus`."""
+
+    OK = 0
+    WARNING = 1
+    ERROR = 2
+    STALE = 3
+
+    @classmethod
+    def _missing_(cls, _: object) -> "Level":
+        """Count any other number as an error."""
+        return cls.ERROR
+
+
+@dataclass(frozen=True)
+class NodeHealth:
+    """The newest diagnostics of one node."""
+
+    name: str
+    level: Level = Level.OK
+    message: str = ""
+    values: tuple[tuple[str, str], ...] = ()  # names and texts of its figures
