@@ -24,6 +24,7 @@ from impact_rig.cli.output import (
     show_results,
 )
 from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.files.formats.sep005 import is_list
 from impact_rig.files.import_file import MeasurementOptions
 from impact_rig.present.console import make_console, print_warning
 from impact_rig.present.screen import print_batch
@@ -100,7 +101,7 @@ def run(
 ) -> None:
     """Run the command; its options are declared in `commands.py`."""
     show = partial(show_results, is_full=is_full, as_json=as_json)
-    results = [path for path in files if path.suffix == RESULTS_SUFFIX]
+    results = [path for path in files if path.suffix == RESULTS_SUFFIX and not is_list(path)]
     if results:
         options.refuse_given(
             {"accept", "reject", "workers", "scheduler", *given},

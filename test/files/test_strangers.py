@@ -6,6 +6,7 @@ method is 4/3 ms, and beside it the decay of a body that was struck.
 
 import datetime as dt
 import io
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -301,6 +302,23 @@ def test_padding_before_the_signal_is_left_out(tmp_path):
     write_text(tmp_path / "quiet.csv", "time (s),Force (N)", TIME.tolist(), quiet.tolist())
     (hit,) = MeasuredFiles([tmp_path / "quiet.csv"], make_series(MeasurementOptions())).hits
     assert hit.block.hammer.output.size == COUNT
+
+
+def test_a_list_of_channels_in_json_is_read(tmp_path):
+    channels = [
+        {"name": "acc", "data": MOVED.tolist(), "fs": RATE, "unit_str": "g"},
+        {"name": "hammer", "data": FORCE.tolist(), "fs": RATE, "unit_str": "N"},
+    ]
+    path = tmp_path / "hit.json"
+    path.write_text(json.dumps(channels))
+    (found,), taken = read(path)
+    assert (found, taken) == (
+        pytest.approx(RIGHT, rel=1e-3),
+        "hammer 'hammer' [N], sample 'acc' [g]",
+    )
+    path.write_text('[{"data": "text"}]')
+    with pytest.raises(ValueError, match="has no vector of real numbers"):
+        read(path)
 
 
 def test_times_alone_are_no_trace(tmp_path):

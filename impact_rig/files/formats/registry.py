@@ -14,6 +14,7 @@ from impact_rig.files.formats.mat import read_mat, write_mat
 from impact_rig.files.formats.numpy_files import read_npy, read_npz
 from impact_rig.files.formats.parquet import read_parquet, write_parquet
 from impact_rig.files.formats.scopes import read_scope
+from impact_rig.files.formats.sep005 import read_sep005
 from impact_rig.files.formats.sheets import read_sheets
 from impact_rig.files.formats.tdms import read_tdms, write_tdms
 from impact_rig.files.formats.text import write_text
@@ -48,6 +49,7 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
     ".npy": (read_npy, None),
     ".npz": (read_npz, None),
     ".mcap": (read_bag, None),
+    ".json": (partial(read_apart, "json", read_sep005), None),
     **dict.fromkeys(
         (".xlsx", ".xlsm", ".xls", ".xlsb", ".ods"),
         (partial(read_apart, "python_calamine", read_sheets), None),
