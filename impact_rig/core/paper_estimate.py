@@ -36,6 +36,8 @@ from impact_rig.core.uncertainty import (
     make_scatter,
 )
 
+OF_ONE_HIT = "uncertainty: that of the one hit; what scatters from hit to hit is not in it"
+
 PEAK = describe("m/s^2", shown="m/s²")
 TIME = describe("s", shown="µs")
 MOMENT = describe("s", shown="µs", least=-LARGEST)
@@ -99,7 +101,8 @@ def estimate_paper(
         body.damping_ratio,
         body.damping_coefficient,
     )
-    notes = body.notes + tuple(note for item in noted for note in item.notes)
+    one_hit = () if len(mean.hits) >= LEAST_HITS else (OF_ONE_HIT,)
+    notes = body.notes + one_hit + tuple(note for item in noted for note in item.notes)
     return PaperEstimate(
         contact_time=contact_time,
         contact_time_spread=contact_time_spread,

@@ -18,7 +18,7 @@ from impact_rig.core.equations import (
     estimate_sample_stiffness,
 )
 from impact_rig.core.errors import NotDeterminedError, RigError
-from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
+from impact_rig.core.hits import FilteredHit, MeanHit, make_mean, shift_hit, sum_up
 from impact_rig.core.momenta import Hold, find_contact, follow_momentum, restore_levels
 from impact_rig.core.pulse_shape import LIMITS as SHAPE_LIMITS
 from impact_rig.core.pulse_shape import (
@@ -48,7 +48,6 @@ from impact_rig.core.uncertainty import (
     PULSE_SHAPE,
     Known,
     RigNumbers,
-    compute_quantity,
     make_ensemble,
     make_input,
     make_rig_numbers,
@@ -200,15 +199,19 @@ def read_mean_hit(
     contact_time = contact_time + spread * rig.pulse_shape
     contact_time = contact_time + make_input(PULSE_SHAPE, 0.0, own)
     reasons: tuple[str, ...] = ()
-    if len(mean.hits) < LEAST_HITS:
-        reasons = (ONE_HIT,)
-    elif form is UNSEEN:
+    if form is UNSEEN:
         reasons = ("the pulse's shape, and with it the uncertainty, comes later",)
+    has_scatter = len(mean.hits) >= LEAST_HITS
+    if not has_scatter:
+        # What scatters from hit to hit by the noise is wrong with this one.
+        for source, part in (("noise", errors.noise), ("zero of the baseline", errors.zero)):
+            contact_time = contact_time + make_input(source, 0.0, factor * part)
     decrements = {}
     for (channel, found), change in zip(peaks.items(), changes, strict=True):
         quality = _describe_mean(mean, channel, settings.cutoff_frequency)
         more = _make_decrement_errors(mean.traces[channel], found, quality)
-        decrements[channel] = found, Known(change + more, reasons)
+        why = reasons if has_scatter else (ONE_HIT,)
+        decrements[channel] = found, Known(change + more, why)
     return MeanReading(
         mean,
         form,
@@ -282,27 +285,18 @@ def _make_decrement_errors(
 def estimate_hit(
     hit: FilteredHit, setup: RigSetup, sample: str
 ) -> tuple[Quantity, PulseShapeEstimate]:
-    """Estimate tau_p of one hit on `sample`, as it was, and the shape of its pulse.
+    """Estimate tau_p of one hit on `sample`, as a series of it alone, and the shape of its pulse.
 
     The next hit may well differ by more.
     """
-    mean, settings = average_hits([hit]), setup.analysis
-    factor = settings.pulse_factor / hit.sampling_rate
-    quality = _describe_mean(mean, 0, settings.cutoff_frequency)
-    errors = estimate_pulse_errors(hit.traces[0], hit.pulse, quality)
-    width = hit.pulse.half_amplitude_width / hit.sampling_rate
-    contact_time = settings.pulse_factor * width
+    shifted = shift_hit(hit)
+    total = sum_up([shifted])
+    if total is None:
+        raise NotDeterminedError("tau_p: there is no hit")
+    mean = make_mean(total, [shifted], alone=hit)
     form = look_at_pulse(mean, setup, sample)
-    shape = compute_shape_error(form, quality.noise / abs(hit.pulse.peak), width, contact_time)
-    rig = make_rig_numbers(setup, sample)
-    number = contact_time + _make_common_errors(errors, factor, rig)
-    for source, error in (
-        ("noise", factor * errors.noise),
-        ("zero of the baseline", factor * errors.zero),
-        (PULSE_SHAPE, math.hypot(*shape)),
-    ):
-        number = number + make_input(source, 0.0, error)
-    return compute_quantity(contact_time, number * rig.clock), form.shape
+    reading = read_mean_hit(mean, setup, make_rig_numbers(setup, sample), sample, form)
+    return reading.contact_time.state(), form.shape
 
 
 def _check_own_decay(mean: MeanHit, channel: int, peaks: LogDecrement) -> None:
@@ -443,8 +437,7 @@ def estimate_body(
 ) -> tuple[Quantity, BodyEstimate]:
     """Estimate k_eq of the contact with `sample`, and k2 and c2 of the sample.
 
-    As long as k1 of the hammer is NaN, k2 and c2 are not determined. Its notes come first among
-    the sample's.
+    As long as k1 of the hammer is NaN, k2 and c2 are not determined. Its notes come last.
     """
     equivalent, known, notes = _find_equivalent(series, setup, sample), None, hammer.notes
     if equivalent is None:
@@ -467,4 +460,4 @@ def estimate_body(
             notes += (str(error),)
     body = _estimate_body(series, 1, known)
     stated = UNKNOWN if equivalent is None else equivalent.state(series.rig.notes)
-    return stated, replace(body, notes=notes + body.notes)
+    return stated, replace(body, notes=body.notes + notes)

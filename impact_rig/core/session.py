@@ -58,6 +58,13 @@ class SessionResults:
     speed_exponents: tuple[SpeedExponents, ...] = ()  # of samples struck from several angles
 
 
+NO_CONTROL = (
+    "k1: no control sample: state hammer_stiffness, or control_sample, one that is alike to the"
+    " hammer; without it k_eq is given, and neither k nor c of a sample"
+)
+"""What is to be stated for k and c."""
+
+
 class Session:
     """Judges hits as they come and keeps the estimates of every sample.
 
@@ -128,7 +135,7 @@ class Session:
         if math.isfinite(setup.hammer_stiffness):
             return HammerEstimate(Quantity(setup.hammer_stiffness), control_sample=control)
         if not control:
-            return HammerEstimate(notes=("k1: the sample set has no control sample",))
+            return HammerEstimate(notes=(NO_CONTROL,))
         mean = self.compute_mean(control)
         problem: str | None = f"the control sample {control!r} has no accepted hit yet"
         if mean is not None:

@@ -69,8 +69,8 @@ LARGEST_IMBALANCE = 0.05
 cent."""
 FEW_NAMES = 3
 """Samples that a remark names one by one [-], our choice."""
-FURTHER_METHODS = {"contact law", "free decay", "identification"}
-"""What notes on methods beside the paper's begin with."""
+FURTHER_METHODS = {"contact law", "free decay", "identification", "momenta", "assumed"}
+"""What notes on methods beside the paper's, and on what is assumed, begin with."""
 ALL_SAMPLES = "all samples"
 
 

@@ -250,7 +250,8 @@ def tabulate_contact_times(results: Results) -> Table:
 
 def tabulate_stiffness(results: Results) -> list[Table]:
     """Return Table 3, the hammer below the samples; nothing if no stiffness is known."""
-    if not _is_known(results, STIFFNESS):
+    has_equivalent = any(item.paper.equivalent_stiffness.is_known for item in results.samples)
+    if not (has_equivalent or _is_known(results, STIFFNESS)):
         return []
     equivalent = [
         format_quantity(item.paper.equivalent_stiffness, 3, MEGA) for item in results.samples

@@ -84,6 +84,7 @@ def _make_table_sections(run: ReportedCampaign) -> tuple[Section, ...]:
         Section("Model against measurement", (*models, *errors)),
         Section("Pulse shape", tuple(tables.tabulate_pulse_shapes(samples))),
         Section("Contact law", tuple(tables.tabulate_contact_laws(samples))),
+        Section("Momenta", tuple(tables.tabulate_momenta(samples))),
         _make_speed_section(results),
         Section("Identification", tuple(tables.tabulate_identifications(samples))),
     )
