@@ -6,7 +6,6 @@ way around the interlock: it asks the hammer as every other program does.
 
 import math
 import shutil
-import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
@@ -191,7 +190,7 @@ class PageNode(RigNode):
                 is_done = getattr(response, "success", not getattr(response, "return_code", 0))
                 message = getattr(response, "message", "")
                 if act == "stop":
-                    message = f"{message} ({time.strftime('%H:%M:%S')}{form.signature})"
+                    self._status.stopped_by, self._is_shown = form.who, False
                 answer.set_result(Answer(bool(is_done), message))
 
             client.call_async(make_request(form)).add_done_callback(finish)

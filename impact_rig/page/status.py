@@ -48,6 +48,7 @@ class RigStatus:
     recorder: RecorderStatus = field(default_factory=RecorderStatus)
     acquisition: AcquisitionStatus | None = None  # None: no accelerometers have reported
     full_scale: float = 0.0  # of the hammer's channel [m/s^2]; 0: not known
+    stopped_by: str = ""  # who pressed STOP at a page last; empty: it is not known
     hits: dict[int, HitResults] = field(default_factory=dict)  # by record, in order of arrival
     estimates: dict[str, SampleEstimate] = field(default_factory=dict)
     overruled: dict[int, str] = field(default_factory=dict)  # by whom and why, by record

@@ -1,6 +1,7 @@
 """What the page shows of a rig: one sentence, and the tables beside it."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -128,14 +129,14 @@ def make_view(status: RigStatus, disk: str = "") -> View:
         is_simulated=None if status.acquisition is None else status.acquisition.is_hammerless,
         origin=_describe_origin(status),
         sentence=make_sentence(status),
-        stopped=f"since {_format_clock(hammer.since)}" if hammer.is_stopped else "",
+        stopped=_describe_stop(status),
         samples=_show_samples(status),
         to_mount=campaign.sample if campaign.task is Task.MOUNT else "",
         hit=None if last is None else _show_hit(status, last),
         hits=tuple(_show_hit(status, hit) for hit in hits),
         strength=None if last is None else _measure_strength(status, last),
-        mass="",
-        mass_differs=False,
+        mass="" if last is None else _weigh(status, last),
+        mass_differs=last is not None and Reason.OTHER_SAMPLE in _read_codes(last.findings),
         hammer=hammer,
         hammer_rows=(
             ("where", "unknown" if hammer is NO_HAMMER else hammer.place.name.lower()),
@@ -212,13 +213,13 @@ def _say_verdict(hit: HitResults) -> str:
     return "The last one was good." if hit.accepted else f"The last one: {_advise(hit)}."
 
 
-def _read_codes(hit: HitResults) -> list[Reason]:
-    return [Reason(text.partition(":")[0]) for text in hit.reasons]
+def _read_codes(texts: Sequence[str]) -> list[Reason]:
+    return [Reason(text.partition(":")[0]) for text in texts]
 
 
 def _advise(hit: HitResults) -> str:
     """Return what to do after a rejected hit."""
-    known = [ADVICE[reason] for reason in _read_codes(hit) if reason in ADVICE]
+    known = [ADVICE[reason] for reason in _read_codes(hit.reasons) if reason in ADVICE]
     return known[0] if known else "; ".join(hit.reasons)
 
 
@@ -272,6 +273,15 @@ def _show_hit(status: RigStatus, hit: HitResults) -> ShownHit:
     )
 
 
+def _weigh(status: RigStatus, hit: HitResults) -> str:
+    """Return the sample's mass by the traces beside the stated one; empty: not known."""
+    if status.setup is None or math.isnan(hit.sample_mass):
+        return ""
+    stated = status.setup.samples.get_moving_mass(hit.sample)
+    text = f"Mass by the traces {hit.sample_mass * 1e3:.1f} g, stated {stated * 1e3:.1f} g."
+    return text + (f" Is this {hit.sample}?" * (Reason.OTHER_SAMPLE in _read_codes(hit.findings)))
+
+
 def _measure_strength(status: RigStatus, hit: HitResults) -> Strength | None:
     if status.setup is None or not status.full_scale or math.isnan(hit.hammer_peak):
         return None
@@ -301,6 +311,14 @@ def _tabulate(status: RigStatus) -> tuple[tuple[str, ...], tuple[tuple[str, ...]
     if not tables:
         return (), ()
     return tuple(column.header for column in tables[0].columns), tuple(tables[0].rows)
+
+
+def _describe_stop(status: RigStatus) -> str:
+    """Return since when the hammer is stopped, and by whom; empty: it is not."""
+    if not status.hammer.is_stopped:
+        return ""
+    who = f", by {status.stopped_by}" if status.stopped_by else ""
+    return f"since {_format_clock(status.hammer.since)}{who}"
 
 
 def _describe_arming(hammer: HammerStatus) -> str:

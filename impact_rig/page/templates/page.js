@@ -62,7 +62,6 @@ async function send(form, button) {
     const { done, message } = await answer.json();
     byId("answer").textContent = done && !isStop ? "" : message;
     if (isStop && !done) throw new Error(message);
-    if (isStop) byId("stopped").textContent = message;
     if (done) form.querySelectorAll("input:not([type=hidden])").forEach((input) => { if (form.matches(".overrule, #hits .row")) input.value = ""; });
     if (done) form.closest("details")?.removeAttribute("open");
   } catch (error) {

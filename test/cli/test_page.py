@@ -1,0 +1,225 @@
+"""The page at the rig: real nodes, a by-hand holder, and a browser that clicks."""
+
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+
+import pytest
+from std_srvs.srv import Trigger
+
+from impact_rig.configuration.rig_file import read_template
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.client import RigClient
+from impact_rig.nodes.discovery import reserve_domain
+from impact_rig.recordings.run import Run
+from impact_rig.recordings.schemas import decode_message
+
+from .conftest import PATIENCE, start_command
+
+sync_api = pytest.importorskip("playwright.sync_api")
+BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
+pytestmark = pytest.mark.skipif(
+    BROWSER is None, reason="no browser looks at the page: on Debian, apt-get install chromium"
+)
+MILLISECONDS = 1000 * PATIENCE
+STRANGE = "<script>window.pwned = 1</script>"
+"""Name of a sample."""
+RIG_FILE = read_template().replace('"brass small"', f'"{STRANGE}"') + (
+    '\n[holder]\ndriver = "manual"\npatience = "60 s"\n'
+)
+
+
+def wait_for_line(process, word):
+    """Return what stands behind a word in a line that a process prints."""
+    for line in process.stdout:
+        if word in line:
+            return line.partition(word)[2].strip()
+    raise AssertionError(f"it ended and never said {word!r}")
+
+
+class RunningRig:
+    """A rig with a page."""
+
+    def __init__(self, folder, domain):
+        self.environment = {"ROS_DOMAIN_ID": str(domain)}
+        (folder / "rig.toml").write_text(RIG_FILE, "utf-8")
+        self.folder = folder / "run"
+        self.process = self.start(
+            "up", "--rig-file", folder / "rig.toml", "--output", self.folder, "--no-visualizer",
+            "--page", "--set", "page.port=0", "--set", "hammer.swing_time=1.0",
+        )  # fmt: skip
+        self.page_process = None
+        lines = []
+        for line in self.process.stdout:
+            lines.append(line)
+            if "ready: " in line:
+                break
+        text = "".join(lines)
+        self.link = re.search(r"the page is at (\S+)", text)[1]
+        self.page_pid = int(re.search(r"page started \(pid=(\d+)\)", text)[1])
+
+    def start(self, *words):
+        return start_command(*words, env=self.environment, stderr=subprocess.STDOUT)
+
+    def stop(self):
+        for process in filter(None, (self.page_process, self.process)):
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=PATIENCE)
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory):
+    with reserve_domain() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
+        running = RunningRig(tmp_path_factory.mktemp("rig"), domain)
+        yield running
+        running.stop()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    options = [
+        "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
+        "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    ]  # fmt: skip
+    with sync_api.sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=BROWSER, args=options)
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def open_page(rig, browser):
+    """Return a function that opens the page in a browser of its own."""
+    with contextlib.ExitStack() as opened:
+
+        def open_one(**options):
+            context = browser.new_context(**options)
+            opened.callback(context.close)
+            context.set_default_timeout(MILLISECONDS)
+            page = context.new_page()
+            page.goto(rig.link)
+            return page
+
+        yield open_one
+
+
+@pytest.fixture
+def page(open_page):
+    """Return the page of a rig in which no campaign runs, before and after."""
+    shown = open_page()
+    sync_api.expect(shown.locator("#start")).to_be_visible(timeout=MILLISECONDS)
+    yield shown
+    if shown.locator("form[action=end] button").is_visible():
+        shown.locator("form[action=end] button").click()
+    with RigClient("cleaner") as client:
+        client.call(Trigger, interfaces.RESET_HAMMER, Trigger.Request(), PATIENCE)
+    sync_api.expect(shown.locator("#start")).to_be_visible(timeout=MILLISECONDS)
+
+
+def say(page, text):
+    """Wait until the sentence begins with a text."""
+    sync_api.expect(page.locator("#say b")).to_contain_text(
+        re.compile("^" + re.escape(text)), timeout=MILLISECONDS
+    )
+
+
+def start(page, *samples, impacts=1, ask=True):
+    form = page.locator("#start form")
+    for box in form.locator("input[name=sample]").all():
+        box.set_checked(box.get_attribute("value") in samples)
+    form.locator("input[name=impacts]").fill(str(impacts))
+    form.locator("input[name=ask]").set_checked(ask)
+    form.locator("button").click()
+
+
+def test_a_campaign_is_run_by_clicks_alone_and_a_second_page_sees_it(page, open_page):
+    other = open_page(viewport={"width": 390, "height": 800})
+    start(page, "steel small", STRANGE)
+    say(page, "MOUNT steel small")
+    say(other, "MOUNT steel small")
+    page.get_by_role("button", name="steel small is mounted").click()
+    say(page, "RELEASE NOW")
+    assert re.search(r"· \d+ s", page.locator("#say b").inner_text())
+    say(other, f"MOUNT {STRANGE}")
+    # From the phone.
+    other.get_by_role("button", name="is mounted").click()
+    say(page, "DONE")
+    sync_api.expect(page.locator("#results tbody tr")).to_have_count(2)
+    assert "steel small" in page.locator("#results tbody").inner_text()
+    sync_api.expect(page.locator("#verdict")).to_contain_text("accepted")
+    drawn = "canvas => canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height)"
+    page.wait_for_function(
+        f"() => ({drawn})(document.getElementById('contact')).data.some(v => v)"
+    )
+    assert page.evaluate("window.pwned") is None
+    assert other.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_stop_while_a_release_is_asked_for_then_reset_arm_and_go_on(page):
+    start(page, "steel small", ask=False)
+    say(page, "RELEASE NOW")
+    page.keyboard.press(" ")
+    say(page, "STOPPED")
+    sync_api.expect(page.locator("#stopped")).to_contain_text("since")
+    page.get_by_role("button", name="Reset the stop").click()
+    say(page, "PAUSED")
+    page.get_by_role("button", name="Arm").click()
+    say(page, "DONE")
+    # What was struck after the stop did not count.
+    sync_api.expect(page.locator("#hits tbody")).to_contain_text("disarmed")
+
+
+def test_a_pause_disarms_and_the_campaign_goes_on(page):
+    start(page, "steel small", ask=False)
+    say(page, "RELEASE NOW")
+    page.keyboard.press("p")
+    say(page, "PAUSED")
+    sync_api.expect(page.locator("#hammer")).to_contain_text("no: ")
+    page.get_by_role("button", name="Go on").click()
+    say(page, "DONE")
+
+
+def test_a_name_and_a_note_stand_in_the_recording(page, rig):
+    page.locator("input[name=who]").fill("Anna <b>")
+    page.get_by_role("button", name="Keep it").click()
+    page.reload()
+    page.get_by_label("note").fill("the wax is new")
+    page.get_by_role("button", name="Write it down").click()
+    sync_api.expect(page.get_by_label("note")).to_have_value("")
+
+    def read_notes():
+        run = Run(rig.folder)
+        return [decode_message(raw).data for raw in run.read_messages({"std_msgs/msg/String"})]
+
+    with RigClient("reader") as client:
+        wanted = "at the page, Anna <b>: the wax is new"
+        assert client.spin_until(lambda: wanted in read_notes(), PATIENCE)
+
+
+def test_every_act_works_without_a_script(page, open_page):
+    plain = open_page(java_script_enabled=False)
+    plain.locator("#stop button").click()
+    sync_api.expect(plain.locator("#answer")).to_contain_text("stopped")
+    say(page, "STOPPED")
+    plain.get_by_role("button", name="Reset the stop").click()
+    sync_api.expect(plain.locator("#answer")).to_contain_text("the emergency stop is ended")
+
+
+def test_a_page_without_its_server_greys_says_so_and_comes_back(page, rig):
+    port, before = rig.link.rpartition(":")[2].strip("/"), page.locator("#say b").inner_text()
+    os.kill(rig.page_process.pid if rig.page_process else rig.page_pid, signal.SIGKILL)
+    sync_api.expect(page.locator("html")).to_have_class(re.compile("silent"), timeout=MILLISECONDS)
+    page.keyboard.press(" ")
+    sync_api.expect(page.locator("#answer")).to_have_text("NOT CONFIRMED: use the switch")
+    # The rig goes on without its page.
+    assert rig.process.poll() is None
+    rig.page_process = rig.start("page", "--port", port)
+    wait_for_line(rig.page_process, "the page is at")
+    sync_api.expect(page.locator("html")).not_to_have_class(
+        re.compile("silent"), timeout=MILLISECONDS
+    )
+    say(page, before)

@@ -1,0 +1,109 @@
+"""The sentence that a person reads first, and what stands beside it."""
+
+from dataclasses import replace
+
+import pytest
+
+from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.page.states import (
+    CampaignStatus,
+    Disarming,
+    HammerPlace,
+    HammerStatus,
+    SampleProgress,
+    Step,
+    Task,
+)
+from impact_rig.page.status import RigStatus
+from impact_rig.page.view import make_sentence, make_view
+from impact_rig.results.campaign import HitResults
+
+GOOD = HitResults("steel small", 1, 1, 1, True, contact_time=170e-6, hammer_peak=600.0)
+BAD = HitResults("steel small", 2, 1, 2, False, reasons=("double_hit: a second pulse of 9 %",))
+RUNNING = CampaignStatus(
+    step=Step.STRIKING,
+    impacts=10,
+    samples=(SampleProgress("steel small", 3, 1),),
+    sample="steel small",
+)
+
+
+def make_status(campaign=RUNNING, hits=(), **hammer):
+    status = RigStatus(campaign=campaign, hammer=HammerStatus(HammerPlace.HELD, **hammer))
+    status.begin(PAPER_SETUP)
+    for hit in hits:
+        status.add_hit(hit)
+    return status
+
+
+@pytest.mark.parametrize(
+    ("changes", "hits", "kind", "headline", "detail"),
+    [
+        ({"task": Task.MOUNT}, (), "ask", "MOUNT steel small", ""),
+        (
+            {"task": Task.LET_GO},
+            (GOOD,),
+            "go",
+            "RELEASE NOW",
+            "hit 4 of 10. The last one was good",
+        ),
+        ({"task": Task.LET_GO}, (BAD,), "go", "RELEASE NOW", "strike more gently"),
+        ({"task": Task.PUT_BACK}, (), "ask", "PUT THE HAMMER BACK", "hit 4 of 10"),
+        ({"task": Task.ARM, "message": "no disk"}, (), "paused", "PAUSED", "no disk"),
+        ({"task": Task.RESUME}, (), "paused", "PAUSED", ""),
+        ({"step": Step.PAUSED, "message": "gone"}, (), "paused", "PAUSED", "gone"),
+        ({}, (), "wait", "KEEP AWAY", "swings"),
+        ({"step": Step.COUNTING}, (GOOD,), "good", "ACCEPTED", "hit 4 of 10"),
+        ({"step": Step.COUNTING}, (BAD,), "bad", "REJECTED", "second contact"),
+        ({"step": Step.COUNTING}, (), "wait", "WAIT", "prepares"),
+        ({"step": Step.COMPLETE}, (), "done", "DONE", "has its hits"),
+        ({"step": Step.ENDED, "message": "cancelled"}, (), "paused", "ENDED", "cancelled"),
+        ({"step": Step.ENDED}, (), "wait", "READY", "Start a campaign"),
+    ],
+)
+def test_the_sentence_says_what_to_do(changes, hits, kind, headline, detail):
+    sentence = make_sentence(make_status(replace(RUNNING, **changes), hits))
+    assert (sentence.kind, sentence.headline) == (kind, headline)
+    assert detail in sentence.detail
+
+
+def test_a_stop_goes_before_everything():
+    status = make_status(
+        replace(RUNNING, task=Task.LET_GO), message="by Anna", disarmed_by=Disarming.EMERGENCY_STOP
+    )
+    sentence = make_sentence(status)
+    assert (sentence.kind, sentence.headline) == ("stopped", "STOPPED")
+    assert "reset, then arm" in sentence.detail
+
+
+def test_a_task_tells_until_when():
+    sentence = make_sentence(make_status(replace(RUNNING, task=Task.LET_GO, until=1234.5)))
+    assert sentence.until == 1_234_500
+    assert make_sentence(make_status(replace(RUNNING, task=Task.LET_GO))).until is None
+
+
+def test_hits_are_listed_newest_first_and_deviate_from_the_others_of_their_sample():
+    series = [replace(GOOD, record=n, contact_time=(170 + n % 2) * 1e-6) for n in range(1, 5)]
+    odd = replace(GOOD, record=9, contact_time=175e-6)
+    status = make_status(hits=(*series, odd))
+    view = make_view(status)
+    assert [hit.record for hit in view.hits] == [9, 4, 3, 2, 1]
+    # 175 from the mean of 170.5, in scatters of 0.577.
+    assert status.compute_deviation(odd) == pytest.approx(4.5 / 0.57735, rel=1e-3)
+    assert ("off its series", "7.8 s") in view.hit.numbers
+    assert view.samples[0].marks == ("accepted",) * 5 + ("",) * 7
+
+
+def test_strength_is_told_once_the_range_is_known():
+    status = make_status(hits=(GOOD,))
+    assert make_view(status).strength is None
+    status.full_scale = 2000.0
+    strength = make_view(status).strength
+    assert (strength.percent, strength.least, strength.most) == (30, 15, 95)
+    assert status.list_levels() == (("least peak", 300.0), ("largest peak", 1900.0))
+
+
+def test_another_campaign_begins_afresh():
+    status = make_status(hits=(GOOD,))
+    status.begin(PAPER_SETUP)
+    assert make_view(status).hits == ()
