@@ -90,7 +90,7 @@ def test_hits_are_listed_newest_first_and_deviate_from_the_others_of_their_sampl
     assert [hit.record for hit in view.hits] == [9, 4, 3, 2, 1]
     # 175 from the mean of 170.5, in scatters of 0.577.
     assert status.compute_deviation(odd) == pytest.approx(4.5 / 0.57735, rel=1e-3)
-    assert ("off its series", "7.8 s") in view.hit.numbers
+    assert ("off its series", "7.8 times its scatter") in view.hit.numbers
     assert view.samples[0].marks == ("accepted",) * 5 + ("",) * 7
 
 
