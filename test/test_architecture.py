@@ -30,6 +30,8 @@ MAY_IMPORT = {
     "analysis": {"core", "configuration", "files", "recordings", "results", "analysis"},
     "nodes": {"nodes", *BELOW} - {"analysis", "files", "simulators"},
     "cli": {"nodes", "cli", *BELOW},
+    "api": BELOW - {"simulators"},
+    "__init__": {"api", "core", "present"},
     "testing": {"core", "configuration", "devices"},
 }
 """Imports run one way; those side by side know nothing of each other, but for the devices,
@@ -52,6 +54,7 @@ WRAPS = {
     "recordings": {"lz4", "mcap", "mcap_protobuf", "rosbags", "yaml", "zstandard"},
     "analysis": {"dask", "distributed"},
     "page": {"jinja2", "tornado"},
+    "api": {"matplotlib"},
     "present": {"jinja2", "matplotlib", "pyarrow", "rerun", "rich"},
     "nodes": ROS,
     "cli": {"click", "rich"},

@@ -55,10 +55,16 @@ class HitSource(Protocol):
 
     path: Path  # what a person named
     size: int  # of all that is read [byte]
-    has_scale: bool  # the hammer's numbers make accelerations
-    hammer_unit: str | None  # in plain files; None: of a recording, whose set-up has it
     # Injected into the hits of the campaign that `events` has come to, a new mapping for each.
     faults: dict[HitLabel, tuple[str, ...]]
+
+    @property
+    def has_scale(self) -> bool:
+        """Whether the hammer's numbers make accelerations."""
+
+    @property
+    def hammer_unit(self) -> str | None:
+        """In plain files; None: of a recording, whose set-up has it."""
 
     @property
     def warnings(self) -> tuple[str, ...]:

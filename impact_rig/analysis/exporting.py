@@ -4,12 +4,11 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from impact_rig.analysis.analyze import judge
+from impact_rig.analysis.analyze import HitSource, judge
 from impact_rig.core.hits import JudgedHit, MeanHit
 from impact_rig.core.records import FloatArray, HitLabel, Origin, Record, join_origins
 from impact_rig.core.session import Session
 from impact_rig.files.measurement import MeasuredChannel
-from impact_rig.recordings.run import Run
 
 UNIT = "m/s^2"
 BODIES = ("hammer", "specimen")
@@ -84,8 +83,8 @@ class ExportedCampaign:
         return _make_channels(f"{self.prefix}{name}/mean", mean.traces, rate, origin, start)
 
 
-def read_campaigns(run: Run) -> tuple[ExportedCampaign, ...]:
-    """Judge every hit of a run.
+def read_campaigns(source: HitSource) -> tuple[ExportedCampaign, ...]:
+    """Judge every hit of a run, or of whatever else has hits.
 
     Returns
     -------
@@ -100,7 +99,7 @@ def read_campaigns(run: Run) -> tuple[ExportedCampaign, ...]:
         If its settings cannot be used.
     """
     found: list[ExportedCampaign] = []
-    for session, _, hits in judge(run):
+    for session, _, hits in judge(source):
         if hits and (not found or found[-1].session is not session):
             found.append(ExportedCampaign(session))
         if hits:

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from impact_rig.configuration.rig_file import read_rig_file
@@ -151,8 +152,84 @@ def _add_responses(sensors: tuple[Sensor, ...], plan: ChannelPlan) -> tuple[Sens
     return tuple(known[channel] for channel in CHANNELS if channel in known)
 
 
-class MeasuredFiles:
-    """Plain files as hits of one sample, in memory.
+class MeasuredHits:
+    """Hits of other instruments, in memory, which are added one by one.
+
+    Parameters
+    ----------
+    path : Path
+        What a person named.
+    series : TraceSeries
+        What they are taken for.
+    """
+
+    size = 0
+
+    def __init__(self, path: Path, series: TraceSeries) -> None:
+        self.path = path
+        self.faults: dict[HitLabel, tuple[str, ...]] = {}
+        self.hits: list[MeasuredHit] = []
+        self.series = series
+        self._wanted = series.setup.analysis.cutoff_frequency
+
+    def add(self, hit: MeasuredHit) -> None:
+        """Take a hit.
+
+        Raises
+        ------
+        SignalError
+            If it has no pulse, or no mean can be taken with those before.
+        ParameterError
+            If it is too slow for the low-pass.
+        """
+        series = _check_cutoff(hit, self.series)
+        _check_pulse(hit, _make_series_setup(series, [hit]))
+        sample = hit.block.label.sample
+        check_series([one for one in self.hits if one.block.label.sample == sample], hit)
+        self.series = series
+        self.hits.append(hit)
+        self.__dict__.pop("setup", None)
+
+    @cached_property
+    def setup(self) -> RigSetup:
+        """Masses and settings, each hit a record if nothing else is given."""
+        return _make_series_setup(self.series, self.hits)
+
+    @property
+    def has_scale(self) -> bool:
+        """Whether the hammer's numbers make accelerations."""
+        return all(hit.has_scale for hit in self.hits)
+
+    @property
+    def hammer_unit(self) -> str | None:
+        """Of what the hammer's sensor measures; empty: it is not stated."""
+        return self.hits[0].unit if self.hits else ""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know of them."""
+        remarks = [remark for hit in self.hits for remark in hit.remarks]
+        if self.hits and self.setup.analysis.cutoff_frequency != self._wanted:
+            rate = self.hits[0].block.sampling_rate / 1e3
+            remarks.append(
+                f"{rate:g} kHz is too slow for the {self._wanted / 1e3:g} kHz low-pass:"
+                " there is none (--cutoff)"
+            )
+        return tuple(dict.fromkeys(remarks))
+
+    def advise(self, reasons: Collection[Reason]) -> tuple[str, ...]:
+        """Return what else should be said of hits that were rejected for these reasons."""
+        return (CUT,) if Reason.DOUBLE_HIT in reasons and not self.series.has_window else ()
+
+    def events(self, _report: Callable[[int], None]) -> Iterator[RigSetup | Block]:
+        """Yield the set-up and the hits."""
+        yield self.setup
+        for hit in self.hits:
+            yield hit.block
+
+
+class MeasuredFiles(MeasuredHits):
+    """Plain files as hits of one sample.
 
     Parameters
     ----------
@@ -165,20 +242,15 @@ class MeasuredFiles:
         Refuse a force without a mass.
     """
 
-    size = 0
-
     def __init__(
         self, paths: Sequence[Path], series: TraceSeries, *, needs_scale: bool = False
     ) -> None:
-        self.path = paths[0]
-        self.faults: dict[HitLabel, tuple[str, ...]] = {}
-        self.hits: list[MeasuredHit] = []  # of all files that could be used
+        super().__init__(paths[0], series)
         errors: dict[Path, str] = {}
-        wanted = series.setup.analysis.cutoff_frequency
         moved = 0
         for number, path in enumerate(paths, start=1):
             label = HitLabel(series.sample, record=number + moved, impact=number + moved)
-            analysis, mass = series.setup.analysis, series.setup.hammer_mass
+            analysis, mass = self.series.setup.analysis, series.setup.hammer_mass
             window = analysis if series.has_window else None
             try:
                 found = read_hits(
@@ -186,38 +258,11 @@ class MeasuredFiles:
                 )
                 moved += len(found) - 1
                 for hit in found:
-                    series = _check_cutoff(hit, series)
-                    _check_pulse(hit, _make_series_setup(series, [hit]))
-                    check_series(self.hits, hit)
-                    self.hits.append(hit)
+                    self.add(hit)
             except RigError as error:
                 errors[path] = str(error)
-        self.setup = _make_series_setup(series, self.hits)
         self.errors = _join_errors(errors)  # a sentence for each file, or for all with the same
-        remarks = [remark for hit in self.hits for remark in hit.remarks]
-        if self.hits:
-            cutoff = self.setup.analysis.cutoff_frequency
-            if cutoff != wanted:
-                rate = self.hits[0].block.sampling_rate / 1e3
-                remarks.append(
-                    f"{rate:g} kHz is too slow for the {wanted / 1e3:g} kHz low-pass:"
-                    " there is none (--cutoff)"
-                )
-        self.warnings = tuple(dict.fromkeys(remarks))
         self.taken = _join_alike([hit.taken for hit in self.hits])
-        self.has_scale = all(hit.has_scale for hit in self.hits)
-        self.hammer_unit: str | None = self.hits[0].unit if self.hits else ""
-        self._has_window = series.has_window
-
-    def advise(self, reasons: Collection[Reason]) -> tuple[str, ...]:
-        """Return what else should be said of hits that were rejected for these reasons."""
-        return (CUT,) if Reason.DOUBLE_HIT in reasons and not self._has_window else ()
-
-    def events(self, _report: Callable[[int], None]) -> Iterator[RigSetup | Block]:
-        """Yield the set-up and the hits."""
-        yield self.setup
-        for hit in self.hits:
-            yield hit.block
 
 
 def _join_alike(lines: Sequence[str]) -> list[str]:

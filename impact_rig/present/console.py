@@ -8,6 +8,7 @@ import os
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
+from io import StringIO
 from typing import TYPE_CHECKING, TextIO
 
 from rich import box
@@ -115,6 +116,17 @@ def print_table(console: Console, table: "ResultTable") -> None:
         names = ", ".join(column.header for column in left_out)
         print_text(console, f"A wider terminal shows {names} as well.", NOTE)
     console.print()
+
+
+def format_tables(tables: "Iterable[ResultTable]") -> str:
+    """Return tables as text, as wide as they need."""
+    stream = StringIO()
+    console = _SafeConsole(
+        file=stream, width=UNLIMITED, markup=False, highlight=False, emoji=False, color_system=None
+    )
+    for table in tables:
+        print_table(console, table)
+    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()).rstrip()
 
 
 def make_printable(text: str) -> str:

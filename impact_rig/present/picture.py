@@ -68,8 +68,13 @@ def make_panel(*heights: float, left: float = LEFT) -> "Figure":
     # The Figure itself, not pyplot: no screen, no state that outlives the call.
     from matplotlib.figure import Figure
 
+    panel: Figure = fill_panel(Figure(figsize=(WIDTH, sum(heights))), *heights, left=left)
+    return panel
+
+
+def fill_panel(panel: Any, *heights: float, left: float = LEFT) -> Any:
+    """Make the axes of `make_panel` in a figure or subfigure of that size, and return it."""
     height = sum(heights)
-    panel = Figure(figsize=(WIDTH, height))
     panel.subplots(len(heights), sharex=True, height_ratios=heights)
     panel.subplots_adjust(
         left / WIDTH, BOTTOM / height, 1.0 - RIGHT / WIDTH, 1.0 - TOP / height, hspace=0.12

@@ -1,13 +1,20 @@
 """One sample: its hits, their mean and the models; the law of its contact."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from impact_rig.core.sample import SampleEstimate
-from impact_rig.present.picture import Picture, make_picture, reuse_panel
+from impact_rig.present.picture import (
+    WIDTH,
+    Picture,
+    drawing_style,
+    fill_panel,
+    make_picture,
+    reuse_panel,
+)
 from impact_rig.results.numbers import (
     MICRO,
     SAMPLE_MEASURANDS,
@@ -30,6 +37,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HAMMER = 0
+MakePanel = Callable[..., Any]
+"""Makes a panel with axes of these heights, as `reuse_panel` does."""
 TITLES = ("a) hammer", "b) sample")
 MODEL_NAMES = {
     DRIVEN: "force-driven model",
@@ -45,6 +54,8 @@ LAW_LOOKS: dict[str, dict[str, Any]] = {
     "law": {"color": format_hex(BLUE)},
     "versed-sine": {"color": format_hex(VERMILION), "linestyle": (0, (5, 1.5))},
 }
+TALL, LOW = 2.6, 1.2
+"""Heights of traces, and of the residuals below them [inch]."""
 MEASURED_LOOK: dict[str, Any] = {"color": "black", "linewidth": 2.6, "alpha": 0.35}
 
 
@@ -76,9 +87,37 @@ def make_sample_picture(
     )
 
 
-def draw_channel(traces: SampleTraces, hits: Sequence[AlignedHit], channel: int) -> "Figure":
+def draw_sample(
+    traces: SampleTraces, hits: Sequence[AlignedHit], curves: LawCurves | None
+) -> "Figure":
+    """Draw what the two pictures show of one sample into a figure of pyplot, and return it.
+
+    Above hammer and sample with their models and residuals, below the law of the contact.
+    """
+    from matplotlib import pyplot as plt
+
+    rows = [[partial(draw_channel, traces, hits, channel) for channel in range(len(traces.mean))]]
+    if curves is not None:
+        rows.append([partial(draw_law_pulse, curves), partial(draw_law_loop, curves)])
+    columns = max(map(len, rows))
+    heights = [TALL + LOW * bool(traces.models), TALL + LOW][: len(rows)]
+    with drawing_style():
+        figure = plt.figure(figsize=(columns * WIDTH, sum(heights)))
+        parts = figure.subfigures(len(rows), columns, squeeze=False, height_ratios=heights)
+        for row, panels in zip(parts, rows, strict=True):
+            for part, draw in zip(row, panels, strict=False):
+                draw(make_panel=partial(fill_panel, part))
+    return figure
+
+
+def draw_channel(
+    traces: SampleTraces,
+    hits: Sequence[AlignedHit],
+    channel: int,
+    make_panel: MakePanel = reuse_panel,
+) -> "Figure":
     """Draw traces above and residuals below, on one time axis."""
-    panel = reuse_panel(2.6, *[1.2] * bool(traces.models))
+    panel: Figure = make_panel(TALL, *[LOW] * bool(traces.models))
     upper, lower = panel.axes[0], panel.axes[-1]
     start = -1.2 * traces.contact_time
     stop = np.nanmax([4.0 * traces.contact_time, 1.2 * traces.second_peak_time])
@@ -136,9 +175,9 @@ def make_law_picture(sample: SampleEstimate, curves: LawCurves) -> Picture:
     )
 
 
-def draw_law_pulse(curves: LawCurves) -> "Figure":
+def draw_law_pulse(curves: LawCurves, make_panel: MakePanel = reuse_panel) -> "Figure":
     """Draw force over time, and below the residuals of law and versed-sine."""
-    panel = reuse_panel(2.6, 1.2)
+    panel: Figure = make_panel(TALL, LOW)
     forces, residuals = panel.axes
     time = curves.time * MICRO
     forces.plot(time, curves.measured, **MEASURED_LOOK, label="mean")
@@ -151,9 +190,9 @@ def draw_law_pulse(curves: LawCurves) -> "Figure":
     return panel
 
 
-def draw_law_loop(curves: LawCurves) -> "Figure":
+def draw_law_loop(curves: LawCurves, make_panel: MakePanel = reuse_panel) -> "Figure":
     """Draw force over indentation."""
-    panel = reuse_panel(3.8)
+    panel: Figure = make_panel(TALL + LOW)
     (axes,) = panel.axes
     if curves.indentation.size:
         indentation = curves.indentation * MICRO

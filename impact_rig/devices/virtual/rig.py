@@ -235,6 +235,7 @@ class VirtualHit:
     specimen: ChannelBlock
     sampling_rate: float  # [Hz]
     origin: Origin
+    contact: Contact | None = None  # its true law on the plant `contact`
 
     def split(self, block_size: int, stamp: int) -> tuple[Block, ...]:
         """Return the record as the stream of blocks that the accelerometers deliver.
@@ -371,6 +372,7 @@ class VirtualRig:
             ),
             sampling_rate=digitizer.sampling_rate,
             origin=settings.origin,
+            contact=physics.contact,
         )
 
     def _choose_range(self, sample: str) -> DigitizerSettings:

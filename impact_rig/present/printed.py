@@ -1,0 +1,207 @@
+"""Results that print themselves: in a Python shell, in a text, in a notebook."""
+
+import html
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, is_dataclass
+from typing import Any
+
+from impact_rig.core.quantity import INTERNAL, BudgetLine, Description, Quantity, list_fields
+from impact_rig.present.console import format_tables
+from impact_rig.results.numbers import SCALES, format_uncertain, show_unit
+from impact_rig.results.tables import Table, make_table, make_text_column, tabulate_budget
+
+SMALL, LARGE = 1e-3, 1e6
+"""Beyond these a value is printed with a power of ten, our choice."""
+DIGITS = 6
+"""Significant ones of a value without uncertainty."""
+NOT_DETERMINED = "not determined"
+
+
+class Printed:
+    """What is a few tables: text by `print`, HTML in a notebook."""
+
+    def list_tables(self) -> list[Table]:
+        """Return what is printed."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        """Return the tables as text."""
+        return format_tables(self.list_tables())
+
+    def _repr_html_(self) -> str:
+        """Return the tables as a notebook shows them."""
+        return "".join(map(format_html, self.list_tables()))
+
+
+def format_html(table: Table) -> str:
+    """Return a table as HTML, its notes below it."""
+    rows = [("th", tuple(column.header for column in table.columns))]
+    rows += [("td", row) for row in table.rows]
+    lines = (
+        "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) for tag, cells in rows
+    )
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
+    notes = "".join(f"<p><small>{html.escape(note)}</small></p>" for note in table.notes)
+    return f"<table><caption>{html.escape(table.caption)}</caption>{body}</table>{notes}"
+
+
+class Budget(Printed, tuple[BudgetLine, ...]):
+    """The lines of an uncertainty budget, largest first; it prints itself as a table.
+
+    Each line has `source`, `kind` ("A" from repeated hits, "B" by other means), `contribution` (to
+    u, in the SI unit of the result) and `share` (of the variance).
+    """
+
+    table: Table
+
+    def list_tables(self) -> list[Table]:
+        """Return what is printed."""
+        return [self.table]
+
+    __repr__ = Printed.__str__
+
+
+@dataclass(frozen=True, repr=False)
+class Number(Quantity):
+    """A value with its uncertainty, printed with ± and unit.
+
+    `value`, `standard` (u), `expanded` (U, for 95 %) and ``float(number)`` are in SI units; `unit`
+    is what it is printed in. NaN: not determined. `budget` prints itself as a table.
+
+    Examples
+    --------
+    >>> from impact_rig.core.quantity import Description
+    >>> number = Number(169.68e-6, 0.06e-6, 0.13e-6, said=Description("s", "τp", shown="µs"))
+    >>> number
+    169.68 ± 0.13 µs
+    >>> f"{number:.1f}", float(number)
+    ('169.7 ± 0.1 µs', 0.00016968)
+    """
+
+    said: Description = field(default=Description(), metadata=INTERNAL)
+
+    @property
+    def unit(self) -> str:
+        """What it is printed in; empty: it has no unit."""
+        return show_unit(self.said.shown or self.said.unit)
+
+    @property
+    def scale(self) -> float:
+        """From the SI unit to `unit` [-]."""
+        return SCALES.get(self.said.shown, 1.0)
+
+    def __float__(self) -> float:
+        """Return the value in its SI unit."""
+        return self.value
+
+    def __format__(self, spec: str) -> str:
+        """Return value, ± and unit; a format of floats, as ``.2f``, is for both numbers.
+
+        Without one both are rounded to the second digit of the uncertainty.
+        """
+        if not self.is_known:
+            return NOT_DETERMINED
+        value, expanded = self.value * self.scale, self.expanded * self.scale
+        if spec:
+            text = format(value, spec)
+            if math.isfinite(expanded):
+                text += f" ± {expanded:{spec}}"
+            return f"{text} {self.unit}".rstrip()
+        power = math.floor(math.log10(abs(value))) if value else 0
+        if SMALL <= abs(value) < LARGE or not value:
+            text = format_uncertain(value, expanded, max(DIGITS - 1 - power, 0))
+            return f"{text} {self.unit}".rstrip()
+        text = format_uncertain(value / 10.0**power, expanded / 10.0**power, DIGITS - 1)
+        return f"({text})e{power} {self.unit}".rstrip()
+
+    def __str__(self) -> str:
+        """Return ``169.68 ± 0.13 µs``."""
+        return format(self)
+
+    __repr__ = __str__
+
+
+def make_number(quantity: Quantity, said: Description, name: str) -> Number:
+    """Return a quantity as it prints itself, by the description of its field."""
+    budget = Budget(quantity.budget)
+    number = Number(
+        quantity.value, quantity.standard, quantity.expanded, quantity.degrees_of_freedom,
+        budget, quantity.notes, said,
+    )  # fmt: skip
+    caption = f"{name}: {said.symbol or said.label} = {number}"
+    budget.table = tabulate_budget(caption, budget, number.unit, number.scale)
+    return number
+
+
+def list_items(record: Any) -> dict[str, tuple[Any, Description]]:
+    """Return the fields of a dataclass by name, those of its inline records among them."""
+    items: dict[str, tuple[Any, Description]] = {}
+    for item in list_fields(type(record)):
+        value = getattr(record, item.name)
+        if item.description.is_inline:
+            items |= list_items(value)
+        else:
+            items[item.name] = value, item.description
+    return items
+
+
+def show(value: Any, said: Description, name: str) -> Any:
+    """Return a value as it prints itself: quantities, records, and those within tuples."""
+    if isinstance(value, Quantity):
+        return make_number(value, said, name)
+    if isinstance(value, tuple):
+        return tuple(show(item, said, name) for item in value)
+    return View(value, name) if is_dataclass(value) else value
+
+
+class View(Printed):
+    """What was found of one body or by one method, by the names of its fields.
+
+    Quantities are `Number`; other numbers are floats in SI units. `record` is the frozen dataclass
+    behind it, at whose fields stands what they mean.
+    """
+
+    def __init__(self, record: Any, name: str) -> None:
+        self.record = record
+        self.name = name
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a field of the record."""
+        if name in ("record", "name") or name.startswith("_"):
+            raise AttributeError(name)
+        items = list_items(self.record)
+        if name in items:
+            value, said = items[name]
+            return show(value, said, self.name)
+        if hasattr(self.record, name):
+            return show(getattr(self.record, name), Description(), self.name)
+        raise AttributeError(f"{self.name} has no {name!r}: it has {', '.join(items)}")
+
+    def __dir__(self) -> Iterable[str]:
+        """Return the names of the fields as well, which shells complete."""
+        return [*super().__dir__(), *list_items(self.record)]
+
+    @property
+    def numbers(self) -> dict[str, Number]:
+        """All quantities that are determined, by the names of their fields."""
+        return {
+            key: make_number(value, said, self.name)
+            for key, (value, said) in list_items(self.record).items()
+            if isinstance(value, Quantity) and value.is_known
+        }
+
+    def __repr__(self) -> str:
+        """Return the name and the quantities that are determined."""
+        known = (f"{key} = {number}" for key, number in self.numbers.items())
+        return f"{self.name}: {', '.join(known) or NOT_DETERMINED}"
+
+    def list_tables(self) -> list[Table]:
+        """Return what is printed."""
+        numbers = self.numbers
+        columns = [
+            make_text_column("Name", list(numbers)),
+            make_text_column("Symbol", [item.said.symbol for item in numbers.values()]),
+            make_text_column("Value", [str(item) for item in numbers.values()]),
+        ]
+        return [make_table(self.name, columns)]

@@ -1,0 +1,259 @@
+"""The library: what a person types is what it does."""
+
+import doctest
+import subprocess
+import sys
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import impact_rig as ir
+from impact_rig import api
+from impact_rig.core.quantity import Description
+from impact_rig.present import printed
+from impact_rig.present.printed import Number
+
+mpl.use("Agg")
+CONTROL, STEEL = "aluminium large", "steel small"
+
+
+@pytest.fixture(scope="module")
+def run():
+    return ir.VirtualRig(seed=7).run([STEEL, CONTROL], 4)
+
+
+@pytest.fixture(scope="module")
+def results(run):
+    return run.analyze()
+
+
+@pytest.mark.parametrize("module", [api, printed], ids=lambda module: module.__name__)
+def test_every_example_of_the_public_interface_is_true(module):
+    found = doctest.testmod(module, optionflags=doctest.IGNORE_EXCEPTION_DETAIL)
+    assert found.attempted > 2
+    assert not found.failed
+
+
+def test_what_is_public_is_listed_once_and_explained():
+    assert ir.__all__ == sorted(ir.__all__)
+    assert set(ir.__all__) <= set(dir(ir))
+    for name in ir.__all__:
+        assert getattr(ir, name).__doc__, name
+    with pytest.raises(AttributeError, match="nonsense"):
+        _ = ir.nonsense
+
+
+def test_importing_the_package_loads_no_library_and_its_names_load_no_ros():
+    code = (
+        "import sys, impact_rig as ir; before = ';'.join(sys.modules); ir.open_run;"
+        " print(before, ';'.join(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    before, after = (set(text.split(";")) for text in done.stdout.split())
+    assert not {"numpy", "scipy", "click", "rich"} & before
+    assert "impact_rig.api" in after
+    assert not {"rclpy", "impact_rig_msgs", "matplotlib", "pandas"} & after
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (
+            Number(169.68e-6, 0.06e-6, 0.13e-6, said=Description("s", shown="µs")),
+            "169.68 ± 0.13 µs",
+        ),
+        (Number(22.5432e6, said=Description("N/m", shown="MN/m")), "22.5432 MN/m"),
+        (Number(7.861e9, 1e8, 3.3e8, said=Description("N/m^n")), "(7.86 ± 0.33)e9 N/m^n"),
+        (Number(-2.5e-5, 1e-6, 2e-6, said=Description("m")), "(-2.50 ± 0.20)e-5 m"),
+        (Number(0.0, 0.1, 0.2), "0.00 ± 0.20"),
+        (Number(said=Description("s")), "not determined"),
+    ],
+)
+def test_a_number_prints_itself_with_unit_and_uncertainty(number, text):
+    assert str(number) == f"{number}" == repr(number) == text
+
+
+def test_hits_are_arrays_with_their_verdict_and_the_virtual_rigs_truth(run):
+    (first, *_) = hits = run.hits[STEEL]
+    assert [(hit.impact, hit.accepted, hit.reasons) for hit in hits] == [
+        (impact, True, ()) for impact in range(1, 5)
+    ]
+    assert first.hammer.shape == first.specimen.shape == first.time.shape
+    assert first.time[1] == pytest.approx(0.4e-6)
+    # Momentum is handed over: the hammer's mass times its change of speed, by the contact alone.
+    contact = np.abs(first.filtered.time) < 0.5 * first.truth.contact_time
+    force = 0.1 * np.abs(first.filtered.traces[0, contact]).max()
+    assert force == pytest.approx(first.truth.peak_force, rel=0.01)
+    assert first.truth.contact_time == pytest.approx(170e-6, rel=0.01)
+
+
+def test_a_sample_has_its_quantities_with_budgets_and_the_fields_of_its_estimate(results):
+    steel = results[STEEL]
+    assert steel.contact_time.value == results.record.samples[1].paper.contact_time.value
+    assert sum(line.share for line in steel.stiffness.budget) == pytest.approx(1.0)
+    assert "mass of the accelerometer" in str(steel.stiffness.budget)
+    assert isinstance(steel.contact_law.duration, Number)
+    assert set(steel.numbers) <= set(dir(steel))
+    assert set(type(steel).__annotations__) <= set(dir(steel))
+    with pytest.raises(AttributeError, match=r"has no 'stifness': it has .*stiffness"):
+        _ = steel.stifness
+    with pytest.raises(
+        ir.RigError, match="no sample 'steel': there are 'aluminium large', 'steel"
+    ):
+        _ = results["steel"]
+
+
+def test_results_print_the_screens_table_and_go_into_a_notebook(results):
+    steel = next(line for line in str(results).splitlines() if line.startswith(STEEL))
+    assert str(results[STEEL].contact_time).removesuffix(" µs") in steel
+    assert repr(results).startswith("2 samples, 8 hits accepted, 0 rejected")
+    for shown in (results, results[STEEL], results[STEEL].stiffness.budget):
+        text = shown._repr_html_()
+        assert text.count("<tr>") == text.count("</tr>") > 2
+
+
+def test_a_setting_is_changed_and_a_hit_left_out_by_keyword(run, results):
+    changed = run.analyze(cutoff="20 kHz", reject=f"{STEEL}/3")
+    assert changed.record.setup.analysis.cutoff_frequency == 20e3
+    assert changed[STEEL].impacts_accepted == 3
+    assert run.analyze(cutoff=20_000, pulse_factor=1.9)[STEEL].contact_time.value == pytest.approx(
+        1.9 / 2.0 * run.analyze(cutoff=20e3)[STEEL].contact_time.value
+    )
+    comparison = ir.compare(results, changed)
+    assert not comparison.changed
+    assert "Difference" in str(comparison)
+
+
+def test_a_comparison_says_what_changed(results):
+    other = ir.VirtualRig(seed=7, plant="contact").run([STEEL, CONTROL], 4)
+    comparison = ir.compare(results, other)
+    assert (CONTROL, "k [MN/m]") in comparison.changed
+    assert repr(comparison).startswith(f"{len(comparison.changed)} of ")
+    with pytest.raises(ir.RigError, match="no quantity in common"):
+        ir.compare(results, ir.VirtualRig().run(["brass small"], 2).analyze())
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"cutoff": "20 kg"}, 'cutoff_frequency is "20 kg", which is no Hz'),
+        ({"cutoff": True}, "True"),
+        ({"cut_off": 3.0}, "there is no setting 'cut_off': there are cutoff_frequency"),
+        ({"pulse_factor": "2"}, "must be a number"),
+        ({"reject": "steel small/9"}, "there is no hit 'steel small/9'"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_in_a_sentence(run, given, words):
+    with pytest.raises(ir.RigError, match=words):
+        run.analyze(**given)
+
+
+def test_a_plot_shows_traces_residuals_and_law(tmp_path):
+    results = ir.VirtualRig(seed=7, plant="contact").run([STEEL, CONTROL], 3).analyze()
+    figure = results[STEEL].plot()
+    labels = {axes.get_ylabel() for axes in figure.axes}
+    assert labels == {"acceleration [m/s²]", "force [N]", "residual [N]"}
+    figure.savefig(tmp_path / "steel.png")
+    model = ir.VirtualRig(seed=7).run([STEEL, CONTROL], 3).analyze()[STEEL]
+    residual = model.traces.compute_residual(model.traces.models[0])
+    assert residual.shape == model.traces.mean.shape
+    assert "residual [m/s²]" in {axes.get_ylabel() for axes in model.plot().axes}
+
+
+def test_a_row_a_sample_with_the_columns_of_the_export(results):
+    pandas = pytest.importorskip("pandas")
+    frame = results.to_dataframe()
+    assert isinstance(frame, pandas.DataFrame)
+    assert list(frame["name"]) == [CONTROL, STEEL]
+    assert frame["stiffness_n_per_m"][1] == results[STEEL].stiffness.value
+
+
+def test_results_alone_open_and_say_that_there_are_no_hits(results, tmp_path):
+    path = tmp_path / "results.json"
+    results.save(path)
+    stored = ir.open_run(path)
+    assert str(stored.analyze()) == str(results)
+    with pytest.raises(ir.RigError, match="results alone"):
+        _ = stored.hits
+    with pytest.raises(ir.RigError, match="cutoff does not change"):
+        stored.analyze(cutoff="20 kHz")
+    with pytest.raises(ir.RigError, match="without their recording"):
+        stored.analyze()[STEEL].plot()
+
+
+def test_own_arrays_give_what_the_rig_gives(run, results):
+    session = ir.Session(
+        {STEEL: "56.32 g", CONTROL: 0.10238},
+        hammer_mass="100 g",
+        accelerometer_mass="3 g",
+        control=CONTROL,
+    )
+    for name, hits in run.hits.items():
+        for hit in hits:
+            session.add(hit.hammer, hit.specimen, rate=hit.rate, on=name)
+    for name in (STEEL, CONTROL):
+        own, rig = session.results[name], results[name]
+        for key in ("contact_time", "stiffness", "damping_coefficient"):
+            assert getattr(own, key).value == pytest.approx(getattr(rig, key).value, rel=1e-4)
+    assert session.hits[STEEL][-1].accepted
+
+
+def test_arrays_of_several_hits_are_averaged(run):
+    hits = run.hits[CONTROL]
+    size = min(hit.hammer.size for hit in hits)
+    hammer = np.stack([hit.hammer[:size] for hit in hits])
+    specimen = np.stack([hit.specimen[:size] for hit in hits])
+    found = ir.estimate(
+        hammer, specimen, rate="2.5 MHz", hammer_mass="100 g", sample_mass="102.38 g",
+        accelerometer_mass="3 g", control=True,
+    )  # fmt: skip
+    assert found.impacts_accepted == 4
+    assert found.stiffness.value == pytest.approx(22.54e6, rel=0.01)
+    alone = ir.estimate(hammer[0] / 9.80665, rate=2.5e6, unit="g")
+    assert alone.contact_time.value == pytest.approx(212e-6, rel=0.01)
+    assert not alone.stiffness.is_known
+
+
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ((["a"] * 50,), "hammer is .*must be an array of numbers"),
+        ((np.zeros(3),), "needs at least 16"),
+        ((np.zeros(5000),), "no pulse"),
+        ((np.full(5000, np.nan),), "nan"),
+        ((np.zeros((2, 50)), np.zeros(50)), "as many hits each"),
+        ((np.zeros(50), np.zeros(60)), "50 and 60 points"),
+    ],
+)
+def test_arrays_that_are_no_hit_are_refused_in_a_sentence(arrays, words):
+    with pytest.raises(ir.RigError, match=words):
+        ir.estimate(*arrays, rate="2.5 MHz")
+
+
+def test_files_of_other_instruments_are_read_by_wildcard(run, tmp_path):
+    for place, hit in enumerate(run.hits[STEEL]):
+        np.save(tmp_path / f"hit{place}.npy", np.stack([hit.hammer, hit.specimen], axis=1)[:4900])
+    files = ir.read_files(
+        tmp_path / "hit*.npy",
+        rate="2.5 MHz",
+        hammer_mass="100 g",
+        sample=STEEL,
+        hammer_unit="m/s^2",
+    )
+    assert files.analyze()[STEEL].impacts_accepted == 4
+    assert len(files.hits[STEEL]) == 4
+    with pytest.raises(ir.RigError, match="no file is called like"):
+        ir.read_files(tmp_path / "*.tdms")
+    with pytest.raises(ir.RigError, match="rate"):
+        ir.read_files(tmp_path / "hit*.npy")
+
+
+def test_the_same_seed_gives_the_same_hits_and_faults_are_named():
+    rigs = [ir.VirtualRig(seed=3, plant="contact", faults=0.5) for _ in range(2)]
+    first, second = ([rig.strike(STEEL) for _ in range(5)] for rig in rigs)
+    assert all(np.array_equal(a.hammer, b.hammer) for a, b in zip(first, second, strict=True))
+    assert {fault for hit in first for fault in hit.truth.faults}
+    assert first[0].truth.exponent == 1.5
+    with pytest.raises(ir.RigError, match="no plant 'moon': there are published"):
+        ir.VirtualRig(plant="moon")
