@@ -50,7 +50,7 @@ class CampaignView:
     def follow(self, rig: RigStatus) -> None:
         """Show what the campaign does now."""
         campaign, hit = rig.campaign, rig.last_hit
-        names = [sample.name for sample in campaign.samples]
+        names = [count.sample for count in campaign.counts]
         number = names.index(campaign.sample) if campaign.sample in names else 0
         place = f"sample {number + 1} of {len(names)}: {campaign.sample}"
         if campaign.sample != self._sample:
@@ -66,7 +66,7 @@ class CampaignView:
         done = number * campaign.impacts + min(accepted, campaign.impacts)
         next_hit = min(accepted + 1, campaign.impacts)
         text = f"{place}, hit {next_hit} of {campaign.impacts}" if done < total else "estimating"
-        if rejected := sum(sample.rejected for sample in campaign.samples):
+        if rejected := sum(count.rejected for count in campaign.counts):
             text += f", {rejected} rejected"
         self._progress.update(self._task, description=text, total=total, completed=done)
 

@@ -67,7 +67,7 @@ class AccelerometerNode(DeviceNode):
         self._thread: SourceThread | None = None
         self._arming: Arming | None = None
         self._record = 0
-        self._hammer = HammerStatus(is_armed=True)
+        self._hammer = HammerStatus(armed=True)
         self._stream_id = NO_ID
         self._is_continuous = self.get_value("mode") == CONTINUOUS
         self._blocks = self.advertise(
@@ -264,8 +264,8 @@ class AccelerometerNode(DeviceNode):
     def _check_enable(self) -> None:
         """End the record of a hammer that was disarmed while it swings: its hit does not count."""
         arming, hammer = self._arming, self._hammer
-        is_under_way = hammer.place in (HammerPlace.SWINGING, HammerPlace.FAULT)
-        if arming is None or not arming.is_released or hammer.is_armed or not is_under_way:
+        is_under_way = hammer.state in (HammerPlace.SWINGING, HammerPlace.FAULT)
+        if arming is None or not arming.is_released or hammer.armed or not is_under_way:
             return
         if self._thread is not None:
             self._thread.withdraw(arming)

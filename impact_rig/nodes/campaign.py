@@ -175,7 +175,7 @@ class CampaignNode(RigNode):
             campaign.has_armed = answer.success or is_stopped
             if not answer.success:
                 raise DeviceError(f"the hammer cannot be armed: {answer.message}")
-            await self.wait_until(lambda: bool(self._hammer.is_armed), ANSWER_TIMEOUT)
+            await self.wait_until(lambda: bool(self._hammer.armed), ANSWER_TIMEOUT)
         return Step.COUNTING
 
     async def _announce(self, campaign: Campaign) -> None:
@@ -263,12 +263,12 @@ class CampaignNode(RigNode):
     async def _check_hammer(self, campaign: Campaign) -> Step:
         await self._wait_while_at(campaign, HammerPlace.SWINGING)
         hammer = self._hammer
-        if hammer.is_armed and hammer.is_away:
+        if hammer.armed and hammer.is_away:
             campaign.state.message = (
                 "put the hammer back into its holder, then call hammer/confirm_held"
             )
             return Step.WAITING_FOR_HAMMER
-        if not hammer.is_armed:
+        if not hammer.armed:
             is_stop = hammer.is_stopped
             calls = "hammer/reset and then hammer/arm" if is_stop else "hammer/arm"
             is_paused = hammer.disarmed_by is Disarming.OPERATOR and campaign.paused_for
@@ -287,10 +287,10 @@ class CampaignNode(RigNode):
         """
         campaign.stands_since = min(campaign.stands_since, time.monotonic())
         campaign.stumbled_at = math.inf
-        if self._hammer.is_armed:
+        if self._hammer.armed:
             campaign.paused_for = campaign.state.message
             await self._call_if_there(self._disarm_hammer, Trigger.Request(), PAUSE_TIMEOUT)
-            await self.wait_until(lambda: not self._hammer.is_armed, PAUSE_TIMEOUT)
+            await self.wait_until(lambda: not self._hammer.armed, PAUSE_TIMEOUT)
         hammer, was_held = self._hammer, campaign.is_held
         await self._wait(
             campaign,
@@ -314,7 +314,7 @@ class CampaignNode(RigNode):
         """
 
         def has_left() -> bool:
-            is_at = self._hammer.is_armed and self._hammer.place is place
+            is_at = self._hammer.armed and self._hammer.state is place
             return not is_at or campaign.is_to_end or campaign.is_held
 
         while not await self.wait_until(has_left, LOOK_PERIOD / self.pace):

@@ -105,7 +105,7 @@ class CampaignClient(RigClient):
         self._paused_since = math.inf
         self._operator: Operator | None = None
         # Only a hammer that says it is disarmed holds an operator back.
-        self._status = RigStatus(hammer=HammerStatus(is_armed=True))
+        self._status = RigStatus(hammer=HammerStatus(armed=True))
         self._duties: list[Callable[[Operator], None]] = []
         self._is_to_let_go = False  # the operator is asked to release the hammer
         self._faults: dict[tuple[bytes, int], tuple[str, ...]] = {}  # by campaign and record
@@ -169,7 +169,7 @@ class CampaignClient(RigClient):
     def is_hammerless(self) -> bool:
         """Whether no hammer strikes anything: hits are computed."""
         acquisition = self._status.acquisition
-        return acquisition is not None and acquisition.is_hammerless
+        return acquisition is not None and acquisition.hammerless
 
     def run(
         self, goal: CampaignGoal, operator: Operator, longest_pause: float = math.inf
@@ -290,7 +290,7 @@ class CampaignClient(RigClient):
             return
         self._status.campaign = replace(
             self._status.campaign,
-            step=Step.PAUSED,
+            state=Step.PAUSED,
             message="the campaign node gives no sign of life",
         )
         self._operator.follow(self._status)
@@ -303,12 +303,12 @@ class CampaignClient(RigClient):
             self._status.add_hit(hit_results_from_msg(message.feedback.campaign.last))
         if self._operator is None:
             return
-        if campaign.step is Step.PAUSED:
+        if campaign.state is Step.PAUSED:
             self._paused_since = min(self._paused_since, time.monotonic())
         elif not campaign.is_looking:
             self._paused_since = math.inf
         self._operator.follow(self._status)
-        if campaign.step is not Step.STRIKING:
+        if campaign.state is not Step.STRIKING:
             self._is_to_let_go = False
         if (campaign.task, campaign.sample) == (before.task, before.sample):
             return
@@ -346,7 +346,7 @@ class CampaignClient(RigClient):
     def _hold_back(self) -> None:
         """Withdraw the request to release the hammer, if that was disarmed meanwhile."""
         hammer = self._status.hammer
-        if self._operator is not None and self._is_to_let_go and not hammer.is_armed:
+        if self._operator is not None and self._is_to_let_go and not hammer.armed:
             self._is_to_let_go = False
             self._operator.hold_back(hammer.message)
 
@@ -358,7 +358,7 @@ class CampaignClient(RigClient):
     @property
     def run_folder(self) -> Path | None:
         """Where the rig records, on the recorder's host; None: nowhere, or it is not known."""
-        path = self._status.recorder.path
+        path = self._status.recorder.uri
         return Path(path).parent if path else None
 
     def check_run(self, folder: Path) -> None:
@@ -371,8 +371,8 @@ class CampaignClient(RigClient):
         DeviceError
             If it records elsewhere.
         """
-        self.spin_until(lambda: bool(self._status.recorder.path), 5.0)
-        recording = Path(self._status.recorder.path)
+        self.spin_until(lambda: bool(self._status.recorder.uri), 5.0)
+        recording = Path(self._status.recorder.uri)
         if recording.exists() and recording.parent != folder.resolve():
             raise DeviceError(
                 f"the rig records into {recording.parent}: start it with"

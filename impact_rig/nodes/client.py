@@ -224,6 +224,6 @@ class HammerClient(RigClient):
                 f"no hammer publishes its state within {self._timeout:g} s: {START_ONE}"
             )
         state = states[-1].value
-        text = f"{state.place.name.lower()}, {'armed' if state.is_armed else 'not armed'}"
+        text = f"{state.state.name.lower()}, {'armed' if state.armed else 'not armed'}"
         why = "" if state.message == text else f" ({state.message})"
         return f"{text}{why}; holder: {state.holder or 'none'}"

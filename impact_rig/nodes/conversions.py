@@ -4,6 +4,7 @@ Findings are in `impact_rig.nodes.findings`: here no physics is loaded.
 """
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -14,18 +15,17 @@ from impact_rig.core.records import HitLabel
 from impact_rig.page.states import (
     AcquisitionStatus,
     CampaignStatus,
-    Disarming,
-    HammerPlace,
     HammerStatus,
     Level,
     NodeHealth,
-    Phase,
     RecorderStatus,
-    SampleProgress,
-    Step,
-    Task,
 )
-from impact_rig.recordings.messages import block_from_msg, label_from_msg, setup_from_msg
+from impact_rig.recordings.messages import (
+    block_from_msg,
+    from_message,
+    label_from_msg,
+    setup_from_msg,
+)
 
 __all__ = ["block_from_msg", "setup_from_msg"]
 
@@ -37,49 +37,24 @@ def _read_time(time: Any) -> float:
 
 def hammer_from_msg(message: msg.HammerState) -> HammerStatus:
     """Return what the hammer says of itself."""
-    return HammerStatus(
-        place=HammerPlace(message.state),
-        is_armed=message.armed,
-        disarmed_by=Disarming(message.disarmed_by),
-        message=message.message,
-        holder=message.holder,
-        sets_angle=message.sets_angle,
-        since=_read_time(message.header.stamp),
-    )
+    status = from_message(HammerStatus, message)
+    return replace(status, since=_read_time(message.header.stamp))
 
 
 def acquisition_from_msg(message: msg.AcquisitionState) -> AcquisitionStatus:
     """Return what the accelerometers say of themselves."""
-    return AcquisitionStatus(
-        phase=Phase(message.state),
-        record=message.record,
-        sample=message.sample,
-        message=message.message,
-        source=message.source,
-        is_hammerless=message.hammerless,
-    )
+    return from_message(AcquisitionStatus, message)
 
 
 def recorder_from_msg(message: msg.RecorderState) -> RecorderStatus:
     """Return what the recorder says of itself."""
-    return RecorderStatus(message.recording, message.uri, message.messages_lost, message.message)
+    return from_message(RecorderStatus, message)
 
 
 def campaign_from_msg(message: msg.CampaignState) -> CampaignStatus:
     """Return what a campaign says of itself, but for the newest verdict."""
-    return CampaignStatus(
-        step=Step(message.state),
-        message=message.message,
-        task=Task(message.task),
-        until=_read_time(message.until) or math.nan,
-        impacts=message.impacts,
-        samples=tuple(
-            SampleProgress(count.sample, count.accepted, count.rejected)
-            for count in message.counts
-        ),
-        sample=message.sample,
-        mounted=message.mounted,
-    )
+    status = from_message(CampaignStatus, message)
+    return replace(status, until=_read_time(message.until) or math.nan)
 
 
 def health_from_msg(message: DiagnosticArray) -> tuple[NodeHealth, ...]:

@@ -11,7 +11,6 @@ from impact_rig.core.errors import ParameterError
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.recordings.messages import (
-    check_numbers,
     from_message,
     label_from_msg,
     origin_from_msg,
@@ -28,22 +27,7 @@ def hit_results_from_msg(message: msg.Impact) -> HitResults:
     ParameterError
         If a number cannot be meant.
     """
-    hit = HitResults(
-        sample=message.sample,
-        impact=message.impact,
-        attempt=message.attempt,
-        record=message.record,
-        accepted=message.accepted,
-        reasons=tuple(message.reasons),
-        contact_time=message.contact_time,
-        hammer_peak=message.hammer_peak,
-        specimen_peak=message.specimen_peak,
-        sample_mass=message.sample_mass,
-        findings=tuple(message.findings),
-        origin=origin_from_msg(message),
-    )
-    check_numbers(hit)
-    return hit
+    return from_message(HitResults, message, injected_faults=(), origin=origin_from_msg(message))
 
 
 def estimate_from_msg(message: msg.SampleEstimate) -> SampleEstimate:

@@ -71,9 +71,9 @@ class GuardedHammer:
         self._holder, self._fault = holder, None
         self._is_known_held = self._is_known_held or not confirm_return
         if self._is_known_held:
-            self._change(place=HammerPlace.HELD, is_armed=False, message=NEVER_ARMED)
+            self._change(state=HammerPlace.HELD, armed=False, message=NEVER_ARMED)
         else:
-            self._change(place=HammerPlace.AWAY, is_armed=False, message=_AWAY)
+            self._change(state=HammerPlace.AWAY, armed=False, message=_AWAY)
 
     def drop(self) -> None:
         """Close the holder, which goes on holding as far as its device lets it."""
@@ -85,33 +85,31 @@ class GuardedHammer:
         """Note that the holder is lost: the hammer may be anywhere."""
         self._fault, self._is_known_held = reason, False
         # A disarming before, above all by a person, is still the last one.
-        taker = Disarming.LOSS if self._condition.is_armed else self._condition.disarmed_by
-        self._change(place=HammerPlace.FAULT, is_armed=False, disarmed_by=taker, message=reason)
+        taker = Disarming.LOSS if self._condition.armed else self._condition.disarmed_by
+        self._change(state=HammerPlace.FAULT, armed=False, disarmed_by=taker, message=reason)
 
     def arm(self) -> str | None:
         """Take the operator's enable; return why it is refused, if it is."""
         reason = self._describe_stop() or self._describe_fault()
         if not reason:
             self._change(
-                is_armed=True, disarmed_by=Disarming.OPERATOR, message="armed by the operator"
+                armed=True, disarmed_by=Disarming.OPERATOR, message="armed by the operator"
             )
         return reason
 
     def disarm(self, message: str) -> None:
         """Take the enable back, because somebody wants it."""
         taker = Disarming.EMERGENCY_STOP if self.is_stopped else Disarming.OPERATOR
-        self._change(is_armed=False, disarmed_by=taker, message=message)
+        self._change(armed=False, disarmed_by=taker, message=message)
 
     def disarm_by_loss(self, reason: str) -> None:
         """Take the enable back because a hit could not be recorded."""
-        if self._condition.is_armed:
-            self._change(is_armed=False, disarmed_by=Disarming.LOSS, message=reason)
+        if self._condition.armed:
+            self._change(armed=False, disarmed_by=Disarming.LOSS, message=reason)
 
     def stop(self) -> None:
         """Take the enable back until `reset`, and see that the holder holds."""
-        self._change(
-            is_armed=False, disarmed_by=Disarming.EMERGENCY_STOP, message="emergency stop"
-        )
+        self._change(armed=False, disarmed_by=Disarming.EMERGENCY_STOP, message="emergency stop")
         if self._holder is not None:
             self._holder.hold()
 
@@ -125,12 +123,12 @@ class GuardedHammer:
         if reason := self._describe_stop() or self._describe_fault():
             return reason
         condition = self._condition
-        if not condition.is_armed:
+        if not condition.armed:
             why = f" ({condition.message})" if condition.disarmed_by is Disarming.LOSS else ""
             return f"the hammer is not armed{why}: call hammer/arm first"
-        if condition.place is HammerPlace.AWAY:
+        if condition.state is HammerPlace.AWAY:
             return f"the hammer is not in its holder: {_AWAY}"
-        if condition.place is HammerPlace.SWINGING:
+        if condition.state is HammerPlace.SWINGING:
             return "the hammer is not in its holder: wait for the swing to end"
         return None
 
@@ -175,7 +173,7 @@ class GuardedHammer:
         self._is_known_held = False
         self._holder.release()
         message = "the operator may let go" if self._holder.is_by_hand else "released"
-        self._change(place=HammerPlace.SWINGING, message=message)
+        self._change(state=HammerPlace.SWINGING, message=message)
         return None
 
     def end_swing(self, message: str, *, confirm_return: bool) -> None:
@@ -188,27 +186,27 @@ class GuardedHammer:
         confirm_return : bool
             The hammer is away until somebody confirms that it is back.
         """
-        if self._holder is None or self._condition.place is not HammerPlace.SWINGING:
+        if self._holder is None or self._condition.state is not HammerPlace.SWINGING:
             return
         self._holder.hold()
         self._is_known_held = not confirm_return
         if confirm_return:
-            self._change(place=HammerPlace.AWAY, message=_AWAY)
+            self._change(state=HammerPlace.AWAY, message=_AWAY)
             return
-        if not self._condition.is_armed:  # Why it was disarmed while it swung is not forgotten.
+        if not self._condition.armed:  # Why it was disarmed while it swung is not forgotten.
             message = f"{message}; {self._condition.message}"
-        self._change(place=HammerPlace.HELD, message=message)
+        self._change(state=HammerPlace.HELD, message=message)
 
     def confirm_held(self) -> str | None:
         """Take a person's word that the hammer is back; return why that is refused, if it is."""
         if self._holder is None or self._fault:
             return self._describe_fault()
-        if self._condition.place is HammerPlace.SWINGING:
+        if self._condition.state is HammerPlace.SWINGING:
             return "the hammer swings: wait for the swing to end"
         self._holder.hold()
         self._is_known_held = True
-        if self._condition.place is HammerPlace.AWAY:
-            self._change(place=HammerPlace.HELD, message="put back into the holder")
+        if self._condition.state is HammerPlace.AWAY:
+            self._change(state=HammerPlace.HELD, message="put back into the holder")
         return None
 
     def check(self) -> None:
@@ -216,7 +214,7 @@ class GuardedHammer:
         if self._holder is None:
             return
         state = self._holder.read_state()
-        if state is HolderState.RELEASED and self._condition.place is not HammerPlace.SWINGING:
+        if state is HolderState.RELEASED and self._condition.state is not HammerPlace.SWINGING:
             raise DeviceError("the holder has released the hammer without an order")
 
     def _describe_stop(self) -> str | None:

@@ -129,7 +129,7 @@ class HammerNode(DeviceNode):
 
     def deactivate(self) -> None:
         """Take the operator's enable back."""
-        if self._hammer.condition.is_armed:
+        if self._hammer.condition.armed:
             self._hammer.disarm("disarmed when the hammer node was deactivated")
 
     def cleanup(self) -> None:
@@ -147,8 +147,8 @@ class HammerNode(DeviceNode):
     def _publish_condition(self, condition: HammerStatus) -> None:
         if self.context.ok():
             self._publish_state(
-                state=condition.place,
-                armed=condition.is_armed,
+                state=condition.state,
+                armed=condition.armed,
                 disarmed_by=condition.disarmed_by,
                 message=condition.message,
                 holder=self._holder,
@@ -162,14 +162,14 @@ class HammerNode(DeviceNode):
         state = self._accelerometer.state
         if state is None:
             return
-        is_armed = state.phase is Phase.ARMED
+        is_armed = state.state is Phase.ARMED
         is_new = is_armed and state.record != self._armed_record
         self._armed_record = state.record if is_armed else 0
         if is_new:
             # A request that equals an earlier one is a request for this arming.
             self._released = None
         elif (
-            state.phase is Phase.IDLE
+            state.state is Phase.IDLE
             and self._patience  # only a release by hand ends with its record
             and self._released is not None
             and self._released.record == state.record
@@ -208,7 +208,7 @@ class HammerNode(DeviceNode):
             if loss := member.describe_loss():
                 return loss
         recorder = self._recorder.state
-        if recorder is None or recorder.is_recording:
+        if recorder is None or recorder.recording:
             return None
         return f"nothing is being recorded ({recorder.message}): start the recorder"
 
@@ -217,7 +217,7 @@ class HammerNode(DeviceNode):
         if loss := self._describe_loss():
             return loss
         acquisition = self._accelerometer.state
-        if acquisition is None or acquisition.phase is not Phase.ARMED:
+        if acquisition is None or acquisition.state is not Phase.ARMED:
             why = acquisition.message if acquisition else "no accelerometers have reported"
             return f"the accelerometers are not armed ({why}): call accelerometer/arm first"
         if (acquisition.record, acquisition.sample) != (request.record, request.sample):
@@ -242,7 +242,7 @@ class HammerNode(DeviceNode):
 
     def _on_arm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         state = self._hammer.condition
-        is_sound = state.place is not HammerPlace.FAULT and not self._hammer.is_stopped
+        is_sound = state.state is not HammerPlace.FAULT and not self._hammer.is_stopped
         if is_sound and not self.is_active:
             return _answer(response, "the hammer node is not active: activate it first")
         return _answer(response, self._describe_loss() or self._hammer.arm(), "armed")

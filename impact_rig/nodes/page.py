@@ -163,7 +163,7 @@ class PageNode(RigNode):
 
     def _look_round(self) -> None:
         """Show soon what has changed of the disk and of the nodes' health."""
-        path = self._status.recorder.path
+        path = self._status.recorder.uri
         try:
             free = shutil.disk_usage(Path(path).parent).free if path else math.nan
         except OSError:  # it is on another computer

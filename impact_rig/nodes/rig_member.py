@@ -73,7 +73,7 @@ class RigMember:
                 " one rig (or the replay of one), or give it another ROS_DOMAIN_ID or namespace"
             )
         state = self.state
-        if isinstance(state, AcquisitionStatus) and state.phase is Phase.FAULT:
+        if isinstance(state, AcquisitionStatus) and state.state is Phase.FAULT:
             return f"the {self.name}'s device is lost: {state.message}"
         return None
 

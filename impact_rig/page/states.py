@@ -1,8 +1,13 @@
-"""What each node of a rig says of itself, numbered as in its message; no physics is loaded."""
+"""What each node of a rig says of itself: a record for each message, with its names and numbers.
+
+No physics is loaded.
+"""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
+
+from impact_rig.core.quantity import INTERNAL
 
 
 class Step(IntEnum):
@@ -34,7 +39,7 @@ class Task(IntEnum):
 class SampleProgress:
     """How far the hits of one sample have come."""
 
-    name: str
+    sample: str
     accepted: int = 0
     rejected: int = 0
 
@@ -43,35 +48,36 @@ class SampleProgress:
 class CampaignStatus:
     """What a campaign says of itself."""
 
-    step: Step = Step.ENDED
+    state: Step = Step.ENDED
     message: str = ""  # what is lost, awaited, or ended it; empty while it runs
     task: Task = Task.NOTHING
-    until: float = math.nan  # of the task [s since the epoch]; NaN: there is no limit
     impacts: int = 0  # wanted hits of each sample
-    samples: tuple[SampleProgress, ...] = ()  # in the order of the plan
+    counts: tuple[SampleProgress, ...] = ()  # in the order of the plan
     sample: str = ""  # under test
     mounted: str = ""  # last; empty: none yet
+    # Of the task [s since the epoch]; NaN: there is no limit.
+    until: float = field(default=math.nan, metadata=INTERNAL)
 
     @property
     def is_running(self) -> bool:
         """Whether a campaign is under way."""
-        return self.step not in (Step.COMPLETE, Step.ENDED)
+        return self.state not in (Step.COMPLETE, Step.ENDED)
 
     @property
     def is_paused(self) -> bool:
         """Whether something, or a person, keeps it from the next hit."""
-        return self.step in (Step.PAUSED, Step.DISARMING)
+        return self.state in (Step.PAUSED, Step.DISARMING)
 
     @property
     def is_looking(self) -> bool:
         """Whether it looks if it can go on, in a pause too."""
-        return self.step in (Step.JOINING, Step.COUNTING)
+        return self.state in (Step.JOINING, Step.COUNTING)
 
     @property
     def progress(self) -> SampleProgress:
         """Of the sample under test."""
         none = SampleProgress(self.sample)
-        return next((item for item in self.samples if item.name == self.sample), none)
+        return next((item for item in self.counts if item.sample == self.sample), none)
 
 
 class HammerPlace(IntEnum):
@@ -95,13 +101,14 @@ class Disarming(IntEnum):
 class HammerStatus:
     """What the hammer says of itself."""
 
-    place: HammerPlace = HammerPlace.HELD
-    is_armed: bool = False  # the operator's enable is given
+    state: HammerPlace = HammerPlace.HELD
+    armed: bool = False  # the operator's enable is given
     disarmed_by: Disarming = Disarming.OPERATOR  # also while it is given, and before it ever was
     message: str = ""
     holder: str = ""  # what holds it
     sets_angle: bool = False  # the holder does, when it is asked to
-    since: float = math.nan  # of the last change [s since the epoch]
+    # Of the last change [s since the epoch].
+    since: float = field(default=math.nan, metadata=INTERNAL)
 
     @property
     def is_stopped(self) -> bool:
@@ -111,7 +118,7 @@ class HammerStatus:
     @property
     def is_away(self) -> bool:
         """Whether a person must put it back."""
-        return self.place is HammerPlace.AWAY
+        return self.state is HammerPlace.AWAY
 
 
 NO_HAMMER = HammerStatus(HammerPlace.FAULT, message="no hammer has published its state")
@@ -129,21 +136,21 @@ class Phase(IntEnum):
 class AcquisitionStatus:
     """What the accelerometers say of themselves."""
 
-    phase: Phase = Phase.IDLE
+    state: Phase = Phase.IDLE
     record: int = 0  # of the newest arming; 0: none yet
     sample: str = ""  # that the arming is for
     message: str = ""
     source: str = ""  # what delivers the accelerations
-    is_hammerless: bool = False  # no hammer strikes anything: hits are computed, or read
+    hammerless: bool = False  # no hammer strikes anything: hits are computed, or read
 
 
 @dataclass(frozen=True)
 class RecorderStatus:
     """What the recorder says of itself."""
 
-    is_recording: bool = False
-    path: str = ""  # on the recorder's host
-    lost: int = 0  # messages
+    recording: bool = False
+    uri: str = ""  # path on the recorder's host
+    messages_lost: int = 0
     message: str = ""
 
 

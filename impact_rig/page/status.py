@@ -124,8 +124,8 @@ class RigStatus:
 
     def list_samples(self) -> tuple[SampleProgress, ...]:
         """Return the samples of the campaign, or before the first those of the set-up."""
-        if self.campaign.samples or self.setup is None:
-            return self.campaign.samples
+        if self.campaign.counts or self.setup is None:
+            return self.campaign.counts
         return tuple(SampleProgress(name) for name in self.setup.samples.names)
 
     def list_levels(self) -> tuple[tuple[str, float], ...]:

@@ -126,7 +126,7 @@ def make_view(status: RigStatus, disk: str = "") -> View:
     hits = sorted(status.hits.values(), key=lambda hit: -hit.record)[:LONGEST_LIST]
     columns, rows = _tabulate(status)
     return View(
-        is_simulated=None if status.acquisition is None else status.acquisition.is_hammerless,
+        is_simulated=None if status.acquisition is None else status.acquisition.hammerless,
         origin=_describe_origin(status),
         sentence=make_sentence(status),
         stopped=_describe_stop(status),
@@ -139,7 +139,7 @@ def make_view(status: RigStatus, disk: str = "") -> View:
         mass_differs=last is not None and Reason.OTHER_SAMPLE in _read_codes(last.findings),
         hammer=hammer,
         hammer_rows=(
-            ("where", "unknown" if hammer is NO_HAMMER else hammer.place.name.lower()),
+            ("where", "unknown" if hammer is NO_HAMMER else hammer.state.name.lower()),
             ("armed", _describe_arming(hammer)),
         ),
         is_running=campaign.is_running,
@@ -178,7 +178,7 @@ def _say_task(status: RigStatus) -> Sentence:
 def _say_step(status: RigStatus) -> Sentence:
     """Return what a campaign does by itself."""
     campaign, last = status.campaign, status.last_hit
-    match campaign.step:
+    match campaign.state:
         case Step.PAUSED | Step.DISARMING:
             return Sentence("paused", "PAUSED", campaign.message)
         case Step.COMPLETE:
@@ -231,18 +231,18 @@ def _show_samples(status: RigStatus) -> tuple[ShownSample, ...]:
         marks.setdefault(hit.sample, []).append("accepted" if hit.accepted else "rejected")
     return tuple(
         ShownSample(
-            name=sample.name,
-            is_control=sample.name == control,
-            is_current=campaign.is_running and sample.name == campaign.sample,
-            accepted=sample.accepted,
+            name=count.sample,
+            is_control=count.sample == control,
+            is_current=campaign.is_running and count.sample == campaign.sample,
+            accepted=count.accepted,
             wanted=campaign.impacts,
-            rejected=sample.rejected,
+            rejected=count.rejected,
             marks=(
-                *marks.get(sample.name, ())[-40:],
-                *[""] * max(0, min(campaign.impacts, 40) - sample.accepted),
+                *marks.get(count.sample, ())[-40:],
+                *[""] * max(0, min(campaign.impacts, 40) - count.accepted),
             ),
         )
-        for sample in status.list_samples()
+        for count in status.list_samples()
     )
 
 
@@ -322,7 +322,7 @@ def _describe_stop(status: RigStatus) -> str:
 
 
 def _describe_arming(hammer: HammerStatus) -> str:
-    if hammer.is_armed:
+    if hammer.armed:
         return f"yes, since {_format_clock(hammer.since)}"
     return f"no: {hammer.message}"
 
@@ -331,7 +331,7 @@ def _describe_origin(status: RigStatus) -> str:
     acquisition = status.acquisition
     if acquisition is None:
         return ""
-    if acquisition.is_hammerless:
+    if acquisition.hammerless:
         return f"SIMULATED: {acquisition.source}, no hammer strikes"
     return f"MEASURED: {acquisition.source}"
 
@@ -339,9 +339,9 @@ def _describe_origin(status: RigStatus) -> str:
 def _describe_health(status: RigStatus, disk: str) -> tuple[tuple[str, str], ...]:
     recorder = status.recorder
     rows = [
-        ("recording", recorder.path if recorder.is_recording else f"nothing: {recorder.message}"),
+        ("recording", recorder.uri if recorder.recording else f"nothing: {recorder.message}"),
         ("disk", disk),
-        ("lost", f"{recorder.lost} messages"),
+        ("lost", f"{recorder.messages_lost} messages"),
         ("nodes", "; ".join(status.list_troubles())),
     ]
     return tuple((name, text) for name, text in rows if text)

@@ -7,6 +7,7 @@ give bit-identical numbers.
 from array import array
 from collections.abc import Callable
 from dataclasses import is_dataclass
+from enum import IntEnum
 from functools import lru_cache
 from typing import Any, TypeVar, get_args, get_origin
 
@@ -176,8 +177,13 @@ def _value_to_message(hint: Any, value: Any, make: MessageMaker) -> Any:
     return hint(value)
 
 
-def from_message(kind: type[_T], message: Any) -> _T:
+def from_message(kind: type[_T], message: Any, **known: Any) -> _T:
     """Return the record that a message holds, from any decoder.
+
+    Parameters
+    ----------
+    known : dict
+        Fields that are not in the message as the record has them.
 
     Raises
     ------
@@ -190,7 +196,9 @@ def from_message(kind: type[_T], message: Any) -> _T:
             if field.description.is_inline
             else _value_from_message(field.hint, getattr(message, field.name))
             for field in list_fields(kind)
-        }
+            if field.name not in known
+        },
+        **known,
     )
     check_numbers(record)
     return record
@@ -207,7 +215,8 @@ def check_numbers(record: Any) -> None:
 def _value_from_message(hint: Any, value: Any) -> Any:
     if get_origin(hint) is tuple:
         return tuple(_value_from_message(get_args(hint)[0], item) for item in value)
-    return hint(value) if hint in PLAIN else from_message(hint, value)
+    is_plain = hint in PLAIN or issubclass(hint, IntEnum)
+    return hint(value) if is_plain else from_message(hint, value)
 
 
 def set_stamp(message: Any, nanoseconds: int) -> None:

@@ -24,7 +24,7 @@ BAD = HitResults(
 
 def make_campaign(step, *, accepted=0, rejected=0, sample="steel small", message=""):
     progress = SampleProgress("steel small", accepted, rejected), SampleProgress("steel large")
-    return CampaignStatus(step, message, impacts=5, samples=progress, sample=sample)
+    return CampaignStatus(step, message, impacts=5, counts=progress, sample=sample)
 
 
 def follow(view, rig, *campaigns):

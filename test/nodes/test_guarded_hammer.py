@@ -142,7 +142,7 @@ class Interlock(RuleBasedStateMachine):
 
     @rule(confirm=CONFIRMED)
     def end_swing(self, confirm):
-        swings = self.hammer.condition.place is HammerPlace.SWINGING
+        swings = self.hammer.condition.state is HammerPlace.SWINGING
         self.attempt(self.hammer.end_swing, "back", confirm_return=confirm)
         if swings and self.holder and not confirm:
             self.is_in_holder = True
@@ -158,14 +158,14 @@ class Interlock(RuleBasedStateMachine):
 
     @invariant()
     def it_goes_where_the_table_leads(self):
-        for before, after in pairwise(condition.place for condition in self.told):
+        for before, after in pairwise(condition.state for condition in self.told):
             assert after in (before, *TRANSITIONS[before])
 
     @invariant()
     def the_condition_is_what_the_rules_say_and_has_been_told(self):
         condition = self.hammer.condition
         assert condition == self.told[-1]
-        assert condition.is_armed == self.is_enabled
+        assert condition.armed == self.is_enabled
         assert (condition.disarmed_by is Disarming.EMERGENCY_STOP) == self.is_stopped
         assert condition.message
 

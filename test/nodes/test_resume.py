@@ -83,7 +83,7 @@ def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
 
     def cut(rig):
         campaign = rig.campaign
-        if not killed and campaign.sample == SAMPLES[1] and campaign.step is Step.STRIKING:
+        if not killed and campaign.sample == SAMPLES[1] and campaign.state is Step.STRIKING:
             off()
             killed.append(True)
 

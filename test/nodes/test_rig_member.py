@@ -26,4 +26,4 @@ def test_a_replay_of_its_states_does_not_keep_it_alive(harness):
     replay.publish(RecorderState(recording=True, uri="b.mcap"))
     harness.peer.destroy_publisher(publisher)
     harness.wait_until(lambda: recorder.is_gone)
-    assert recorder.state.path == "a.mcap"
+    assert recorder.state.uri == "a.mcap"

@@ -30,7 +30,7 @@ class Person:
         self.reason, self.seen_at = "", 0.0
 
     def follow(self, rig):
-        if rig.campaign.step is Step.PAUSED and "is not armed" in rig.campaign.message:
+        if rig.campaign.state is Step.PAUSED and "is not armed" in rig.campaign.message:
             self.paused.set()
 
     def let_go(self, sample, patience):

@@ -100,7 +100,7 @@ def test_a_release_is_heard_after_the_disarming_that_followed_it(
 ):
     node = rig()
     disarm(armed=False)
-    harness.wait_until(lambda: not node._hammer.is_armed)
+    harness.wait_until(lambda: not node._hammer.armed)
     release(arm(harness).record, latest_contact=60.0)
     (block,) = blocks.wait_for_count(1)
     assert block.disarmed
@@ -116,7 +116,7 @@ def test_a_hammer_that_is_disarmed_after_the_contact_takes_no_hit_away(
     desk.deliver(first)
     blocks.wait_for_count(1)
     disarm(armed=False)
-    harness.wait_until(lambda: not node._hammer.is_armed)
+    harness.wait_until(lambda: not node._hammer.armed)
     for block in rest:
         desk.deliver(block)
     got = blocks.wait(lambda got: got[-1].last)
