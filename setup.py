@@ -23,6 +23,7 @@ SOURCES = {
     "nidaqmx": "nidaqmx:NidaqmxSource",
     "scpi": "scpi:ScpiSource",
     "sound": "sound:SoundSource",
+    "opendaq": "opendaq:OpenDaqSource",
 }
 HOLDERS = {
     "virtual": "virtual.drivers:VirtualHolder",
@@ -120,6 +121,7 @@ setup(
         "nidaqmx": ["nidaqmx>=1.0,<1.1"],
         "serial": ["pyserial>=3.5"],
         "sound": ["sounddevice>=0.5"],
+        "opendaq": ["opendaq>=3.40,<3.50"],
     },
     python_requires=">=3.11",
     zip_safe=False,

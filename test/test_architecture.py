@@ -49,7 +49,7 @@ ROS = {"rclpy", "rcl_interfaces", "std_srvs"}
 WRAPS = {
     "core": {"GTC"},
     "configuration": {"pint", "yaml"},
-    "devices": {"nidaqmx", "pyvisa", "pyvisa_py", "serial", "sounddevice"},
+    "devices": {"nidaqmx", "opendaq", "pyvisa", "pyvisa_py", "serial", "sounddevice"},
     "files": {"RigolWFM", "h5py", "nptdms", "pyarrow", "python_calamine", "pyuff"},
     "recordings": {"lz4", "mcap", "mcap_protobuf", "rosbags", "yaml", "zstandard"},
     "analysis": {"dask", "distributed"},

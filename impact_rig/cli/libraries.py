@@ -43,6 +43,7 @@ LIBRARIES = (
     Library("pyvisa_py", "pyvisa-py", is_needed=False),
     Library("serial", "pyserial", is_needed=False),
     Library("sounddevice", "sounddevice", is_needed=False),
+    Library("opendaq", "opendaq", is_needed=False),
     Library("distributed", "distributed", is_needed=False),
     Library("matplotlib", "matplotlib", is_needed=False),
     Library("jinja2", "jinja2", is_needed=False),

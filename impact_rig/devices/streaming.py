@@ -14,7 +14,7 @@ from impact_rig.core.errors import DeviceError
 from impact_rig.core.records import Block
 from impact_rig.devices.protocols import NOT_MEASURED, Acquisition, AcquisitionPlan, ChannelScale
 
-CountArray = NDArray[np.int32]
+CountArray = NDArray[np.int32] | NDArray[np.float64]
 
 
 class StreamedSource(ABC):
@@ -37,6 +37,7 @@ class StreamedSource(ABC):
         # mean, of the hammer's and, where it is measured, the sample's channel.
         self.name, self.sampling_rate = "", 0.0
         self.scales: tuple[ChannelScale, ...] = ()
+        self.is_simulated = False  # the device computes its numbers
         self._record: deque[Block] = deque()
         self._is_armed = False
         self._armed_at = self._searched = 0
@@ -60,14 +61,14 @@ class StreamedSource(ABC):
         with self.changed:
             while self.count < max(plan.pre_trigger_points, 1):
                 self._wait(time.monotonic() + self.longest_silence)
-        return Acquisition(self.name, self.sampling_rate)
+        return Acquisition(self.name, self.sampling_rate, self.is_simulated)
 
     def take(self, counts: CountArray, stamp: int, lost: int = 0) -> None:
         """Take the next points, shape (n, channels), which do not change any more.
 
         Parameters
         ----------
-        counts : ndarray of int32
+        counts : ndarray of int32 or float64
             As the device gives them.
         stamp : int
             When the first of them was taken [ns since the epoch].
