@@ -104,7 +104,7 @@ class Passage:
         """m2 / m1 by Newton's law on a spring, else by the momenta [-]; NaN: neither is sure."""
         if self.hold is Hold.SPRING:
             return self.mass_ratio
-        if self.hold is Hold.UNCLEAR:
+        if self.hold is Hold.UNCLEAR or self.sample_change == 0.0:
             return math.nan
         return self.hammer_change / self.sample_change
 

@@ -321,6 +321,13 @@ def test_a_list_of_channels_in_json_is_read(tmp_path):
         read(path)
 
 
+def test_a_dead_channel_of_the_sample_is_no_crash(tmp_path):
+    np.savez(tmp_path / "hit.npz", hammer=FORCE, sample=np.zeros(COUNT), fs=RATE)
+    given = {"hammer_mass": 0.5, "sample_mass": 1.0, "hammer_unit": "m/s^2"}
+    (found,), _ = read(tmp_path / "hit.npz", **given)
+    assert found == pytest.approx(RIGHT, rel=1e-3) or np.isnan(found)
+
+
 def test_times_alone_are_no_trace(tmp_path):
     write_text(tmp_path / "hit.csv", "Timestamp,X,Y,Z", TIME.tolist())
     with pytest.raises(ValueError, match="no values beside its times"):
