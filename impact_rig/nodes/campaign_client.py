@@ -117,7 +117,7 @@ class CampaignClient(RigClient):
             self.listen(topic, self._on_state)
         new_ones = copy(interfaces.RELEASE.qos)
         new_ones.durability = DurabilityPolicy.VOLATILE
-        self.listen(interfaces.RELEASE, self._on_release, new_ones)
+        self.listen(replace(interfaces.RELEASE, qos=new_ones), self._on_release)
         self._note = self.advertise(interfaces.NOTE)
         self._action = ActionClient(self._node, RunCampaign, interfaces.RUN_CAMPAIGN)
 

@@ -11,9 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, Self
 
 import rclpy
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError
@@ -88,24 +86,10 @@ class RigClient:
         self,
         topic: interfaces.Topic,
         callback: Callable[[Received[Any]], None],
-        qos: QoSProfile | None = None,
         on_liveliness: Callable[[Any], None] | None = None,
     ) -> None:
-        """Subscribe to a topic, by the same way in as the rig's nodes."""
-
-        def on_message(message: Any) -> None:
-            if received := self._intake.take(topic, message):
-                callback(received)
-
-        self._node.create_subscription(
-            topic.type,
-            topic.name,
-            on_message,
-            qos or (topic.leased_qos if on_liveliness else topic.qos),
-            event_callbacks=SubscriptionEventCallbacks(
-                liveliness=on_liveliness, use_default_callbacks=False
-            ),
-        )
+        """Subscribe to a topic, as `Intake.subscribe`: by the same way in as the rig's nodes."""
+        self._intake.subscribe(topic, callback, on_liveliness)
 
     def spin_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Take messages until a condition is true; return whether it came true in time [s].
@@ -177,16 +161,6 @@ def hold_interrupts() -> Iterator[list[int]]:
         raise KeyboardInterrupt
 
 
-SERVICES = {
-    "arm": interfaces.ARM_HAMMER,
-    "disarm": interfaces.DISARM_HAMMER,
-    "stop": interfaces.EMERGENCY_STOP,
-    "reset": interfaces.RESET_HAMMER,
-    "confirm": interfaces.CONFIRM_HELD,
-}
-"""What can be asked for, and by which service."""
-
-
 class HammerClient(RigClient):
     """Asks the hammer of a rig that is up; use it in a ``with`` statement.
 
@@ -203,14 +177,16 @@ class HammerClient(RigClient):
         self._timeout = timeout
 
     def ask(self, action: str) -> str:
-        """Ask for something of `SERVICES`; return what was done.
+        """Ask for something of `interfaces.HAMMER_ACTS`; return what was done.
 
         Raises
         ------
         DeviceError
             If it was refused, or no answer comes.
         """
-        response = self.call(Trigger, SERVICES[action], Trigger.Request(), self._timeout)
+        response = self.call(
+            Trigger, interfaces.HAMMER_ACTS[action], Trigger.Request(), self._timeout
+        )
         if not response.success:
             raise DeviceError(f"refused: {response.message}")
         return str(response.message)

@@ -48,26 +48,20 @@ def traces_from_msg(message: msg.ModelComparison) -> SampleTraces:
     ParameterError
         If rate, peaks or traces cannot be meant.
     """
-    rate = message.sampling_rate
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise ParameterError(f"sampling_rate is {rate:g} Hz: it must be above 0")
+    rate = _read_rate(message)
     for name in ("start_time", "contact_time", "hammer_peak", "specimen_peak"):
         if not math.isfinite(value := getattr(message, name)):
             raise ParameterError(f"{name} is {value:g}: it must be finite")
     measured = (message.hammer_measured, message.specimen_measured)
     modelled = (message.hammer_model, message.specimen_model)
-    sizes = {len(trace) for trace in (*measured, *modelled)}
-    if len(sizes) != 1 or 0 in sizes:
-        raise ParameterError(
-            f"its traces have {sorted(sizes)} points: they must be as long, and not empty"
-        )
+    size = len(message.hammer_measured)
     peaks = np.array([[message.hammer_peak], [message.specimen_peak]])
     return SampleTraces(
         name=message.sample,
         sampling_rate=rate,
         # There from the start of the contact, here from its middle.
         start_time=message.start_time - message.contact_time / 2.0,
-        mean=_stack(measured) * peaks,
+        mean=_stack(measured, size) * peaks,
         contact_time=message.contact_time,
         half_amplitude_width=math.nan,
         first_peak_time=math.nan,
@@ -75,7 +69,7 @@ def traces_from_msg(message: msg.ModelComparison) -> SampleTraces:
         models=(
             ModelTraces(
                 message.model,
-                _stack(modelled) * peaks,
+                _stack(modelled, size) * peaks,
                 (message.mse_hammer_percent, message.mse_sample_percent),
             ),
         ),
@@ -90,23 +84,29 @@ def judged_traces_from_msg(message: msg.ImpactTrace) -> JudgedTraces:
     ParameterError
         If rate or traces cannot be meant.
     """
-    rate = message.sampling_rate
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise ParameterError(f"sampling_rate is {rate:g} Hz: it must be above 0")
+    rate = _read_rate(message)
     channels = [message.hammer] + [message.specimen] * bool(message.specimen)
-    sizes = {len(trace) for trace in (message.time, *channels)}
-    if len(sizes) != 1 or 0 in sizes:
-        raise ParameterError(
-            f"its traces have {sorted(sizes)} points: they must be as long, and not empty"
-        )
-    traces = _stack(tuple(channels))
+    traces = _stack(tuple(channels), len(message.time))
     if not (np.isfinite(traces).all() and math.isfinite(message.time[0])):
         raise ParameterError("its traces must be finite")
     aligned = AlignedHit(label_from_msg(message), rate, float(message.time[0]), traces)
     return JudgedTraces(aligned, message.accepted, message.contact_time, tuple(message.full_scale))
 
 
-def _stack(traces: tuple[Any, ...]) -> NDArray[np.float64]:
-    """Return traces of a message, shape (channels, n)."""
+def _read_rate(message: msg.ModelComparison | msg.ImpactTrace) -> float:
+    """Return the sampling rate [Hz]; raises `ParameterError` if it cannot be meant."""
+    rate = float(message.sampling_rate)
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise ParameterError(f"sampling_rate is {rate:g} Hz: it must be above 0")
+    return rate
+
+
+def _stack(traces: tuple[Any, ...], size: int) -> NDArray[np.float64]:
+    """Return traces of a message, shape (channels, size); raises `ParameterError`."""
+    sizes = {size, *map(len, traces)}
+    if len(sizes) != 1 or 0 in sizes:
+        raise ParameterError(
+            f"its traces have {sorted(sizes)} points: they must be as long, and not empty"
+        )
     views = [np.frombuffer(memoryview(trace), np.float32) for trace in traces]
     return np.stack(views).astype(np.float64)

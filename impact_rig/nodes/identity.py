@@ -9,6 +9,7 @@ import uuid
 from dataclasses import dataclass
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from impact_rig_msgs.msg import StreamBlock
 from unique_identifier_msgs.msg import UUID
 
@@ -37,12 +38,15 @@ class Identity:
     campaign_id: bytes = NO_ID
     stream_id: bytes = NO_ID
 
-    def fill(self, message: Any) -> None:
-        """Put the ids into a message, those that it has."""
+    def fill(self, message: Any, stamp: Time | None = None) -> Any:
+        """Put the ids into a message, those that it has, and a stamp; return the message."""
         if hasattr(message, "campaign_id"):
             message.campaign_id = id_to_msg(self.campaign_id)
         if hasattr(message, "stream_id"):
             message.stream_id = id_to_msg(self.stream_id)
+        if stamp is not None:
+            message.header.stamp = stamp
+        return message
 
 
 NO_IDENTITY = Identity()

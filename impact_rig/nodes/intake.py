@@ -5,9 +5,11 @@ What is not is dropped, counted and named once; it ends no program.
 
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
 from impact_rig.configuration.processes import MEASURING
@@ -77,6 +79,31 @@ class Intake:
                     f"a message of {topic.name} is dropped, as all like it: {error}"
                 )
             return None
+
+    def subscribe(
+        self,
+        topic: Topic,
+        callback: Callable[[Received[Any]], None],
+        on_liveliness: Callable[[Any], None] | None = None,
+    ) -> Any:
+        """Let the node be called back with each message of a topic that counts.
+
+        `on_liveliness` gets the number of publishers that are alive and silent, when it changes.
+        """
+
+        def on_message(message: Any) -> None:
+            if received := self.take(topic, message):
+                callback(received)
+
+        return self._node.create_subscription(
+            topic.type,
+            topic.name,
+            on_message,
+            topic.qos if on_liveliness is None else topic.leased_qos,
+            event_callbacks=SubscriptionEventCallbacks(
+                liveliness=on_liveliness, use_default_callbacks=False
+            ),
+        )
 
     def _name_foreign(self, topic: Topic) -> None:
         """Warn once of each node whose messages are ignored."""

@@ -205,6 +205,14 @@ CONFIRM_HELD = "hammer/confirm_held"
 EMERGENCY_STOP = "hammer/emergency_stop"
 RESET_HAMMER = "hammer/reset"
 """Ends an emergency stop; after it the hammer must be armed again."""
+HAMMER_ACTS = {
+    "arm": ARM_HAMMER,
+    "disarm": DISARM_HAMMER,
+    "stop": EMERGENCY_STOP,
+    "reset": RESET_HAMMER,
+    "confirm": CONFIRM_HELD,
+}
+"""What a person can ask of the hammer, and by which service."""
 CONFIRM_SAMPLE = "campaign/confirm_sample"
 GET_RESULTS = "estimator/get_results"
 PAUSE_CAMPAIGN = "campaign/pause"

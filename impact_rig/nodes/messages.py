@@ -64,6 +64,4 @@ def virtual_hit_to_msg(
         contact_time=virtual.model.contact_time,
         peak_force=virtual.model.peak_force,
     )
-    message.header.stamp = stamp
-    identity.fill(message)
-    return message
+    return identity.fill(message, stamp)

@@ -19,7 +19,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.processes import Notice, notify
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.errors import DeviceError, ParameterError
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
@@ -38,11 +38,7 @@ from impact_rig.results.traces import JudgedTraces
 SHOW_PERIOD = 0.05
 """Between two views at least [s]: a person sees no more."""
 TRIGGERS = {
-    "stop": interfaces.EMERGENCY_STOP,
-    "reset": interfaces.RESET_HAMMER,
-    "arm": interfaces.ARM_HAMMER,
-    "disarm": interfaces.DISARM_HAMMER,
-    "held": interfaces.CONFIRM_HELD,
+    **interfaces.HAMMER_ACTS,
     "pause": interfaces.PAUSE_CAMPAIGN,
     "resume": interfaces.RESUME_CAMPAIGN,
 }
@@ -182,8 +178,7 @@ class PageNode(RigNode):
         def call(form: Form) -> "Future[Answer]":
             answer: Future[Answer] = Future()
             if not client.service_is_ready():
-                answer.set_result(Answer(done=False, message=f"no node offers {name}"))
-                return answer
+                raise DeviceError(f"no node offers {name}")
 
             def finish(done: Any) -> None:
                 response = done.result()
@@ -212,14 +207,9 @@ class PageNode(RigNode):
     def _start(self, form: Form) -> "Future[Answer]":
         """Begin a campaign."""
         answer: Future[Answer] = Future()
-        try:
-            goal = _read_goal(form)
-        except ParameterError as error:
-            answer.set_result(Answer(done=False, message=str(error)))
-            return answer
+        goal = _read_goal(form)
         if not self._campaigns.server_is_ready():
-            answer.set_result(Answer(done=False, message="no campaign node answers"))
-            return answer
+            raise DeviceError("no campaign node answers")
 
         def finish(done: Any) -> None:
             is_accepted = done.result().accepted

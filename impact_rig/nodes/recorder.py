@@ -441,9 +441,8 @@ class RecorderNode(RigNode):
             gaps=count.gaps,
             missing_points=count.missing_points,
         )
-        Identity(self.membership.identity.campaign_id, count.stream_id).fill(message)
-        message.header.stamp = stamp_to_msg(count.stamp)
-        self._stored.publish(message)
+        identity = Identity(self.membership.identity.campaign_id, count.stream_id)
+        self._stored.publish(identity.fill(message, stamp_to_msg(count.stamp)))
 
     def _on_diagnostics(self, writer: RecordingWriter, message: DiagnosticArray) -> None:
         """Write the parameters of a node of the rig that have not been written yet."""

@@ -47,10 +47,8 @@ def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
         sample_mass=judged.sample_mass,
         findings=[str(finding) for finding in judged.findings],
     )
-    identity.fill(message)
-    message.header.stamp = stamp_to_msg(judged.stamp)
     fill_message(message.origin, judged.origin)
-    return message
+    return identity.fill(message, stamp_to_msg(judged.stamp))
 
 
 def trace_to_msg(
@@ -68,9 +66,7 @@ def trace_to_msg(
         hammer=_floats(hammer),
         specimen=_floats(others[0]) if others else array("f"),
     )
-    identity.fill(message)
-    message.header.stamp = stamp_to_msg(judged.stamp)
-    return message
+    return identity.fill(message, stamp_to_msg(judged.stamp))
 
 
 def results_from_msg(message: Any, faults: Mapping[int, Sequence[str]]) -> Results:
@@ -102,10 +98,7 @@ def estimate_to_msg(
     estimate: SampleEstimate | HammerEstimate, stamp: Time, identity: Identity
 ) -> Any:
     """Return a sample's or the hammer's estimate as a message."""
-    message = record_to_msg(estimate)
-    message.header.stamp = stamp
-    identity.fill(message)
-    return message
+    return identity.fill(record_to_msg(estimate), stamp)
 
 
 def comparison_to_msg(
@@ -130,9 +123,7 @@ def comparison_to_msg(
         mse_hammer_percent=compared.hammer.mse_percent,
         mse_sample_percent=compared.specimen.mse_percent,
     )
-    message.header.stamp = stamp
-    identity.fill(message)
-    return message
+    return identity.fill(message, stamp)
 
 
 def _floats(values: FloatArray) -> "array[float]":

@@ -6,7 +6,7 @@ from typing import Any
 
 from impact_rig_msgs.srv import JoinCampaign
 from rclpy.duration import Duration
-from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks
 
 from impact_rig.core.errors import RigError
 from impact_rig.core.setup import RigSetup
@@ -72,26 +72,13 @@ class RigNode(ManagedNode):
         *,
         on_liveliness: Callable[[Any], None] | None = None,
     ) -> Any:
-        """Subscribe to one of the rig's topics, by the node's intake.
+        """Subscribe to one of the rig's topics, as `Intake.subscribe`."""
 
-        `callback` is called with each message that counts, as `Received`, and `on_liveliness` with
-        the number of publishers that are alive and silent, when it changes.
-        """
+        def take(received: Received[Any]) -> None:
+            self.on_received(topic, callback, received)
+            self.wake_waiters()
 
-        def on_message(message: Any) -> None:
-            if received := self.intake.take(topic, message):
-                self.on_received(topic, callback, received)
-                self.wake_waiters()
-
-        return self.create_subscription(
-            topic.type,
-            topic.name,
-            on_message,
-            topic.qos if on_liveliness is None else topic.leased_qos,
-            event_callbacks=SubscriptionEventCallbacks(
-                liveliness=on_liveliness, use_default_callbacks=False
-            ),
-        )
+        return self.intake.subscribe(topic, take, on_liveliness)
 
     def on_received(
         self, topic: Topic, callback: Callable[[Any], None], received: Received[Any]
@@ -126,10 +113,8 @@ class RigNode(ManagedNode):
 
         def publish(**fields: Any) -> None:
             newest.update(fields)
-            message = topic.type(**newest)
-            self.membership.identity.fill(message)
-            message.header.stamp = self.get_clock().now().to_msg()
-            publisher.publish(message)
+            stamp = self.get_clock().now().to_msg()
+            publisher.publish(self.membership.identity.fill(topic.type(**newest), stamp))
 
         # Members of a campaign ignore what was published before this node joined it.
         self._states.append((publisher, lambda: publish() if newest else None))

@@ -25,7 +25,7 @@ from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.errors import DeviceError, ParameterError, RigError
 
 STATIC = {"page.css": "text/css; charset=utf-8", "page.js": "text/javascript; charset=utf-8"}
 HEARTBEAT = 1.0
@@ -121,7 +121,8 @@ class PageServer:
     address : Address
         Where to listen.
     acts : mapping of str to callable
-        What a person can do, by the name of its form. Called in the server's thread.
+        What a person can do, by the name of its form. Called in the server's thread; a `RigError`
+        says why it is not done.
 
     Raises
     ------
@@ -333,11 +334,13 @@ class Acts(_Checked):
             self.keep(WHO, form[WHO][:60])
             answer = Answer(done=True, message="")
         elif name in self.server.acts:
-            pending = asyncio.wrap_future(self.server.acts[name](form))
             try:
+                pending = asyncio.wrap_future(self.server.acts[name](form))
                 answer = await asyncio.wait_for(pending, ANSWER_TIMEOUT)
             except TimeoutError:
                 answer = Answer(done=False, message=f"the rig did not answer to {name!r}")
+            except RigError as error:
+                answer = Answer(done=False, message=str(error))
         else:
             raise HTTPError(404, reason=f"nothing is called {name!r}")
         if "application/json" in self.request.headers.get("Accept", ""):

@@ -181,11 +181,11 @@ def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
     contents = Contents(run, tuple(Scan(path, is_strict=False) for path in run.files))
     wanted, watch, before = _choose_topics(contents), HitWatch(), 0
     for scan in contents.scans:
-        counts: dict[int, _ChannelCount] = {}
+        counts: dict[int, BlockCount] = {}  # of messages, by their numbers
         for item in scan.read(wanted, partial(report_from, report, before)):
             if isinstance(item, RawMessage):
                 _find_topic(contents, item.channel).take(item)
-                counts.setdefault(item.channel.id, _ChannelCount(item.sequence)).take(item)
+                counts.setdefault(item.channel.id, BlockCount()).add(item.sequence, 1)
                 if item.channel.type_name in _DECODED:
                     _add_message(contents, watch, item)
             else:
@@ -213,23 +213,6 @@ def _find_topic(contents: Contents, channel: Channel) -> TopicContents:
     if channel.topic not in contents.topics:
         contents.topics[channel.topic] = TopicContents(channel.topic, channel.type_name)
     return contents.topics[channel.topic]
-
-
-@dataclass
-class _ChannelCount:
-    """How many messages of a channel there are in one file, and by their numbers should be."""
-
-    first: int
-    last: int = 0
-    messages: int = 0
-
-    def take(self, message: RawMessage) -> None:
-        self.last = message.sequence
-        self.messages += 1
-
-    @property
-    def missing(self) -> int:
-        return max(self.last - self.first + 1 - self.messages, 0)
 
 
 def _add_file_item(contents: Contents, item: Attachment | MetadataRecord) -> None:
@@ -276,16 +259,16 @@ def _add_message(contents: Contents, watch: HitWatch, message: RawMessage) -> No
 
 
 def _count_lost(
-    contents: Contents, scan: Scan, counts: Mapping[int, _ChannelCount], wanted: Wanted
+    contents: Contents, scan: Scan, counts: Mapping[int, BlockCount], wanted: Wanted
 ) -> None:
     """Count the further messages of each topic that are known to have been written to a file."""
     written: Counter[int] = Counter()
     if scan.summary is not None and scan.summary.statistics is not None:
         written |= Counter(scan.summary.statistics.channel_message_counts)
     for channel in filter(wanted, scan.channels.values()):
-        count = counts.get(channel.id, _ChannelCount(0, -1))
-        numbered = count.missing if scan.is_of_recorder else 0
-        lost = max(written[channel.id] - count.messages, numbered, 0)
+        count = counts.get(channel.id, BlockCount())
+        numbered = count.missing_points if scan.is_of_recorder else 0
+        lost = max(written[channel.id] - count.blocks, numbered)
         _find_topic(contents, channel).lost += lost
 
 
