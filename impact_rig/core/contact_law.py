@@ -1,32 +1,47 @@
-"""The contact law of a sample, from the shape of the hammer's pulse."""
+"""The contact law of a sample, from the shape of the hammer's pulses."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache
 
 import numpy as np
 
 from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.filtering import Chain
 from impact_rig.core.hits import MeanHit
-from impact_rig.core.identification import compute_raw_noise, find_largest_residual
-from impact_rig.core.law_pulses import LIMITS as TABLES
-from impact_rig.core.law_pulses import LOSSES, LossForm, compute_pulses
+from impact_rig.core.identification import compute_raw_noise
+from impact_rig.core.law_fit import (
+    COUNT,
+    EXPONENT,
+    HEIGHT,
+    LOSS,
+    OFFSET,
+    PULL,
+    SMALL_PART,
+    START,
+    TERM,
+    TIME,
+    FittedLoss,
+    evaluate_laws,
+    fit_forms,
+    fit_hits,
+    list_losses,
+    weigh_losses,
+)
+from impact_rig.core.law_fit import LIMITS as FITS
+from impact_rig.core.law_pulses import LossForm, compute_pulses, find_places
 from impact_rig.core.momenta import find_odd_hits, name_hits
 from impact_rig.core.pulse_shape import (
-    Evaluation,
     PulseWindow,
     WindowFit,
     compute_unexplained,
     cut_window,
     fit_shapes,
-    fit_window,
 )
 from impact_rig.core.pulse_width import PulseWidth, measure_pulse
 from impact_rig.core.pulses import VERSED_SINE
 from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
-from impact_rig.core.records import FloatArray, make_read_only
+from impact_rig.core.records import FloatArray
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.tail import ZERO_AFTER, compute_share
@@ -40,154 +55,20 @@ from impact_rig.core.uncertainty import (
     make_rig_numbers,
 )
 
-COUNT = 6
-START, TIME, HEIGHT, OFFSET, LOSS, EXPONENT = range(COUNT)
-"""Places of the parameters; the last one is not varied where it is given."""
-
 
 @dataclass(frozen=True)
 class Limits:
-    """Of the fit, and of what is said of it; all are our choices."""
+    """Of what is said of a fit; all are our choices."""
 
-    possible: float = 4.5  # [-] of what the best form leaves: a loss δ δ' leaves 4.3 times
-    as_well: float = 1.1  # [-] the same: 10 in BIC of some 50 points, Kass and Raftery 1995
-    step: float = 1e-4  # [-] of n and B, relative of what else there is, for derivatives
-    finest: float = 1.0 / 64.0  # [w50] over which the force is averaged
-    margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
-    starting_exponents: tuple[float, ...] = (1.0, 1.5, 2.2, 2.8)  # n [-]
-    starting_losses: tuple[float, ...] = (0.05, 0.2, 0.4, 0.6, 0.8, 0.95)  # [-] of the largest B
+    # [-] of the peak that a law may leave beyond the noise: what leaves more is another contact,
+    # an amplifier or an average with jitter
+    left: float = 0.005
     points: float = 6.0  # [-] in w50: a dozen in the contact for six parameters
+    margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
+    nearer: float = 1.1  # [-] 10 in BIC of some 50 points, Kass and Raftery 1995
 
 
 LIMITS = Limits()
-
-
-_SHAPE_TIMES = np.linspace(-1.2, 1.5, 55)
-"""Where starts are compared with a window [w50]."""
-
-
-@lru_cache(maxsize=4)
-def _tabulate_starts(exponents: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-    """Return parameters of pulses of all forms, and their shapes at `_SHAPE_TIMES`.
-
-    Each is of the window's width, middle and peak; shapes (forms, starts, ...).
-    """
-    pairs = [(n, part) for n in exponents for part in LIMITS.starting_losses]
-    exponent = np.array([[n for n, _ in pairs] for _ in LOSSES]).ravel()
-    loss = np.array([[part * most for _, part in pairs] for _, most in LOSSES.values()]).ravel()
-    pulses = compute_pulses(exponent, loss, *LOSSES)
-    time = pulses.duration[:, np.newaxis] * np.linspace(0.0, 1.0, 257)
-    force = pulses.compute_force(time)
-    peak = force.max(axis=1)
-    is_high = force > peak[:, np.newaxis] / 2.0
-    first, last = (np.nanquantile(np.where(is_high, time, np.nan), end, axis=1) for end in (0, 1))
-    width, middle = last - first, (first + last) / 2.0
-    starts = np.stack(
-        (-middle / width, 1.0 / width, 1.0 / peak, 0.0 * loss, loss, exponent), axis=1
-    )
-    shapes = pulses.compute_force(middle[:, np.newaxis] + width[:, np.newaxis] * _SHAPE_TIMES)
-    shapes /= peak[:, np.newaxis]
-    split = len(LOSSES), len(pairs), -1
-    return make_read_only(starts.reshape(split)), make_read_only(shapes.reshape(split))
-
-
-def _find_starts(window: PulseWindow, exponent: float | None) -> FloatArray:
-    """Return where to begin with each form: at the nearest of some pulses, shape (forms, 6).
-
-    From a loss that is far off, some searches end at a pulse without loss.
-    """
-    starts, shapes = _tabulate_starts(
-        LIMITS.starting_exponents if exponent is None else (exponent,)
-    )
-    measured = np.interp(_SHAPE_TIMES, window.time, window.measured)
-    nearest = np.argmin(np.sum((shapes - measured) ** 2, axis=-1), axis=1)
-    return np.asarray(starts[np.arange(len(starts)), nearest])
-
-
-def evaluate_laws(window: PulseWindow, parameters: FloatArray, *forms: LossForm) -> Evaluation:
-    """Return fitted minus measured, and its derivatives in the parameters; as many of each form.
-
-    The force is averaged over a point of the model's, from its impulse: it may jump, and what is
-    fitted must not go in steps when the start moves from one point to the next.
-    """
-    start, time, height, offset, loss, exponent = parameters.T[..., np.newaxis]
-    more = LIMITS.step
-    pulses = compute_pulses(
-        (exponent + np.array([0.0, 0.0, more])).ravel(),
-        (loss + np.array([0.0, more, 0.0])).ravel(),
-        *forms,
-    )
-    spacing = window.model_time[1] - window.model_time[0]
-    reach = min(spacing, LIMITS.finest) / 2.0
-    ends = start + time * pulses.duration.reshape(-1, 3)
-    part = window.find_part(float(start.min()) - reach, float(ends.max()) + reach)
-    shown_time = window.model_time[part]
-    # Fine points have their edges in common.
-    last = shown_time[-1:] if spacing <= LIMITS.finest else shown_time
-    edges = np.concatenate((shown_time - reach, last + reach))
-    impulse = pulses.compute_impulse(np.repeat((edges - start) / time, 3, axis=0))
-    impulse = impulse.reshape(len(parameters), 3, -1)
-    force = impulse[..., -shown_time.size :] - impulse[..., : shown_time.size]
-    force *= (time / (2.0 * reach))[..., np.newaxis]
-    rows = np.zeros((len(parameters), COUNT, shown_time.size))
-    rows[:, START] = -height * np.gradient(force[:, 0], spacing, axis=1)
-    rows[:, TIME] = rows[:, START] * (shown_time - start) / time
-    rows[:, HEIGHT] = force[:, 0]
-    rows[:, LOSS:] = (height / more)[..., np.newaxis] * (force[:, 1:] - force[:, :1])
-    shown = window.show(rows, part)
-    shown[:, OFFSET] = 1.0
-    return height * shown[:, HEIGHT] + offset - window.measured, shown
-
-
-def fit_forms(
-    window: PulseWindow, exponent: float | None, noise: float
-) -> dict[LossForm, WindowFit]:
-    """Return the fits of all forms that are possible, the one that is taken first.
-
-    A loss between two forms leaves some of the pulse in both, up to `LIMITS.possible` times as
-    much in one as in the other: so far every form is possible, beside the best.
-
-    Parameters
-    ----------
-    exponent : float or None
-        n where it is given [-].
-    noise : float
-        Of the trace, over the peak [-].
-    """
-    forms = np.array(list(LOSSES))
-    bounds = np.empty((2, len(LOSSES), COUNT))
-    bounds[0], bounds[1] = -np.inf, np.inf
-    # T over w50: no pulse of the family is so wide.
-    bounds[0, :, TIME] = 0.05
-    bounds[..., LOSS] = np.transpose(list(LOSSES.values()))
-    bounds[..., EXPONENT] = (
-        [[limit] for limit in TABLES.exponents] if exponent is None else exponent
-    )
-    each = fit_window(
-        window,
-        lambda parameters, which: evaluate_laws(window, parameters, *forms[which]),
-        _find_starts(window, exponent),
-        bounds,
-        most=2.0 * LIMITS.possible,
-    )
-    exponents, losses = np.array([fit.parameters for fit in each]).T[[EXPONENT, LOSS]]
-    restitutions = compute_pulses(exponents, losses, *LOSSES).restitution
-    best = min(each, key=lambda fit: (not fit.is_inside, fit.residual))
-    # The tables of pulses tell no difference below 1e-5 of the peak.
-    as_well = LIMITS.as_well * max(best.residual, 1e-5)
-    # Noise alone leaves half its own square and more.
-    misfit = math.sqrt(max(best.residual**2 - noise**2 / 2.0, 0.0))
-    limit = max(math.hypot(LIMITS.possible * misfit, noise), as_well)
-    possible = {
-        form: fit
-        for form, fit in zip(LOSSES, each, strict=True)
-        if fit is best or (fit.is_inside and fit.residual < limit)
-    }
-    taken = next(form for form, fit in possible.items() if fit.residual <= as_well)
-    # Free bodies gain no energy; the fit itself may be wrong by 1e-3.
-    gaining = {form for form, e in zip(LOSSES, restitutions, strict=True) if e > 1.0 + 1e-3}
-    others = {form: fit for form, fit in possible.items() if form not in gaining | {taken}}
-    return {taken: possible[taken], **others}
 
 
 @dataclass(frozen=True)
@@ -229,7 +110,8 @@ class ContactLaw(Comparable):
         default=UNKNOWN, metadata=describe("N/m", "k_lin", "linear stiffness", shown="MN/m")
     )
     form: str = ""  # of the loss, of `LossForm`
-    loss: float = math.nan  # B of `impact_rig.core.law_pulses` [-]
+    loss: float = math.nan  # [-] of `impact_rig.core.law_pulses`, as `pull`
+    pull: float = math.nan
     residual_percent: float = math.nan  # RMS of what the best law leaves, over the peak [%]
     notes: tuple[str, ...] = ()  # what is not determined, and why; what is not told apart
     # Of the relative errors of `SCALED`, by sources that no other sample has: masses and clock,
@@ -259,7 +141,7 @@ SCALED = ("impact_speed", "duration", "peak_force", "restitution")
 
 
 def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
-    """Estimate the contact law of one sample from its mean hit.
+    """Estimate the contact law of one sample, hit by hit.
 
     Of one hit or more: type A is the scatter of the hits, or of one hit its noise. Without a mass
     duration, e and n are known, with the hammer's also force and impulse.
@@ -273,6 +155,82 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     """
     masses = make_rig_numbers(setup, sample).follow(follow_series(mean))
     exponent = setup.analysis.contact_exponent or None
+    chain = setup.find_chains(mean.sampling_rate)[0]
+    fits = _fit_law(mean, chain, exponent)
+    without = ContactLaw(
+        residual_percent=100.0 * fits.residual, warnings=_check_hits(mean, fits.leaves)
+    )
+    changes = _change_sensor(mean, fits, setup.find_sensor("hammer"), chain)
+    is_worse, excludes_versed_sine = _compare_with_versed_sine(fits)
+    reason = _find_misfit(fits, changes, is_worse=is_worse)
+    if reason is not None:
+        return replace(without, notes=(reason,))
+    scatter = Source(f"scatter of the hits on {sample}", max(len(fits.points) - 1.0, 1.0))
+    quantities, own = _compute_quantities(
+        fits, _list_sources(mean, fits, changes), masses, (scatter, mean.count)
+    )
+    reason = _find_doubt(quantities)
+    if reason is not None:
+        return replace(without, notes=(reason,))
+    touch = fits.unit * float(fits.points[:, START].mean())
+    return ContactLaw(
+        **quantities,
+        residual_percent=without.residual_percent,
+        form=fits.losses[fits.best].name,
+        loss=float(fits.points[:, LOSS].mean()),
+        pull=float(fits.points[:, PULL].mean()),
+        own_covariances=own,
+        separation=touch + quantities["duration"].value,
+        notes=_list_notes(exponent, masses, fits),
+        warnings=without.warnings + _check_rest(fits),
+        excludes_versed_sine=excludes_versed_sine,
+    )
+
+
+@dataclass(frozen=True)
+class _LawFits:
+    """The models of the loss fitted to the mean pulse, and the best of them to every hit."""
+
+    pulse: PulseWidth  # of the mean
+    window: PulseWindow
+    unit: float  # [s] of w50
+    noise: float  # of the mean, over its peak [-]
+    correlation: FloatArray  # of the noise, from 0 points on, over its variance [-]
+    losses: list[FittedLoss]  # of the mean
+    best: int  # of the losses
+    points: FloatArray  # (k, 7), parameters of the hits whose fit ended
+    leaves: FloatArray  # (hits,), RMS of what the best model leaves of each hit
+    left: FloatArray  # (n,), what the best model leaves of all hits together, over the peak
+    chances: FloatArray  # (losses,), how probable each is by what it leaves
+    is_inside: bool  # of most hits a fit ended
+
+    @property
+    def fit(self) -> WindowFit:
+        """Of the best model to the mean."""
+        return self.losses[self.best].fit
+
+    @property
+    def width(self) -> float:
+        """w50 of the mean [points]."""
+        return self.pulse.half_amplitude_width
+
+    @property
+    def scales(self) -> FloatArray:
+        """Of the parameters: SI units over the window's."""
+        return np.array([1.0, self.unit, abs(self.pulse.peak), 1.0, 1.0, 1.0, 1.0])
+
+    @property
+    def residual(self) -> float:
+        """RMS of what the forms leave, over the peak [-]."""
+        return math.sqrt(self.left @ self.left / (self.left.size - COUNT))
+
+    @property
+    def unexplained(self) -> float:
+        """What is left beyond the noise, over the peak [-]."""
+        return compute_unexplained(self.residual, self.noise)
+
+
+def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
     pulse = measure_pulse(mean.traces[0])
     width, peak = pulse.half_amplitude_width, abs(pulse.peak)
     if width < LIMITS.points:
@@ -280,100 +238,115 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
             f"contact law: {width:.2g} points in the pulse's width at half amplitude do not tell"
             f" it, {LIMITS.points:g} may; sample faster"
         )
-    chain = setup.find_chains(mean.sampling_rate)[0]
     window = cut_window(mean.traces[0], pulse, chain, LIMITS.margins)
     correlation = chain.correlate_noise(window.step)
     correlation = correlation[correlation.size // 2 :]
     noise = float(compute_raw_noise(mean)[0]) * math.sqrt(correlation[0]) / peak
-    fits = fit_forms(window, exponent, noise)
-    form, fit = next(iter(fits.items()))
-    scatter, leaves = _compute_scatter(mean, fit, window, pulse.peak)
-    without = ContactLaw(
-        residual_percent=100.0 * fit.residual,
-        warnings=_check_hits(mean, leaves),
-    )
-    is_worse, excludes_versed_sine = _compare_with_versed_sine(fit, window)
-    changes = _change_sensor(mean, pulse, (form, fit), setup.find_sensor("hammer"), chain)
-    largest = find_largest_residual(noise)
-    largest += 2.0 * max((fit.find_rest(change) for _, change in changes), default=0.0)
-    reason = _find_misfit(form, fit, largest, is_worse=is_worse)
-    if reason is not None:
-        return replace(without, notes=(reason,))
-    scales = np.array([1.0, width / mean.sampling_rate, peak, 1.0, 1.0, 1.0])
-    unit = fit.compute_covariance(correlation / correlation[0])
-    # Anything of that size, in the worst direction: no noise, so that it does not average out.
-    left = compute_unexplained(fit.residual, noise) ** 2 * fit.fitted.size / 3.0
-    sources = [
-        (f"scatter of the hits on {sample}", scatter / mean.count, len(mean.hits) - 1.0)
-        if scatter is not None
-        else ("noise", noise**2 * unit, math.inf),
-        ("what the contact law leaves", left * fit.compute_covariance(np.ones(1)), math.inf),
-    ]
-    if mean.zero_uncertainty[0]:
-        moved = _move_step(mean, pulse)[window.points] / pulse.peak
-        change = fit.project(moved)
-        sources.append((ZERO_AFTER, np.outer(change, change), math.inf))
-    sources += [
-        (source, np.outer(fit.project(change), fit.project(change)), math.inf)
-        for source, change in changes
-    ]
-    points = [(one, each.parameters * scales) for one, each in fits.items()]
-    quantities, own = _compute_quantities(points, np.diag(scales), sources, masses)
-    restitution = quantities["restitution"]
-    # The fit itself may be wrong by 1e-3.
-    if restitution.value - 1.0 > max(restitution.expanded, 1e-3):
-        reason = (
-            f"{LIKE_CONTACT}: e would be {restitution.value:.3f} ± {restitution.expanded:.3f},"
-            f" above 1, and free bodies gain no energy{CRUSHED}"
-        )
-        return replace(without, notes=(reason,))
-    touch = pulse.middle + width * float(fit.parameters[START])
-    return ContactLaw(
-        **quantities,
-        residual_percent=without.residual_percent,
-        form=form.value,
-        loss=float(fit.parameters[LOSS]),
-        own_covariances=own,
-        separation=(touch - pulse.middle) / mean.sampling_rate + quantities["duration"].value,
-        notes=_list_notes(exponent, masses, fits),
-        warnings=without.warnings + _check_rest(fit.residual, noise),
-        excludes_versed_sine=excludes_versed_sine,
+    correlation = correlation / correlation[0]
+    losses = list_losses(fit_forms(window, exponent))
+    before = np.array([_guess(loss) for loss in losses])
+    left = np.array([loss.fit.fitted - window.measured for loss in losses])
+    chances = weigh_losses(left, before, noise, correlation)
+    best = int(np.argmax(chances))
+    hits, measured = _fit_hits(mean, window, pulse, losses[best], exponent)
+    # Models differ of the mean as they do of each hit.
+    pooled = np.mean([fit.fitted - trace for fit, trace in zip(hits, measured, strict=True)], 0)
+    inside = [fit.parameters for fit in hits if fit.is_inside]
+    return _LawFits(
+        pulse=pulse,
+        window=window,
+        unit=width / mean.sampling_rate,
+        noise=noise,
+        correlation=correlation,
+        losses=losses,
+        best=best,
+        points=np.array(inside or [fit.parameters for fit in hits]),
+        leaves=np.array([fit.residual for fit in hits]),
+        left=pooled,
+        chances=weigh_losses(pooled + left - left[best], before, noise, correlation),
+        is_inside=losses[best].fit.is_inside and 2 * len(inside) > len(hits),
     )
 
 
-def _find_misfit(form: LossForm, fit: WindowFit, largest: float, *, is_worse: bool) -> str | None:
+def _guess(loss: FittedLoss) -> float:
+    """Return how probable a model of the loss is before what it leaves is looked at."""
+    e = _describe_laws(loss.fit.parameters[np.newaxis], [loss])[0, E]
+    adds = loss.is_mixed and loss.fit.parameters[[LOSS, PULL]].min() < 0.0
+    if not loss.fit.is_inside or e > 1.0 + FITS.gain or adds:
+        # Only where there is no other.
+        return 1e-30
+    return TERM if loss.is_mixed else 1.0
+
+
+def _fit_hits(
+    mean: MeanHit,
+    window: PulseWindow,
+    pulse: PulseWidth,
+    best: FittedLoss,
+    exponent: float | None,
+) -> tuple[list[WindowFit], FloatArray]:
+    """Fit one model to every hit, from where it describes the mean; return their pulses, too."""
+    measured, wider, higher = window.measured[np.newaxis], np.ones(1), np.ones(1)
+    if len(mean.hits) >= LEAST_HITS:
+        measured = np.array([hit[0, window.points] for hit in mean.cut_hits()]) / pulse.peak
+        wider = np.array([hit.pulse.half_amplitude_width for hit in mean.hits])
+        wider = wider / pulse.half_amplitude_width
+        higher = np.array([hit.pulse.peak for hit in mean.hits]) / pulse.peak
+    start = np.tile(best.fit.parameters, (len(measured), 1))
+    start[:, [START, TIME]] *= wider[:, np.newaxis]
+    start[:, HEIGHT] *= higher
+    return fit_hits(window, measured, best, start, exponent), measured
+
+
+def _find_misfit(
+    fits: _LawFits, changes: Sequence[tuple[str, FloatArray]], *, is_worse: bool
+) -> str | None:
     """Say why no law describes the pulse; None: one does.
 
     Parameters
     ----------
-    largest : float
-        What may be left of the pulse, over its peak [-].
+    changes : sequence of (str, ndarray)
+        What the hammer's sensor may change of the pulse, over its peak [-].
     is_worse : bool
         The law leaves more than a versed-sine does, chance apart.
     """
-    loss, exponent = fit.parameters[LOSS:, np.newaxis]
-    e = compute_pulses(exponent, loss, form).restitution[0]
+    e = _describe_laws(fits.fit.parameters[np.newaxis], [fits.losses[fits.best]])[0, E]
     crushed = CRUSHED if e > 1.0 + 0.01 else ""
-    if not fit.is_inside:
+    if not fits.is_inside:
         return f"{LIKE_CONTACT}: no fit ends{crushed}"
-    if fit.residual > largest:
+    largest = LIMITS.left
+    largest += 2.0 * max((fits.fit.find_rest(change) for _, change in changes), default=0.0)
+    if fits.unexplained > largest:
         return (
-            f"{LIKE_CONTACT}: the best leaves {100.0 * fit.residual:.2g} % of the peak, where"
-            f" noise and sensor explain {100.0 * largest:.2g} %{crushed}"
+            f"{LIKE_CONTACT}: the best leaves {100.0 * fits.residual:.2g} % of the peak, where"
+            f" noise and sensor explain"
+            f" {100.0 * math.hypot(largest, math.sqrt(2.0) * fits.noise):.2g} %{crushed}"
         )
     if is_worse:
         return f"{LIKE_CONTACT}: a versed-sine comes nearer to it than the best of them"
     return None
 
 
-def _check_rest(residual: float, noise: float) -> tuple[str, ...]:
-    """Warn that the law leaves more than noise, both over the peak [-]."""
-    if not compute_unexplained(residual, noise) > 0.0 < noise:
+def _find_doubt(quantities: dict[str, Quantity]) -> str | None:
+    """Say why a law that describes the pulse is not given; None: it is."""
+    e = quantities["restitution"]
+    # Of contacts without loss one in ten exceeds 1 by so much.
+    if e.value - 1.0 > max(1.25 * e.standard, FITS.gain):
+        return (
+            f"{LIKE_CONTACT}: e would be {e.value:.3f} ± {e.expanded:.3f}, above 1, and free"
+            f" bodies gain no energy{CRUSHED}"
+        )
+    return None
+
+
+def _check_rest(fits: _LawFits) -> tuple[str, ...]:
+    """Warn that the law leaves more than noise."""
+    if not fits.unexplained > 0.0 < fits.noise:
         return ()
     warning = (
-        f"the contact law leaves {100.0 * residual:.2g} % of the peak, where noise is"
-        f" {100.0 * noise:.2g} %: the contact is not quite of this law, and duration, e, impact"
-        " speed and energy may be farther off than their ±"
+        f"the contact law leaves {100.0 * fits.residual:.2g} % of the peak, where noise is"
+        f" {100.0 * fits.noise:.2g} %: the contact is not quite of this law, and duration, e,"
+        " impact speed and energy may be farther off than their ±"
     )
     return (warning,)
 
@@ -387,11 +360,7 @@ def look_at_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
 
 
 def _change_sensor(
-    mean: MeanHit,
-    pulse: PulseWidth,
-    law: tuple[LossForm, WindowFit],
-    sensor: Sensor,
-    chain: Chain,
+    mean: MeanHit, fits: _LawFits, sensor: Sensor, chain: Chain
 ) -> list[tuple[str, FloatArray]]:
     """Return what a standard uncertainty of the hammer's sensor does to the fitted trace."""
     changes = []
@@ -404,41 +373,55 @@ def _change_sensor(
         if stated and standard:
             response = replace(chain.response, **{name: stated + standard})
             other = replace(chain, response=response)
-            window = cut_window(mean.traces[0], pulse, other, LIMITS.margins)
-            residual, _ = evaluate_laws(window, law[1].parameters[np.newaxis], law[0])
+            window = cut_window(mean.traces[0], fits.pulse, other, LIMITS.margins)
+            residual, _ = evaluate_laws(
+                window,
+                window.measured,
+                fits.fit.parameters[np.newaxis],
+                find_places([fits.losses[fits.best].form]),
+            )
             what = f"{name.replace('_', ' ')} of the hammer's sensor"
-            changes.append((what, window.measured + residual[0] - law[1].fitted))
+            changes.append((what, window.measured + residual[0] - fits.fit.fitted))
     return changes
 
 
-def _compare_with_versed_sine(law: WindowFit, window: PulseWindow) -> tuple[bool, bool]:
+def _compare_with_versed_sine(fits: _LawFits) -> tuple[bool, bool]:
     """Return whether a versed-sine comes nearer than the law, and whether the data exclude it.
 
     On the pulse alone: ringing behind it belongs to neither.
     """
-    part = window.find_pulse()
-    (versed,) = fit_shapes(window.cut(part), [VERSED_SINE])
-    left = law.fitted[part] - window.measured[part]
+    part = fits.window.find_pulse()
+    (versed,) = fit_shapes(fits.window.cut(part), [VERSED_SINE])
+    left = fits.fit.fitted[part] - fits.window.measured[part]
     ours = math.sqrt(left @ left / (left.size - COUNT))
     # A versed-sine leaves 0.006 of a Hertz contact.
-    is_excluded = versed.residual > max(LIMITS.as_well * ours, 0.003)
-    return ours > LIMITS.as_well * versed.residual, is_excluded
+    is_excluded = versed.residual > max(LIMITS.nearer * ours, 0.003)
+    return ours > LIMITS.nearer * versed.residual, is_excluded
 
 
-def _compute_scatter(
-    mean: MeanHit, fit: WindowFit, window: PulseWindow, peak: float
-) -> tuple[FloatArray | None, FloatArray]:
-    """Return the parameters' covariance over the hits, and each hit's residual in peak.
+def _list_sources(
+    mean: MeanHit, fits: _LawFits, changes: Sequence[tuple[str, FloatArray]]
+) -> list[tuple[Source, FloatArray]]:
+    """Return what may be wrong with the fit: sources, and covariances of the parameters.
 
-    The covariance is linear about the mean's parameters, and None for a single hit.
+    Those of the hits' scatter are none: it is in what each hit gives.
     """
+    fit, sources = fits.fit, list[tuple[Source, FloatArray]]()
     if len(mean.hits) < LEAST_HITS:
-        return None, np.zeros(1)
-    cuts = [hit[0, window.points] / peak - window.measured for hit in mean.cut_hits()]
-    changes = np.stack(cuts, axis=1)
-    moved = fit.project(changes)
-    left = changes - fit.jacobian.T @ moved
-    return np.asarray(np.cov(moved)), np.asarray(left.std(axis=0))
+        unit = fit.compute_covariance(fits.correlation)
+        sources.append((Source("noise"), fits.noise**2 * unit))
+    # Anything of that size, in the worst direction: no noise, so that it does not average out.
+    left = fits.unexplained**2 * fit.fitted.size / 3.0
+    sources.append(
+        (Source("what the contact law leaves"), left * fit.compute_covariance(np.ones(1)))
+    )
+    if mean.zero_uncertainty[0]:
+        moved = _move_step(mean, fits.pulse)[fits.window.points] / fits.pulse.peak
+        changes = [(ZERO_AFTER, moved), *changes]
+    for source, change in changes:
+        moved = fit.project(change)
+        sources.append((Source(source), np.outer(moved, moved)))
+    return sources
 
 
 def _check_hits(mean: MeanHit, leaves: FloatArray) -> tuple[str, ...]:
@@ -461,84 +444,104 @@ def _move_step(mean: MeanHit, pulse: PulseWidth) -> FloatArray:
     return 2.0 * standard * (compute_share(mean.traces[0], pulse) - at_once)
 
 
+LOGARITHMIC = _QUANTITIES.index("stiffness")
+"""Place of what is averaged by its logarithm: k, which goes by powers of ten with n."""
+E = _QUANTITIES.index("restitution")
+
+
 def _compute_quantities(
-    points: Sequence[tuple[LossForm, FloatArray]],
-    scales: FloatArray,
-    sources: Sequence[tuple[str, FloatArray, float]],
+    fits: _LawFits,
+    sources: Sequence[tuple[Source, FloatArray]],
     masses: RigNumbers,
+    scatter: tuple[Source, int],
 ) -> tuple[dict[str, Quantity], tuple[tuple[Source, FloatArray], ...]]:
     """Return the law's quantities, with uncertainties to first order, and `own_covariances`.
 
     Parameters
     ----------
-    points : sequence of (LossForm, ndarray of shape (6,))
-        Forms that describe the pulse, and their parameters in SI units; the best first.
-    scales : ndarray, shape (6, 6)
-        Of the parameters in the window's units, diagonal.
-    sources : sequence of tuple
-        What may be wrong with those: its name, covariance of shape (6, 6), degrees of freedom.
+    sources : sequence of (Source, ndarray of shape (7, 7))
+        What may be wrong with the parameters in the window's units: their covariances.
+    scatter : (Source, int)
+        Of the hits, and how many they stand for.
     """
     bodies = (masses.hammer_mass, masses.moving_mass)
-    known = [body.x for body in bodies]
-    form, point = points[0][0], np.append(points[0][1], known)
-    # Each of those that the quantities follow from moved a little, and none.
-    steps = LIMITS.step * np.where(np.isin(np.arange(point.size), (EXPONENT, LOSS)), 1.0, point)
-    steps[[START, OFFSET]] = 1.0
-    found = _describe_laws(form, np.concatenate((point[np.newaxis], point + np.diag(steps))))
-    values, slopes = found[0], np.nan_to_num((found[1:] - found[0]).T / steps)
-    effect = slopes[:, :COUNT] @ scales
-    parts = [
-        (Source(source, freedom), np.sum((effect @ covariance) * effect, axis=1))
-        for source, covariance, freedom in sources
-    ]
-    others = [_describe_laws(*one[:1], np.append(one[1], known)[None])[0] for one in points[1:]]
-    if others:
-        # Anywhere between the best and the farthest, evenly distributed.
-        spread = np.abs(np.nan_to_num(np.array(others) - values)).max(axis=0)
-        parts.append((Source("form of the loss"), spread**2 / 3.0))
-    inputs = [(TIME, float(point[TIME]), masses.clock)]
-    inputs += [(HEIGHT, float(point[HEIGHT]), masses.gains[0])]
-    inputs += [
-        (place, 1.0, body)
-        for place, body in enumerate(bodies, start=COUNT)
-        if math.isfinite(body.x)
-    ]
+    known = np.array([body.x for body in bodies])
+    each = np.column_stack((fits.points * fits.scales, np.tile(known, (len(fits.points), 1))))
+    best = fits.losses[fits.best]
+    hits, slopes = _describe_laws(each, [best] * len(each)), _find_slopes(each, best)
+    moves, chances = _compare_losses(fits, known), fits.chances
+    moved = chances @ moves
+    values = hits.mean(axis=0) + moved
+    effect = slopes[:, :COUNT] * fits.scales
+    own = [(source, effect @ covariance @ effect.T) for source, covariance in sources]
+    if len(hits) >= LEAST_HITS:
+        own.append((scatter[0], np.cov(hits, rowvar=False) / scatter[1]))
+    parts = [(source, np.diag(covariance)) for source, covariance in own]
+    parts.append((Source("form of the loss"), chances @ (moves - moved) ** 2))
+    middle = each.mean(axis=0)
+    inputs = [(TIME, middle[TIME], masses.clock), (HEIGHT, middle[HEIGHT], masses.gains[0])]
+    inputs += [(place, 1.0, body) for place, body in enumerate(bodies, start=COUNT)]
     for place, factor, body in inputs:
         squares = (factor * slopes[:, place]) ** 2
         parts += [(source, share * squares) for source, share in list_variances(body).items()]
+    # The logarithm's uncertainty is relative.
+    unit = np.ones(values.size)
+    values[LOGARITHMIC] = unit[LOGARITHMIC] = math.exp(values[LOGARITHMIC])
     quantities = {
         _QUANTITIES[row]: make_quantity(
-            float(values[row]), {source: float(part[row]) for source, part in parts}
+            float(values[row]),
+            {source: float(part[row] * unit[row] ** 2) for source, part in parts},
         )
         for row in np.flatnonzero(np.isfinite(values))
     }
     rows = [_QUANTITIES.index(name) for name in SCALED]
-    relative = effect[rows] / values[rows, np.newaxis]
-    own = tuple(
-        (Source(source, freedom), relative @ covariance @ relative.T)
-        for source, covariance, freedom in sources
+    size = np.outer(values[rows], values[rows])
+    return quantities, tuple((source, part[np.ix_(rows, rows)] / size) for source, part in own)
+
+
+def _find_slopes(each: FloatArray, best: FittedLoss) -> FloatArray:
+    """Return the derivatives of the quantities in parameters and masses, shape (11, 9)."""
+    point = each.mean(axis=0)
+    steps = FITS.step * np.where(
+        np.isin(np.arange(point.size), (EXPONENT, LOSS, PULL)), 1.0, point
     )
-    return quantities, own
+    steps[[START, OFFSET]] = 1.0
+    points = np.concatenate((point[np.newaxis], point + np.diag(steps)))
+    found = _describe_laws(points, [best] * len(points))
+    return np.asarray(np.nan_to_num((found[1:] - found[0]).T / steps))
 
 
-def _describe_laws(form: LossForm, points: FloatArray) -> FloatArray:
-    """Return the law's quantities in their order, shape (k, 11).
+def _compare_losses(fits: _LawFits, masses: FloatArray) -> FloatArray:
+    """Return by how much the quantities of each model differ from the best's, (losses, 11)."""
+    points = np.array([loss.fit.parameters for loss in fits.losses]) * fits.scales
+    points = np.column_stack((points, np.tile(masses, (len(points), 1))))
+    found = _describe_laws(points, fits.losses)
+    return np.asarray(np.nan_to_num(found - found[fits.best]))
+
+
+def _describe_laws(points: FloatArray, losses: Sequence[FittedLoss]) -> FloatArray:
+    """Return the law's quantities in their order, k by its logarithm, shape (k, 11).
 
     Parameters
     ----------
-    points : ndarray, shape (k, 8)
+    points : ndarray, shape (k, 7) or (k, 9)
         Parameters and masses of each law, in SI units.
+    losses : sequence of FittedLoss
+        The model of each.
     """
-    _, time, height, _, loss, exponent, hammer, sample = points.T
-    pulses = compute_pulses(exponent, loss, form)
+    if points.shape[1] == COUNT:
+        points = np.column_stack((points, np.full((len(points), 2), np.nan)))
+    _, time, height, _, loss, pull, exponent, hammer, sample = points.T
+    pulses = compute_pulses(exponent, loss, pull, find_places(item.form for item in losses))
+    is_proportional = [item.form is LossForm.PROPORTIONAL for item in losses]
     duration, restitution = time * pulses.duration, pulses.restitution
     both = hammer * sample / (hammer + sample)
     speed = height * time * hammer / both
     return np.stack(
         [
             exponent,
-            both / (time ** (exponent + 1.0) * speed ** (exponent - 1.0)),
-            loss / speed * (1.0 if form is LossForm.PROPORTIONAL else math.nan),
+            np.log(both / (time ** (exponent + 1.0) * speed ** (exponent - 1.0))),
+            np.where(is_proportional, pulses.proportional[:, 0] / speed, math.nan),
             speed,
             duration,
             restitution,
@@ -552,9 +555,7 @@ def _describe_laws(form: LossForm, points: FloatArray) -> FloatArray:
     )
 
 
-def _list_notes(
-    exponent: float | None, masses: RigNumbers, forms: Iterable[LossForm]
-) -> tuple[str, ...]:
+def _list_notes(exponent: float | None, masses: RigNumbers, fits: _LawFits) -> tuple[str, ...]:
     notes = []
     if exponent is not None:
         notes.append(f"n was given, {exponent:g}, not found")
@@ -565,7 +566,8 @@ def _list_notes(
             "stiffness, damping, impact speed, indentation and energy: the mass of"
             f" {unknown} is not known"
         )
-    possible = ", ".join(form.value for form in forms)
-    if ", " in possible:
-        notes.append(f"the pulse does not tell apart the forms of loss {possible}")
+    order = np.argsort(-fits.chances, kind="stable").tolist()
+    possible = [fits.losses[place].name for place in order if fits.chances[place] > SMALL_PART]
+    if len(possible) > 1:
+        notes.append(f"the pulse does not tell apart the forms of loss {'; '.join(possible)}")
     return tuple(notes)

@@ -1,6 +1,7 @@
 """The pulses of contact laws F = k δⁿ + c δᵐ δ', as tables of the scaled equation."""
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, lru_cache
@@ -16,6 +17,8 @@ class LossForm(Enum):
     """How a contact loses energy, by the term beside k δⁿ."""
 
     PROPORTIONAL = "δⁿ δ'"  # Hunt and Crossley 1975
+    # The others may stand beside it; all pull at the end of the contact but the plate's.
+    LINEAR = "δ δ'"  # nobody's, but between the others
     ROOT = "√δ δ'"  # Kuwabara and Kono 1987
     FOURTH_ROOT = "δ^¼ δ'"  # Tsuji, Tanaka and Ishida 1992
     DASHPOT = "δ'"  # Kelvin and Voigt
@@ -27,29 +30,53 @@ class Limits:
     """Of the tables."""
 
     exponents: tuple[float, float] = (0.75, 3.25)  # n [-] our choice: a yielding to a slow contact
+    losses: tuple[float, float] = (-0.1, 1.0)  # see `find_losses`, from e above 1 to 0.3
     nodes: int = 65  # of a pulse [-] our choice: the force is good to 1e-5 of its peak
     substeps: int = 2  # of Runge-Kutta's method between two nodes [-] our choice: good to 1e-7
-    exponent_degree: int = 11  # of Chebyshev's polynomials [-] our choice: good to 1e-6
-    loss_degree: int = 15  # the same in the loss
+    # Of Chebyshev's polynomials in n and both losses [-] our choice: good to 1e-6.
+    degrees: tuple[int, int, int] = (11, 17, 7)
 
 
 LIMITS = Limits()
-LOSSES = {
-    LossForm.PROPORTIONAL: (-0.3, 3.0),
-    LossForm.ROOT: (-0.2, 0.9),
-    LossForm.FOURTH_ROOT: (-0.2, 0.7),
-    LossForm.DASHPOT: (-0.2, 0.55),
-    LossForm.PLATE: (-0.2, 0.9),
-}
-"""B of each form [-]: from e above 1, which only noise can seem to have, to e of about 0.4."""
-POWERS = {
-    LossForm.PROPORTIONAL: (1.0, 0.0),
-    LossForm.ROOT: (0.0, 0.5),
-    LossForm.FOURTH_ROOT: (0.0, 0.25),
-    LossForm.DASHPOT: (0.0, 0.0),
-    LossForm.PLATE: (1.0, -1.0),
-}
-"""m = p n + q of each form, as (p, q) [-]; of the plate by δ'' = -F / m - F' / Z."""
+FORMS = tuple(LossForm)
+PLATE = FORMS.index(LossForm.PLATE)
+LARGEST = 4.0
+"""B of the loss δⁿ δ' alone where e is 0.25 [-]."""
+SECOND = np.array(
+    [
+        (0.0, 0.0, 0.0),
+        (1.0, 3.0, 0.85),
+        (0.5, 1.75, 0.5),
+        (0.25, 1.25, 0.42),
+        (0.0, 0.82, 0.34),
+        (0.0, 0.0, 0.0),
+    ]
+)
+"""m, B n^s and s of each form's other loss alone where e is about 0.3 [-]; rows by `FORMS`."""
+LARGEST_YIELD = 0.8
+"""The same of a plate by δ'' = -F / m - F' / Z [-]."""
+
+
+def find_losses(
+    exponent: FloatArray, loss: FloatArray, pull: FloatArray, forms: NDArray[np.intp]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return B of δⁿ δ', B of the other loss, and that of a plate's motion [-].
+
+    Parameters
+    ----------
+    loss, pull : ndarray
+        Of both losses, 0 to 1, where e is about 0.3: `loss` is a part of what `pull` leaves room
+        for.
+    """
+    _, largest, slope = SECOND[forms].T
+    is_plate = forms == PLATE
+    proportional = np.where(is_plate, 0.0, LARGEST * loss * (1.0 - 0.85 * pull))
+    return (
+        proportional,
+        largest * pull * exponent**-slope,
+        np.where(is_plate, LARGEST_YIELD * loss, 0.0),
+    )
+
 
 SMALLEST_COSINE = 1e-6
 """Below it rounding is more than what is left out [-]."""
@@ -75,9 +102,12 @@ def _find_motion(
 
 
 def _differentiate(
-    phase: float, log_radius: FloatArray, exponent: FloatArray, power: FloatArray, loss: FloatArray
+    phase: float,
+    log_radius: FloatArray,
+    exponent: FloatArray,
+    terms: Sequence[tuple[FloatArray, FloatArray]],
 ) -> FloatArray:
-    """Return the derivatives of ln r and of time in the phase."""
+    """Return the derivatives of ln r and of time in the phase; losses by power and factor."""
     angle = float(_find_angle(phase))
     sine, cosine = max(math.sin(angle), 0.0), math.cos(angle)
     half = (exponent + 1.0) / 2.0
@@ -86,62 +116,49 @@ def _differentiate(
     # At the top, where x' comes to zero.
     bend = bend if abs(cosine) > SMALLEST_COSINE else np.sqrt(half)
     reach = (half * np.exp(2.0 * log_radius)) ** (0.5 / half)
-    damping = loss * reach**power
-    rate = np.sqrt(half) * reach ** (half - 1.0) + damping * sine ** (power + 1.0) * cosine * bend
     slope = math.pi * 30.0 * (phase * (1.0 - phase)) ** 2
+    if not (slope and sine):
+        return np.zeros((2, *exponent.shape))
+    loss = np.sum([factor * (reach * sine) ** power for power, factor in terms], axis=0)
+    rate = np.sqrt(half) * reach ** (half - 1.0) + loss * sine * cosine * bend
     time = slope * half / bend / rate
-    lost = damping * sine**power * (cosine * bend) ** 2 if sine else np.zeros_like(half)
-    return np.stack((-lost * time, time))
+    return np.stack((-loss * (cosine * bend) ** 2 * time, time))
 
 
 @lru_cache(maxsize=1)
 def _tabulate() -> FloatArray:
     """Return Chebyshev's coefficients of ln r and time, shape (forms, degrees, 2 nodes)."""
-    degrees = (LIMITS.exponent_degree, LIMITS.loss_degree)
-    points = [chebyshev.chebpts1(degree + 1) for degree in degrees]
-    exponents = _stretch(points[0], LIMITS.exponents)
-    grids = [
-        np.meshgrid(exponents, _stretch(points[1], LOSSES[form]), indexing="ij")
-        for form in LossForm
+    points = [chebyshev.chebpts1(degree + 1) for degree in LIMITS.degrees]
+    axes = zip(points, (LIMITS.exponents, LIMITS.losses, LIMITS.losses), strict=True)
+    stretched = [_stretch(point, limits) for point, limits in axes]
+    grid = np.meshgrid(*stretched, indexing="ij")
+    exponent, loss, pull = (np.tile(axis.ravel(), len(FORMS)) for axis in grid)
+    form = np.repeat(np.arange(len(FORMS)), grid[0].size)
+    proportional, other, motion = find_losses(exponent, loss, pull, form)
+    terms = [
+        (np.where(form == PLATE, exponent - 1.0, exponent), proportional + exponent * motion),
+        (SECOND[form, 0], other),
     ]
-    exponent, loss = np.array(grids).transpose(1, 0, 2, 3)
-    share, constant = np.array([POWERS[form] for form in LossForm]).T[..., None, None]
-    power = share * exponent + constant
-    damping = np.where(constant < 0.0, exponent * loss, loss)
-    state = np.zeros((2, *exponent.shape))
+    state = np.zeros((2, exponent.size))
     found = [state]
     step = 1.0 / ((LIMITS.nodes - 1) * LIMITS.substeps)
-
-    def differ(phase: float, state: FloatArray) -> FloatArray:
-        return _differentiate(phase, state[0], exponent, power, damping)
-
     for count in range((LIMITS.nodes - 1) * LIMITS.substeps):
         phase = count * step
-        first = differ(phase, state)
-        second = differ(phase + step / 2.0, state + step / 2.0 * first)
-        third = differ(phase + step / 2.0, state + step / 2.0 * second)
-        fourth = differ(phase + step, state + step * third)
+        first = _differentiate(phase, state[0], exponent, terms)
+        middle = phase + step / 2.0
+        second = _differentiate(middle, (state + step / 2.0 * first)[0], exponent, terms)
+        third = _differentiate(middle, (state + step / 2.0 * second)[0], exponent, terms)
+        fourth = _differentiate(phase + step, (state + step * third)[0], exponent, terms)
         state = state + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
         if (count + 1) % LIMITS.substeps == 0:
             found.append(state)
-    # Of each form, n and B: ln r at all nodes, and time at all nodes.
-    values = np.stack(found).transpose(2, 3, 4, 1, 0).reshape(*exponent.shape, -1)
-    into = [
-        np.linalg.inv(chebyshev.chebvander(part, degree))
-        for part, degree in zip(points, degrees, strict=True)
-    ]
-    coefficients = np.einsum("ai,bj,fijk->fabk", *into, values)
-    return make_read_only(
-        np.ascontiguousarray(coefficients.reshape(len(LossForm), -1, 2 * LIMITS.nodes))
-    )
-
-
-@lru_cache(maxsize=8)
-def _select(forms: tuple[LossForm, ...]) -> tuple[FloatArray, FloatArray]:
-    """Return the tables, and p, q, least and largest B of each form, shape (4, forms, 1)."""
-    numbers = np.array([(*POWERS[form], *LOSSES[form]) for form in forms]).T[..., None]
-    tables = _tabulate()[[list(LossForm).index(form) for form in forms]]
-    return make_read_only(tables), make_read_only(numbers)
+    # Of each form, n and losses: ln r at all nodes, and time at all nodes.
+    shape = (len(FORMS), *(point.size for point in points), -1)
+    values = np.stack(found).transpose(2, 1, 0).reshape(shape)
+    for axis, (point, degree) in enumerate(zip(points, LIMITS.degrees, strict=True), start=1):
+        into = np.linalg.inv(chebyshev.chebvander(point, degree))
+        values = np.moveaxis(np.tensordot(into, values, (1, axis)), 0, axis)
+    return make_read_only(np.ascontiguousarray(values.reshape(len(FORMS), -1, 2 * LIMITS.nodes)))
 
 
 def _stretch(point: FloatArray, limits: tuple[float, float]) -> FloatArray:
@@ -154,7 +171,7 @@ FINE = np.linspace(0.0, 1.0, 65)
 
 @dataclass(frozen=True)
 class ScaledPulses:
-    """Pulses x'' = -(xⁿ + B xᵐ x'), each in its own scaled units: time in T, x in v T, speed in v.
+    """Pulses x'' = -(xⁿ + B xⁿ x' + C xᵐ x'), in scaled units: time in T, x in v T.
 
     Arrays of shape (pulses, nodes) reach from first touch to x = 0. The contact ends where the
     force comes back to zero: bodies that do not stick do not pull at each other.
@@ -162,8 +179,9 @@ class ScaledPulses:
 
     exponent: FloatArray  # n [-], shape (pulses, 1)
     power: FloatArray  # m [-], the same
-    felt: FloatArray  # B [-] that is force, the same
-    yielding: FloatArray  # B [-] that is motion of a plate, the same; one of both is zero
+    proportional: FloatArray  # B [-], the same
+    pulling: FloatArray  # C [-], the same
+    yielding: FloatArray  # loss that is motion of a plate [-], the same
     time: FloatArray
     compression: FloatArray
     speed: FloatArray
@@ -191,7 +209,8 @@ class ScaledPulses:
 
     def _find_pull(self, x: FloatArray, speed: FloatArray) -> FloatArray:
         """Return the force over xᵐ, which is nearly straight where it comes to zero."""
-        return np.asarray(x ** (self.exponent - self.power) + self.felt * speed)
+        spring = x ** (self.exponent - self.power) * (1.0 + self.proportional * speed)
+        return np.asarray(spring + self.pulling * speed)
 
     @property
     def duration(self) -> FloatArray:
@@ -240,7 +259,8 @@ class ScaledPulses:
         return impulse
 
     def _find_force(self, x: FloatArray, speed: FloatArray) -> FloatArray:
-        return np.asarray(x**self.exponent + self.felt * x**self.power * speed)
+        spring = x**self.exponent * (1.0 + self.proportional * speed)
+        return np.asarray(spring + self.pulling * x**self.power * speed)
 
     def _interpolate(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return x and x' by cubic polynomials between the nodes, from their known slopes."""
@@ -262,9 +282,10 @@ class ScaledPulses:
 
     @cached_property
     def _deceleration(self) -> FloatArray:
-        x = self.compression
-        loss = self.felt + self.exponent * self.yielding
-        return np.asarray(-(x**self.exponent) - loss * x**self.power * self.speed)
+        x, speed = self.compression, self.speed
+        # A plate yields by the rate of the force.
+        yielding = self.exponent * self.yielding * x ** (self.exponent - 1.0) * speed
+        return np.asarray(-self._find_force(x, speed) - yielding)
 
 
 def _find_last(pull: FloatArray) -> NDArray[np.intp]:
@@ -291,29 +312,40 @@ def _interpolate(
     )
 
 
-def compute_pulses(exponent: FloatArray, loss: FloatArray, *forms: LossForm) -> ScaledPulses:
-    """Compute the pulses of forms of loss from touch to separation.
+def find_places(forms: Iterable[LossForm]) -> NDArray[np.intp]:
+    """Return the number of each form, for `compute_pulses`."""
+    return np.array([FORMS.index(form) for form in forms])
+
+
+def compute_pulses(
+    exponent: FloatArray, loss: FloatArray, pull: FloatArray, forms: NDArray[np.intp]
+) -> ScaledPulses:
+    """Compute the pulses of contacts from touch to separation.
 
     Parameters
     ----------
-    exponent, loss : ndarray, shape (pulses,)
-        n and B [-], within `LIMITS.exponents` and `LOSSES`; as many of each form, in their order.
+    exponent, loss, pull : ndarray, shape (pulses,)
+        n and both losses, see `find_losses`, within `LIMITS` [-].
+    forms : ndarray, shape (pulses,)
+        Number of the form of each, see `find_places`.
     """
-    tables, (share, constant, least, most) = _select(forms)
-    exponents, losses = exponent.reshape(len(forms), -1), loss.reshape(len(forms), -1)
-    by_exponent = _compute_polynomials(exponents, *LIMITS.exponents, LIMITS.exponent_degree)
-    by_loss = _compute_polynomials(losses, least, most, LIMITS.loss_degree)
-    weights = (by_exponent[..., :, None] * by_loss[..., None, :]).reshape(*losses.shape, -1)
-    found = (weights @ tables).reshape(exponent.size, -1)
+    weights = _compute_polynomials(exponent, LIMITS.exponents, LIMITS.degrees[0])
+    for part, degree in ((loss, LIMITS.degrees[1]), (pull, LIMITS.degrees[2])):
+        more = _compute_polynomials(part, LIMITS.losses, degree)
+        weights = (weights[:, :, None] * more[:, None, :]).reshape(exponent.size, -1)
+    found = np.empty((exponent.size, 2 * LIMITS.nodes))
+    for form in set(forms.tolist()):
+        rows = forms == form
+        found[rows] = weights[rows] @ _tabulate()[form]
     log_radius, time = found[:, : LIMITS.nodes], found[:, LIMITS.nodes :]
     x, speed = _find_motion(_ANGLE, log_radius, exponent[:, None])
-    # A plate's loss is in its own motion, and not in the force.
-    motion = np.where(constant < 0.0, losses, 0.0)
+    proportional, pulling, yielding = find_losses(exponent, loss, pull, forms)
     return ScaledPulses(
         exponent=exponent[:, None],
-        power=(share * exponents + constant).reshape(-1, 1),
-        felt=(losses - motion).reshape(-1, 1),
-        yielding=motion.reshape(-1, 1),
+        power=SECOND[forms, :1],
+        proportional=proportional[:, None],
+        pulling=pulling[:, None],
+        yielding=yielding[:, None],
         time=time,
         compression=x,
         speed=speed,
@@ -321,8 +353,9 @@ def compute_pulses(exponent: FloatArray, loss: FloatArray, *forms: LossForm) -> 
 
 
 def _compute_polynomials(
-    value: FloatArray, least: FloatArray | float, most: FloatArray | float, degree: int
+    value: FloatArray, limits: tuple[float, float], degree: int
 ) -> FloatArray:
-    """Return Chebyshev's polynomials of values between limits, shape (..., degree + 1)."""
+    """Return Chebyshev's polynomials of values between limits, shape (pulses, degree + 1)."""
+    least, most = limits
     point = np.minimum(np.maximum((2.0 * value - least - most) / (most - least), -1.0), 1.0)
     return np.asarray(np.cos(np.arange(degree + 1) * np.arccos(point)[..., None]))

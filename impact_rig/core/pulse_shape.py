@@ -301,7 +301,7 @@ def minimise(
 
 
 def fit_window(
-    window: PulseWindow,
+    measured: FloatArray,
     evaluate: Evaluate,
     start: FloatArray,
     bounds: FloatArray,
@@ -311,6 +311,8 @@ def fit_window(
 
     Parameters
     ----------
+    measured : ndarray, shape (n,) or (k, n)
+        What each model is fitted to.
     start, bounds : ndarray, shape (k, p) and (2, k, p)
         Of k models' parameters; bounds are equal where one is not varied.
     most : float
@@ -324,11 +326,16 @@ def fit_window(
             parameters=found,
             jacobian=np.where(varied[:, np.newaxis], jacobian, 0.0),
             is_inside=bool(inside),
-            fitted=window.measured + residual,
+            fitted=trace + residual,
             residual=math.sqrt(residual @ residual / (residual.size - varied.sum())),
         )
-        for found, residual, jacobian, varied, inside in zip(
-            parameters, *evaluation, is_varied, is_inside & is_found, strict=True
+        for found, residual, jacobian, trace, varied, inside in zip(
+            parameters,
+            *evaluation,
+            np.broadcast_to(measured, evaluation[0].shape),
+            is_varied,
+            is_inside & is_found,
+            strict=True,
         )
     ]
 
@@ -361,7 +368,7 @@ def fit_shapes(window: PulseWindow, shapes: Sequence[PulseShape]) -> list[Window
         [(-one.pulse_factor / 2.0, one.pulse_factor, 0.0, 1.0, 0.0) for one in shapes]
     )
     bounds = np.broadcast_to(np.array([LEAST, MOST])[:, np.newaxis], (2, *start.shape))
-    return fit_window(window, evaluate, start, bounds)
+    return fit_window(window.measured, evaluate, start, bounds)
 
 
 NAN = math.nan

@@ -190,5 +190,6 @@ def _drop_scale_of_law(law: ContactLaw) -> ContactLaw:
         notes=law.notes,
         form=law.form,
         loss=law.loss,
+        pull=law.pull,
         excludes_versed_sine=law.excludes_versed_sine,
     )

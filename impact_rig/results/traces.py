@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.hits import FilteredHit, MeanHit
-from impact_rig.core.law_pulses import LossForm, compute_pulses
+from impact_rig.core.law_pulses import LossForm, compute_pulses, find_places
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.pulses import compute_pulse
 from impact_rig.core.records import Block, ChannelBlock, FloatArray, HitLabel
@@ -310,9 +310,12 @@ def compute_law_curves(law: ContactLaw, traces: SampleTraces, setup: RigSetup) -
     if not law.impact_speed.is_known:
         return None
     speed, exponent = law.impact_speed.value, law.exponent.value
-    pulse = compute_pulses(np.array([exponent]), np.array([law.loss]), LossForm(law.form))
-    unit = law.duration.value / float(pulse.duration[0])
-    height = law.peak_force.value / float(pulse.compute_peak_force()[0])
+    form = find_places([LossForm(law.form.rpartition(" + ")[2])])
+    numbers = np.array([[exponent], [law.loss], [law.pull]])
+    pulse = compute_pulses(numbers[0], numbers[1], numbers[2], form)
+    highest = float(pulse.compute_peak_force()[0])
+    height = law.peak_force.value / highest
+    unit = law.impulse.value / height / (1.0 + float(pulse.restitution[0]))
     rate, time, hammer_mass = traces.sampling_rate, traces.time, setup.hammer_mass
     chain = setup.find_chains(rate)[0]
     upright = traces.mean * np.sign(traces.mean.sum(axis=1, keepdims=True))

@@ -106,7 +106,8 @@ def test_without_noise_the_law_is_found_again(exponent, restitution):
     assert law.restitution.value == pytest.approx(restitution, abs=0.001)
     assert law.duration.value == pytest.approx(contact.duration, rel=0.001)
     assert law.impact_speed.value == pytest.approx(SPEED, rel=0.002)
-    assert law.damping.value == pytest.approx(contact.alpha, rel=0.002, abs=0.005)
+    if restitution < 1.0:
+        assert law.damping.value == pytest.approx(contact.alpha, rel=0.002, abs=0.005)
     assert np.log(law.stiffness.value) == pytest.approx(np.log(contact.stiffness), abs=0.02)
     force = contact.traces[0] * HAMMER
     assert law.peak_force.value == pytest.approx(force.max(), rel=0.001)
@@ -142,11 +143,12 @@ def test_through_the_whole_chain_duration_and_restitution_are_within_a_per_cent(
     assert law.exponent.value == pytest.approx(exponent, abs=0.01)
 
 
-def test_a_sensor_that_rings_and_is_not_described_leaves_no_law():
+def test_a_sensor_that_rings_and_is_not_described_is_in_the_uncertainty():
     law = estimate(send_through_chain(1.5, 0.9, 3))
-    assert not law.is_known
-    assert not law.restitution.is_known
-    assert "the best leaves 0.11 % of the peak, where noise and sensor explain" in law.notes[0]
+    for quantity, true in ((law.duration, DURATION), (law.restitution, 0.9)):
+        assert abs(quantity.value - true) < quantity.expanded
+    assert "what the contact law leaves" in {line.source for line in law.restitution.budget}
+    assert any("the contact law leaves" in text for text in law.warnings)
 
 
 def test_what_is_unsure_of_the_sensor_is_in_the_budget_and_the_interval_covers():
@@ -168,7 +170,9 @@ def test_what_is_unsure_of_the_sensor_is_in_the_budget_and_the_interval_covers()
         "sampling clock",
     }
     force = {line.source: line.contribution for line in law.peak_force.budget}
-    assert force["gain of the hammer's channel"] == pytest.approx(0.02 * law.peak_force.value)
+    assert force["gain of the hammer's channel"] == pytest.approx(
+        0.02 * law.peak_force.value, rel=0.01
+    )
 
 
 def test_the_intervals_cover_the_truth_as_often_as_they_say():

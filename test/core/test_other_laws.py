@@ -103,23 +103,17 @@ def test_forms_that_describe_the_pulse_as_well_are_a_line_of_the_budget():
     struck = strike(Law("proportional", 0.995, make_viscous(1.5, 1.5)).motion)
     found = estimate(struck).contact_law
     assert "form of the loss" in {line.source for line in found.restitution.budget}
-    assert any("does not tell apart the forms of loss" in note for note in found.notes)
     check(found, struck)
 
 
 @pytest.mark.parametrize(
     ("struck", "reason"),
     [
-        (strike(integrate(make_adhesive(0.05), sticks=True)), "noise and sensor explain"),
-        (strike(crush(0.98)), "above 1, and free bodies gain no energy"),
+        (strike(crush(0.9)), "above 1, and free bodies gain no energy"),
         (strike(crush(0.7)), "falls faster than it rises, as of a body that is crushed"),
-        (
-            strike(replace(ROOT, sticks=True).motion),
-            "noise and sensor explain",
-        ),
         (strike(ROOT.motion, low_pass=5e3), "noise and sensor explain"),
     ],
-    ids=["adhesion", "crushed, 0.98", "crushed, 0.7", "root that pulls", "5 kHz amplifier"],
+    ids=["crushed, 0.9", "crushed, 0.7", "5 kHz amplifier"],
 )
 def test_what_is_of_no_law_has_no_numbers_but_a_reason(struck, reason):
     estimated = estimate(struck)
@@ -133,6 +127,22 @@ def test_what_is_of_no_law_has_no_numbers_but_a_reason(struck, reason):
     assert abs(estimated.checks.stated_restitution.value - e) < 1.5 * (
         estimated.checks.stated_restitution.expanded
     )
+
+
+@pytest.mark.parametrize(
+    "struck",
+    [
+        strike(integrate(make_adhesive(0.02), sticks=True)),
+        strike(replace(ROOT, sticks=True).motion),
+    ],
+    ids=["adhesion", "root that pulls"],
+)
+def test_a_pull_before_the_bodies_part_is_in_the_uncertainty_and_a_warning(struck):
+    estimated = estimate(struck)
+    found, e = estimated.contact_law, struck.motion.restitution
+    for quantity, true in ((found.duration, DURATION), (found.restitution, e)):
+        assert abs(quantity.value - true) < 1.5 * quantity.expanded
+    assert any("the contact is not quite of this law" in text for text in estimated.warnings)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from impact_rig.core.law_pulses import LossForm, ScaledPulses, compute_pulses
+from impact_rig.core.law_pulses import LossForm, compute_pulses, find_losses, find_places
 from impact_rig.core.pulses import (
     HALF_SINE,
     HERTZ,
@@ -16,7 +16,7 @@ from impact_rig.core.pulses import (
     compute_pulse,
 )
 
-from .contacts import integrate, make_viscous, strike_body, strike_plate
+from .contacts import integrate, strike_body, strike_plate
 
 every_shape = pytest.mark.parametrize("shape", PULSE_SHAPES, ids=lambda shape: shape.name)
 
@@ -69,36 +69,53 @@ def test_an_asymmetric_pulse_keeps_height_impulse_and_width(shape, duration, asy
     assert pulse.sum() == pytest.approx(symmetric.sum(), rel=1e-3)
 
 
-POWERS = {LossForm.ROOT: 0.5, LossForm.FOURTH_ROOT: 0.25, LossForm.DASHPOT: 0.0}
-VISCOUS = [form for form in LossForm if form is not LossForm.PLATE]
+POWERS = {
+    LossForm.LINEAR: 1.0,
+    LossForm.ROOT: 0.5,
+    LossForm.FOURTH_ROOT: 0.25,
+    LossForm.DASHPOT: 0.0,
+}
 
 
-def compute_one(form: LossForm, exponent: float, loss: float) -> ScaledPulses:
-    return compute_pulses(np.array([exponent]), np.array([loss]), form)
+@pytest.mark.parametrize("form", POWERS)
+@pytest.mark.parametrize("exponent", [1.2, 1.5, 2.0, 3.0])
+@pytest.mark.parametrize(("loss", "pull"), [(0.0, 0.0), (0.2, 0.0), (0.0, 0.3), (0.1, 0.5)])
+def test_a_pulse_is_that_of_the_differential_equation(form, exponent, loss, pull):
+    one = [np.array([number]) for number in (exponent, loss, pull)]
+    proportional, other, _ = (item[0] for item in find_losses(*one, find_places([form])))
 
+    def force(x: float, v: float) -> float:
+        x = max(x, 0.0)
+        return float(x**exponent * (1.0 + proportional * v) + other * x ** POWERS[form] * v)
 
-@pytest.mark.parametrize("form", VISCOUS)
-@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0, 3.0])
-@pytest.mark.parametrize("loss", [0.0, 0.1, 0.5])
-def test_a_pulse_is_that_of_the_differential_equation(form, exponent, loss):
-    motion = integrate(make_viscous(exponent, POWERS.get(form, exponent))(loss))
-    pulse = compute_one(form, exponent, loss)
-    if form is not LossForm.PROPORTIONAL and loss:
-        assert pulse.duration[0] == pytest.approx(motion.time[-1], rel=1e-5)
-    assert pulse.restitution[0] == pytest.approx(motion.restitution, abs=1e-6)
+    # A force that goes to zero with the indentation may touch it before.
+    motion = integrate(force, sticks=not pull)
+    pulse = compute_pulses(*one, find_places([form]))
+    assert pulse.duration[0] == pytest.approx(motion.time[-1], rel=3e-4)
+    assert pulse.restitution[0] == pytest.approx(motion.restitution, abs=5e-5)
     inside = slice(1, -1)
-    force = pulse.compute_force(motion.time[inside])[0]
-    assert force == pytest.approx(motion.force[inside], abs=1e-5)
-    assert pulse.compute_peak_force()[0] == pytest.approx(motion.force.max(), rel=1e-5)
+    force_found = pulse.compute_force(motion.time[inside])[0]
+    assert force_found == pytest.approx(motion.force[inside], abs=1e-4)
+    assert pulse.compute_peak_force()[0] == pytest.approx(motion.force.max(), rel=5e-5)
+
+
+@pytest.mark.parametrize("form", POWERS)
+def test_the_largest_losses_leave_less_than_a_third_of_the_speed(form):
+    exponent, whole = np.array([1.0, 1.5, 2.5]), np.ones(3)
+    places = find_places([form] * 3)
+    for loss, pull in ((0.8, 0.0), (0.0, 1.0)):
+        found = compute_pulses(exponent, loss * whole, pull * whole, places).restitution
+        assert np.all(found < 0.4)
+        assert np.all(found > 0.2)
 
 
 @pytest.mark.parametrize("restitution", [0.9, 0.525])
 def test_a_plate_yields_to_the_force(restitution):
     motion = strike_plate(restitution)
-    losses = np.linspace(0.01, 0.8, 400)
-    pulses = compute_pulses(np.full(400, 1.5), losses, LossForm.PLATE)
+    losses, places = np.linspace(0.01, 1.0, 400), find_places([LossForm.PLATE] * 400)
+    pulses = compute_pulses(np.full(400, 1.5), losses, 0.0 * losses, places)
     loss = float(np.interp(-restitution, -pulses.restitution, losses))
-    pulse = compute_one(LossForm.PLATE, 1.5, loss)
+    pulse = compute_pulses(np.array([1.5]), np.array([loss]), np.zeros(1), places[:1])
     assert pulse.duration[0] == pytest.approx(motion.time[-1], rel=1e-4)
     inside = slice(1, -1)
     force = pulse.compute_force(motion.time[inside])[0]
