@@ -201,8 +201,8 @@ class SampleResults(View):
     --------
     >>> results = VirtualRig(seed=7).run(["steel small", "aluminium large"], 3).analyze()
     >>> steel = results["steel small"]
-    >>> f"{steel.contact_time:.0f}", steel.stiffness.unit, steel.impacts_accepted
-    ('170 ± 1 µs', 'MN/m', 3)
+    >>> print(steel.contact_time, steel.impacts_accepted)
+    170... ± ... µs 3
     >>> steel.stiffness.budget[0].source
     'mass of the accelerometer'
     """
@@ -376,7 +376,7 @@ class Run:
             return campaigns[0]
         if number is None or not 1 <= number <= len(campaigns):
             raise ParameterError(
-                f"{self.name} holds {len(campaigns)} campaigns: choose one with"
+                f"{self.name} holds {format_count(len(campaigns), 'campaign')}: choose one with"
                 f" campaign=1 to {len(campaigns)}"
             )
         return campaigns[number - 1]
@@ -726,8 +726,8 @@ def estimate(
     --------
     >>> hit = VirtualRig(seed=7).strike("steel small")
     >>> found = estimate(hit.hammer, hit.specimen, rate="2.5 MHz", hammer_mass="100 g")
-    >>> f"{found.contact_time:.0f}"
-    '170 µs'
+    >>> print(found.contact_time)
+    169.7... µs
     """
     session = Session(
         {sample: sample_mass},

@@ -1,8 +1,13 @@
 """The library: what a person types is what it does."""
 
 import doctest
+import re
+import shutil
 import subprocess
 import sys
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -11,10 +16,14 @@ import pytest
 import impact_rig as ir
 from impact_rig import api
 from impact_rig.core.quantity import Description
+from impact_rig.files.formats.registry import write_measurement
+from impact_rig.files.importing import write_imported
+from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.present import printed
 from impact_rig.present.printed import Number
 
 mpl.use("Agg")
+README = Path(__file__).resolve().parent.parent / "README.md"
 CONTROL, STEEL = "aluminium large", "steel small"
 
 
@@ -30,7 +39,7 @@ def results(run):
 
 @pytest.mark.parametrize("module", [api, printed], ids=lambda module: module.__name__)
 def test_every_example_of_the_public_interface_is_true(module):
-    found = doctest.testmod(module, optionflags=doctest.IGNORE_EXCEPTION_DETAIL)
+    found = doctest.testmod(module, optionflags=doctest.IGNORE_EXCEPTION_DETAIL | doctest.ELLIPSIS)
     assert found.attempted > 2
     assert not found.failed
 
@@ -257,3 +266,53 @@ def test_the_same_seed_gives_the_same_hits_and_faults_are_named():
     assert first[0].truth.exponent == 1.5
     with pytest.raises(ir.RigError, match="no plant 'moon': there are published"):
         ir.VirtualRig(plant="moon")
+
+
+@pytest.fixture(scope="module")
+def recording(run, tmp_path_factory):
+    """Return a recording of the same hits, as another instrument's."""
+    session = ir.Session({STEEL: "56.32 g", CONTROL: "102.38 g"}, hammer_mass="100 g")
+    for name, hits in run.hits.items():
+        for hit in hits:
+            session.add(hit.hammer, hit.specimen, rate=hit.rate, on=name)
+    path = tmp_path_factory.mktemp("run") / "session.mcap"
+    hits = [replace(hit, path=README) for hit in session._source.hits]  # any file: it is hashed
+    write_imported(path, session._source.setup, hits)
+    return path
+
+
+def test_a_recording_is_opened_by_file_and_by_folder(recording, run):
+    for place in (recording, recording.parent, str(recording)):
+        opened = ir.open_run(place)
+        assert opened.analyze()[STEEL].impacts_accepted == 4
+    hit = opened.hits[STEEL][2]
+    assert np.array_equal(hit.hammer, run.hits[STEEL][2].hammer)
+    assert hit.truth is None
+    with pytest.raises(ir.RigError, match="holds 1 campaign: choose one with campaign=1"):
+        ir.open_run(recording, campaign=2).analyze()
+
+
+def test_the_readme_s_lines_run_as_they_are_typed(recording, run, tmp_path, monkeypatch):
+    (text,) = re.findall(r"```python\n(.*?)```", README.read_text("utf-8"), re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs").mkdir()
+    shutil.copytree(recording.parent, tmp_path / "runs" / "<time>")
+    (tmp_path / "bench").mkdir()
+    hit = run.hits[STEEL][0]
+    channels = [
+        MeasuredChannel(name, values, hit.rate, "m/s^2")
+        for name, values in (("hammer", hit.hammer), ("sample", hit.specimen))
+    ]
+    write_measurement(tmp_path / "bench" / "hit.csv", Measurement(tmp_path, tuple(channels)))
+    text = text.replace("tdms", "csv")  # which is read only
+    if find_spec("pandas") is None:
+        text = text.replace("results.to_dataframe()", "pass")
+    known = {
+        "hammer": hit.hammer,
+        "specimen": hit.specimen,
+        "mine": lambda hammer, time: np.ptp(time[np.abs(hammer) > 0.05 * np.abs(hammer).max()]),
+    }
+    exec(compile(text, README, "exec"), known)
+    assert (tmp_path / "steel.png").stat().st_size > 10_000
+    assert np.abs(known["errors"]).max() < 0.15
+    assert len(known["errors"]) == 12

@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING
 
@@ -46,7 +47,7 @@ def analyze_batch(
     settings : mapping
         Fields of `AnalysisSettings` to use in place of the recorded ones.
     workers : int or None
-        Processes; None: as many as cores, or none but this one for a small batch.
+        Processes; None: as many as cores, or none but this one for a small batch or without Dask.
     scheduler : str or None
         Address of a Dask cluster to use instead.
     report : callable
@@ -63,7 +64,8 @@ def analyze_batch(
         If the cluster cannot be used.
     """
     size = sum(run.size for run in runs)
-    cores = len(os.sched_getaffinity(0)) if size >= WORTH_WORKERS else 1
+    is_worth = size >= WORTH_WORKERS and find_spec("distributed") is not None
+    cores = len(os.sched_getaffinity(0)) if is_worth else 1
     count = min(workers or cores, len(runs))
     if scheduler is None and count == 1:
         outcomes = []

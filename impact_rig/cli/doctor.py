@@ -46,10 +46,16 @@ EXIT_FAULT = 1
 STYLES = {Status.OK: GOOD, Status.WARNING: WARNING, Status.FAULT: ALARM}
 
 
+def has_ros() -> bool:
+    """Return whether anything of ROS 2 is here; without it the software analyses only."""
+    return util.find_spec("rclpy") is not None or "ROS_DISTRO" in os.environ
+
+
 def check_library(library: Library) -> Finding:
     """Find a library and its version."""
     if util.find_spec(library.module) is None:
-        status = Status.FAULT if library.is_needed else Status.WARNING
+        is_optional = library.is_ros and not has_ros()
+        status = Status.WARNING if is_optional or not library.is_needed else Status.FAULT
         return Finding(library.name, "missing", status, library.advice)
     try:
         return Finding(library.name, metadata.version(library.name))
@@ -60,7 +66,7 @@ def check_library(library: Library) -> Finding:
 def check_ros() -> list[Finding]:
     """Return which ROS 2 is sourced, and its variables in the environment."""
     distribution = os.environ.get("ROS_DISTRO", "")
-    found = Finding("ROS 2", distribution or "from PyPI")
+    found = Finding("ROS 2", distribution or ("from PyPI" if has_ros() else "none"))
     if distribution not in ("", DISTRIBUTION):
         advice = f"source ROS 2 {DISTRIBUTION}, or none: then it comes from PyPI"
         found = Finding("ROS 2", distribution, Status.FAULT, advice)
@@ -71,7 +77,8 @@ def check_conversation() -> Finding:
     """Exchange a message between two processes of this computer, in an unused domain."""
     name = "two processes"
     if util.find_spec("rclpy") is None:
-        return Finding(name, "not tried: there is no rclpy", Status.FAULT, "install ROS 2 first")
+        status = Status.FAULT if has_ros() else Status.WARNING
+        return Finding(name, "not tried: there is no rclpy", status)
     token = uuid.uuid4().hex
     with contextlib.ExitStack() as stack:
         try:
@@ -145,8 +152,11 @@ def run() -> None:
         status = Text(item.status.value, style=STYLES[item.status])
         rows.append((status, item.name, Text.assemble(item.text, (advice, "bold"))))
     print_facts(console, rows)
-    console.print(
-        f"{format_count(faults, 'fault')}: see above." if faults else "The rig can work."
-    )
+    if faults:
+        console.print(f"{format_count(faults, 'fault')}: see above.")
+    elif has_ros():
+        console.print("The rig can work.")
+    else:
+        console.print("Recordings and files can be analysed. What runs a rig needs ROS 2.")
     if faults:
         raise SystemExit(EXIT_FAULT)

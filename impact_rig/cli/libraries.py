@@ -10,10 +10,17 @@ class Library:
     module: str  # what Python imports
     name: str  # what pip installs
     is_needed: bool = True  # the rig cannot do its main job without it
+    is_ros: bool = False  # ROS 2 brings it: recordings and files are analysed without it
 
     @property
     def advice(self) -> str:
         """Say how to get it."""
+        if self.is_ros:
+            return (
+                "analyze, export, import, info, report and view work without ROS 2, what runs a"
+                " rig or plays a recording does not: source ROS 2 Jazzy and the rig built with"
+                " it, or use `python3 launch_scripts/rig.py exec -- impact-rig ...`"
+            )
         if not self.is_needed:
             return f'pip install "{self.name}"; everything else works without it'
         return (
@@ -25,8 +32,8 @@ class Library:
 LIBRARIES = (
     Library("numpy", "numpy"),
     Library("scipy", "scipy"),
-    Library("rclpy", "rclpy"),
-    Library("impact_rig_msgs", "impact_rig_msgs"),
+    Library("rclpy", "rclpy", is_ros=True),
+    Library("impact_rig_msgs", "impact_rig_msgs", is_ros=True),
     Library("GTC", "GTC"),
     Library("pint", "pint"),
     Library("rosbags", "rosbags"),
@@ -51,8 +58,13 @@ LIBRARIES = (
 )
 
 
+ROS_PACKAGES = ("_msgs", "_srvs", "_interfaces", "ament_index_python")
+"""How the names of modules end that come with rclpy."""
+
+
 def describe_missing(module: str) -> str:
     """Return which library a missing module belongs to, and how to get it; empty: unknown."""
     top = module.partition(".")[0]
+    top = "rclpy" if top.endswith(ROS_PACKAGES) and top != "impact_rig_msgs" else top
     found = [item for item in LIBRARIES if item.module == top]
     return f"{found[0].name} is not installed: {found[0].advice}" if found else ""

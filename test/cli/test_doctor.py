@@ -4,7 +4,7 @@ import pytest
 
 from impact_rig.cli import doctor
 from impact_rig.cli.doctor import Status, check_conversation, check_library, check_ros
-from impact_rig.cli.libraries import Library, describe_missing
+from impact_rig.cli.libraries import LIBRARIES, Library, describe_missing
 
 from .conftest import finish, start_command, start_python
 
@@ -19,6 +19,8 @@ def test_what_is_missing_matters_as_much_as_it_is_needed(is_needed, status):
 def test_a_module_belongs_to_the_library_that_brings_it():
     assert 'pip install "distributed"' in describe_missing("distributed.client")
     assert describe_missing("antigravity") == ""
+    for module in ("rclpy.node", "lifecycle_msgs.msg", "std_srvs", "rcl_interfaces"):
+        assert describe_missing(module).startswith("rclpy is not installed: analyze, export")
 
 
 def test_another_distribution_is_a_fault(monkeypatch):
@@ -49,6 +51,10 @@ def test_a_middleware_that_is_not_there_is_named(monkeypatch):
 def test_without_ros_it_says_so(monkeypatch):
     monkeypatch.setattr(doctor.util, "find_spec", lambda _: None)
     finding = check_conversation()
-    assert (finding.status, finding.text) == (Status.FAULT, "not tried: there is no rclpy")
+    assert (finding.status, finding.text) == (Status.WARNING, "not tried: there is no rclpy")
+    (rclpy,) = (item for item in LIBRARIES if item.module == "rclpy")
+    assert check_library(rclpy).status is Status.WARNING
+    monkeypatch.setenv("ROS_DISTRO", "jazzy")  # which is sourced, and should have it
+    assert check_conversation().status is check_library(rclpy).status is Status.FAULT
     code = "import sys; import impact_rig.cli.doctor; print('rclpy' in sys.modules)"
     assert finish(start_python("-c", code)) == (0, "False\n", "")
