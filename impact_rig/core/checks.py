@@ -119,6 +119,7 @@ def check_momenta(mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str) 
 def _find_zero_parts(mean: MeanHit, contact: slice) -> tuple[float, ...]:
     """Return what the zeros' uncertainties make of both changes of velocity [-]."""
     sums = np.abs(mean.traces[:, contact].sum(axis=1)) / mean.traces[:, contact].shape[1]
+    sums = np.where(sums > 0.0, sums, math.inf)
     return tuple((mean.zero_uncertainty[: sums.size] / sums).tolist())
 
 
@@ -173,10 +174,12 @@ class _Reading:
         count, scatter = len(each), np.zeros((3, 3))
         if count >= LEAST_HITS:
             # What was not measured does not scatter.
-            rows = np.nan_to_num([item.figures for item in each])
+            rows = np.nan_to_num([item.list_figures(whole.hold) for item in each])
             scatter = np.cov(rows, rowvar=False, ddof=1) / self.mean.count
         source = f"scatter of the hits on {self.sample}"
-        hammer, ratio, mass = make_ensemble(source, whole.figures, scatter, max(count - 1, 1))
+        hammer, ratio, mass = make_ensemble(
+            source, whole.list_figures(whole.hold), scatter, max(count - 1, 1)
+        )
         lost = [make_input(ZERO_AFTER, 1.0, part) for part in zeros]
         if len(lost) > 1:
             ratio, mass = ratio * lost[1] / lost[0], mass * lost[0] / lost[1]

@@ -71,9 +71,8 @@ class Passage:
 
     hammer_change: float  # of the hammer's velocity [m/s], positive
     sample_change: float  # of the sample's over the contact [m/s], in the sense of its first push
-    # Part of J / m2 at which the sample moves on in the mean after the contact [-], m2 by
-    # `mass_ratio`; NaN: the record ends too early.
-    persistence: float
+    # Mean velocity of the sample after the contact [m/s]; NaN: the record ends too early.
+    settled: float
     mass_ratio: float  # m2 / m1 by Newton's law over the contact, held or not [-]
 
     @property
@@ -81,10 +80,15 @@ class Passage:
         """Whether the sample was measured."""
         return math.isfinite(self.sample_change)
 
+    def list_figures(self, hold: Hold) -> tuple[float, float, float]:
+        """Return the hammer's change of velocity [m/s], the sample's over it, and m2 / m1 [-]."""
+        change = self.sample_change / self.hammer_change
+        return self.hammer_change, change, self.weigh(hold)
+
     @property
-    def figures(self) -> tuple[float, float, float]:
-        """Change of the hammer's velocity [m/s], of the sample's over it [-], and m2 / m1 [-]."""
-        return self.hammer_change, self.sample_change / self.hammer_change, self.traced_ratio
+    def persistence(self) -> float:
+        """Part of J / m2 at which the sample moves on in the end [-], m2 by `mass_ratio`."""
+        return self.settled * self.mass_ratio / self.hammer_change
 
     @property
     def hold(self) -> Hold:
@@ -93,18 +97,16 @@ class Passage:
             return Hold.UNKNOWN
         if abs(self.persistence) < AS_GOOD_AS:
             return Hold.SPRING
-        # What a free body takes over is what it moves on with.
-        is_alike = (
-            abs(self.mass_ratio * self.sample_change / self.hammer_change - 1.0) < AS_GOOD_AS
-        )
-        return Hold.FREE if abs(self.persistence - 1.0) < AS_GOOD_AS and is_alike else Hold.UNCLEAR
+        # What rings in the contact hides some of the mass.
+        is_alike = abs(self.persistence - 1.0) < 3.0 * AS_GOOD_AS
+        keeps = abs(self.settled / self.sample_change - 1.0) < AS_GOOD_AS
+        return Hold.FREE if is_alike and keeps else Hold.UNCLEAR
 
-    @property
-    def traced_ratio(self) -> float:
-        """m2 / m1 by Newton's law on a spring, else by the momenta [-]; NaN: neither is sure."""
-        if self.hold is Hold.SPRING:
+    def weigh(self, hold: Hold) -> float:
+        """Return m2 / m1 by Newton's law on a spring, else by momenta [-]; NaN: neither."""
+        if hold is Hold.SPRING:
             return self.mass_ratio
-        if self.hold is Hold.UNCLEAR or self.sample_change == 0.0:
+        if hold is Hold.UNCLEAR:
             return math.nan
         return self.hammer_change / self.sample_change
 
@@ -117,7 +119,8 @@ def follow_momentum(traces: FloatArray, contact: slice, sampling_rate: float) ->
     """
     step = 1.0 / sampling_rate
     hammer = np.asarray(traces[0, contact], dtype=np.float64)
-    if len(traces) == 1:
+    if len(traces) == 1 or not np.any(traces[1, contact]):
+        # Not measured, or its channel is dead.
         return Passage(abs(float(hammer.sum())) * step, *3 * [math.nan])
     sample = np.asarray(traces[1, contact], dtype=np.float64)
     velocity = scipy.integrate.cumulative_trapezoid(traces[1], dx=step, initial=0.0)
@@ -135,14 +138,13 @@ def follow_momentum(traces: FloatArray, contact: slice, sampling_rate: float) ->
     up, mass_ratio = math.copysign(1.0, mass_ratio), abs(mass_ratio)
     hammer_change = float(force.sum()) * step
     tail = up * velocity[contact.stop :]
-    persistence = float("nan")
+    settled = math.nan
     # Half as long as the contact tells nothing of what swings more slowly.
     if tail.size > 0.5 * hammer.size:
         # A Hann window takes out all that swings twice in the tail.
         weights = np.hanning(tail.size)
         settled = float(weights @ tail) / float(weights.sum())
-        persistence = settled * mass_ratio / hammer_change
-    return Passage(hammer_change, up * float(inside[-1]), persistence, mass_ratio)
+    return Passage(hammer_change, up * float(inside[-1]), settled, mass_ratio)
 
 
 def find_settled_velocity(
@@ -171,7 +173,8 @@ def weigh_sample(hit: FilteredHit, chains: tuple[Chain, Chain]) -> float:
     contact = find_contact(traces[0], hit.pulse, chains[0])
     if contact is None:
         return math.nan
-    return follow_momentum(traces, contact, hit.sampling_rate).traced_ratio
+    passage = follow_momentum(traces, contact, hit.sampling_rate)
+    return passage.weigh(passage.hold)
 
 
 def find_odd_hits(mean: MeanHit, values: FloatArray, least: float) -> list[str]:

@@ -162,8 +162,8 @@ def _find_hold(mean: MeanHit, setup: RigSetup, decay: FreeDecay) -> tuple[Hold, 
     point = decay.tail.step / rate
     ringing = point * np.array([decay.decay_rate, decay.angular_frequency])
     settled = find_settled_velocity(traces[1], decay.tail, ringing, rate)
-    persistence = settled * passage.mass_ratio / passage.hammer_change
-    return replace(passage, persistence=persistence).hold, persistence
+    passage = replace(passage, settled=settled)
+    return passage.hold, passage.persistence
 
 
 def _explain_hold(hold: Hold, persistence: float, frequency: float) -> tuple[str, ...]:

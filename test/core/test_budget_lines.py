@@ -20,6 +20,7 @@ QUIET = Laboratory(
 """All that is not told is right, and known well."""
 UNSTATED = replace(QUIET, gain_uncertainty=0.0)
 WEIGHED = replace(QUIET, mass_uncertainty=0.0)
+LEFT = "what the free decay leaves"
 AMPLITUDE = "damping that depends on the amplitude"
 HAMMER_MASS, SAMPLE_MASS = "mass of the hammer, assumed", "mass of struck, assumed"
 HAMMER_GAIN = "gain of the hammer's channel, assumed"
@@ -63,6 +64,7 @@ def hold(found: Quantity, truth: float, source: str) -> None:
         (SPRUNG, "free_decay.stiffness", "sampling clock"),
         (QUIET, "paper.contact_time", "shape of the pulse"),
         (replace(HELD, air=1000.0), "free_decay.damping_ratio", AMPLITUDE),
+        (replace(HELD, mount=(12e3, 0.01)), "free_decay.damping_ratio", LEFT),
         (replace(HELD, friction=2.0), "free_decay.damping_ratio", AMPLITUDE),
     ],
     ids=lambda item: item if isinstance(item, str) else "",

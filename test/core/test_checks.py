@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from study.laboratories import Laboratory, run_series
 
 from impact_rig.core.checks import Checks, check_momenta
 from impact_rig.core.hits import JudgedHit
@@ -128,3 +129,58 @@ def test_a_record_that_ends_too_early_says_so():
     checks = check_momenta(short, SETUP, RigInputs(SETUP).find("struck"), "struck")
     assert not checks.impulse.is_known
     assert "the record does not hold all of the pulse" in checks.notes[0]
+
+
+K, C = "stiffness", "damping_coefficient"
+HELD = Laboratory(spring=(4e3, 0.01), record=4e-3, hits=5)
+MOUNT = Laboratory(mount=(12e3, 0.02), record=4e-3, hits=5, losses=((1.5, 0.2),))
+
+
+def test_what_rings_about_rest_is_a_spring_and_has_k_and_c():
+    found, truth, _ = run_series(HELD)
+    decay = found.free_decay
+    assert decay.hold == "spring"
+    (k, _), (c, _) = (
+        truth.figures[f"free_decay.{name}"] for name in ("stiffness", "damping_coefficient")
+    )
+    assert abs(decay.stiffness.value - k) < decay.stiffness.expanded
+    assert abs(decay.damping_coefficient.value - c) < decay.damping_coefficient.expanded
+
+
+def test_what_rings_about_the_velocity_of_a_free_sample_has_no_k_and_no_c():
+    found, _, said = run_series(MOUNT)
+    decay = found.free_decay
+    assert decay.hold == "free"
+    assert decay.frequency == pytest.approx(12e3, rel=0.01)
+    assert decay.damping_ratio.value == pytest.approx(0.02, rel=0.05)
+    assert not decay.stiffness.is_known
+    assert not decay.damping_coefficient.is_known
+    assert not found.paper.damping_coefficient.is_known
+    assert "as the mount of a sensor or an inner mode does" in said
+    assert found.checks.traced_mass.value == pytest.approx(MOUNT.sample, rel=0.02)
+
+
+def test_waves_that_go_to_and_fro_in_a_free_bar_are_no_decrement():
+    session = Session(SETUP)
+    for record in range(1, 6):
+        traces = replace(CRUSHED, seed=record, duration=1e-4).measure()
+        # A free bar: its end moves on in steps, one for each arrival of the wave.
+        echoes = [0.8**number * np.roll(traces[1], 500 * number) for number in range(8)]
+        share = sum(0.8**number for number in range(8))
+        traces[1] = np.sum(echoes, axis=0) / share
+        channels = [ChannelBlock(trace, 1.0, 0.0, 0.0) for trace in traces]
+        label = HitLabel("struck", record, record)
+        session.feed(Block(0, RATE, *channels, label, last=True))
+    found = session.estimate_sample("struck")
+    assert not found.paper.damping_ratio.is_known
+    assert not found.paper.damping_coefficient.is_known
+    assert not found.free_decay.stiffness.is_known
+
+
+def test_no_model_on_a_spring_is_fitted_to_a_free_sample():
+    session = Session(SETUP)
+    for record in range(1, 6):
+        session.feed(CRUSHED.make_block(HitLabel("struck", record, record)))
+    (found,) = session.estimate_all().samples
+    assert found.identifications == ()
+    assert any("the sample is free: it is on no spring" in note for note in found.notes)
