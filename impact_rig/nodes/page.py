@@ -23,6 +23,7 @@ from impact_rig.core.errors import DeviceError, ParameterError
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.campaign_feed import CampaignFeed
 from impact_rig.nodes.identity import id_to_msg, make_id
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.rig_node import RigNode
@@ -31,7 +32,6 @@ from impact_rig.page.states import NodeHealth
 from impact_rig.page.status import RigStatus
 from impact_rig.page.traces import pack_traces
 from impact_rig.page.view import make_view
-from impact_rig.recordings.campaigns import begins_campaign
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import JudgedTraces
 
@@ -55,7 +55,7 @@ class PageNode(RigNode):
         self.declare("certificate", "", "path of the server's TLS certificate; empty: no TLS")
         self.declare("key", "", "path of the certificate's key; empty: it is in the same file")
         self._status = RigStatus(self.get_namespace())
-        self._campaign_id = b""
+        feed = CampaignFeed(self._on_campaign, self._on_finding)
         self._server: PageServer | None = None
         self._is_shown = True
         self._traced = ""  # sample of the newest trace
@@ -77,15 +77,15 @@ class PageNode(RigNode):
         self._acts |= {"start": self._start, "note": self._note}
         self.offer_to_join()
         for topic, callback in (
-            (interfaces.SETUP, self._on_setup),
+            (interfaces.SETUP, feed.on_setup),
             (interfaces.CAMPAIGN_STATE, self._on_state),
             (interfaces.HAMMER_STATE, self._on_state),
             (interfaces.ACQUISITION_STATE, self._on_state),
             (interfaces.RECORDER_STATE, self._on_state),
             (interfaces.DIAGNOSTICS, self._on_health),
-            (interfaces.IMPACT, self._on_impact),
-            (interfaces.ESTIMATE, self._on_estimate),
-            (interfaces.IMPACT_TRACE, self._on_trace),
+            (interfaces.IMPACT, feed.on_finding),
+            (interfaces.ESTIMATE, feed.on_finding),
+            (interfaces.IMPACT_TRACE, feed.on_finding),
         ):
             self.listen(topic, callback)
         self.create_timer(SHOW_PERIOD, self._show)
@@ -127,10 +127,8 @@ class PageNode(RigNode):
         super().on_received(topic, callback, received)
         self._is_shown &= topic is interfaces.DIAGNOSTICS
 
-    def _on_setup(self, received: Received[RigSetup]) -> None:
-        if begins_campaign(received.message, self._campaign_id or None):
-            self._campaign_id = received.identity.campaign_id
-            self._status.begin(received.value)
+    def _on_campaign(self, received: Received[RigSetup]) -> None:
+        self._status.begin(received.value)
 
     def _on_state(self, received: Received[Any]) -> None:
         self._status.keep(received.value)
@@ -138,14 +136,17 @@ class PageNode(RigNode):
     def _on_health(self, received: Received[tuple[NodeHealth, ...]]) -> None:
         self._status.add_health(received.value)
 
-    def _on_impact(self, received: Received[HitResults]) -> None:
-        self._status.add_hit(received.value)
+    def _on_finding(self, received: Received[HitResults | SampleEstimate | JudgedTraces]) -> None:
+        match received.value:
+            case HitResults() as hit:
+                self._status.add_hit(hit)
+            case SampleEstimate() as estimate:
+                self._status.estimates[estimate.name] = estimate
+            case JudgedTraces() as traces:
+                self._add_traces(traces)
 
-    def _on_estimate(self, received: Received[SampleEstimate]) -> None:
-        self._status.estimates[received.value.name] = received.value
-
-    def _on_trace(self, received: Received[JudgedTraces]) -> None:
-        traces, label = received.value, received.value.aligned.label
+    def _add_traces(self, traces: JudgedTraces) -> None:
+        label = traces.aligned.label
         self._status.full_scale = traces.full_scale[0] if traces.full_scale else 0.0
         if self._server is not None:
             packed = pack_traces(traces, self._status.list_levels())

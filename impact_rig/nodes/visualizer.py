@@ -5,7 +5,7 @@ The file is written as hits come. What it keeps of a hit is its verdict; 512 MB 
 this host that come late.
 """
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Hashable
 from dataclasses import replace
 from functools import partial
@@ -22,6 +22,7 @@ from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.campaign_feed import CampaignFeed
 from impact_rig.nodes.conversions import Truth
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.interfaces import Topic
@@ -30,7 +31,6 @@ from impact_rig.page.states import NodeHealth
 from impact_rig.page.status import RigStatus
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.view_log import ViewLog
-from impact_rig.recordings.campaigns import begins_campaign
 from impact_rig.recordings.new_file import choose_free
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.traces import JudgedTraces, SampleTraces, TraceAssembler
@@ -58,9 +58,8 @@ LARGEST_CAMPAIGN = 1000
 class ShownCampaign:
     """Keeps what was found last of each hit, sample and model of a campaign."""
 
-    def __init__(self, setup: RigSetup, campaign_id: bytes) -> None:
+    def __init__(self, setup: RigSetup) -> None:
         self.setup = setup
-        self.campaign_id = campaign_id
         self._numbers: Counter[str] = Counter()
         self._hits: dict[HitLabel, HitResults] = {}  # the newest, as many as are shown
         self._faults: dict[HitLabel, tuple[str, ...]] = {}
@@ -154,9 +153,8 @@ class VisualizerNode(RigNode):
         self._left_out = ""  # why the last view that could not be shown was not
         self._subscriptions_of_view: list[Any] = []
         self._assembler = TraceAssembler()
-        self._campaign: ShownCampaign | None = None
-        # Of a campaign whose set-up has not come: more than the topics keep.
-        self._early: deque[Received[Finding]] = deque(maxlen=1000)
+        self._feed: CampaignFeed
+        self._campaign: ShownCampaign  # that of the feed
         self._status = RigStatus(self.get_namespace())
         self._counts = {"blocks": 0, "hits": 0, "comparisons": 0, "left out": 0}
 
@@ -174,22 +172,22 @@ class VisualizerNode(RigNode):
             notify(Notice.PAGE, self._view.page)
         # What is replaced as a whole is replaced once a second.
         self._refreshing = self.create_timer(1.0, self._refresh)
-        self._campaign = None
+        self._feed = CampaignFeed(self._on_campaign, self._on_finding)
 
     def activate(self) -> None:
         """Subscribe; latched messages come at once."""
         self._subscriptions_of_view = [
             self.listen(topic, callback)
             for topic, callback in (
-                (interfaces.SETUP, self._on_setup),
+                (interfaces.SETUP, self._feed.on_setup),
                 # 16 MB, for the seconds that the first plots take on a busy computer.
                 (interfaces.ACCELERATION.deepen(2000), self._on_block),
-                (interfaces.VIRTUAL_IMPACT, self._on_finding),
-                (interfaces.IMPACT, self._on_finding),
-                (interfaces.IMPACT_TRACE, self._on_finding),
-                (interfaces.ESTIMATE, self._on_finding),
-                (interfaces.HAMMER_ESTIMATE, self._on_finding),
-                (interfaces.COMPARISON, self._on_finding),
+                (interfaces.VIRTUAL_IMPACT, self._feed.on_finding),
+                (interfaces.IMPACT, self._feed.on_finding),
+                (interfaces.IMPACT_TRACE, self._feed.on_finding),
+                (interfaces.ESTIMATE, self._feed.on_finding),
+                (interfaces.HAMMER_ESTIMATE, self._feed.on_finding),
+                (interfaces.COMPARISON, self._feed.on_finding),
                 (interfaces.DIAGNOSTICS, self._on_diagnostics),
             )
         ]
@@ -253,13 +251,10 @@ class VisualizerNode(RigNode):
         if self._view is not None:
             self._is_behind = not self._view.flush()
 
-    def _on_setup(self, received: Received[RigSetup]) -> None:
-        shown = self._campaign
-        if not begins_campaign(received.message, None if shown is None else shown.campaign_id):
-            return
+    def _on_campaign(self, received: Received[RigSetup]) -> None:
         self._log_latest()
         setup = received.value
-        campaign = self._campaign = ShownCampaign(setup, received.identity.campaign_id)
+        campaign = self._campaign = ShownCampaign(setup)
         contact_times = [sample.reference_contact_time for sample in setup.samples.samples]
         self._log(
             lambda log: log.log_setup(
@@ -267,17 +262,10 @@ class VisualizerNode(RigNode):
             )
         )
         self._log_results_soon(campaign)
-        early = tuple(self._early)
-        self._early.clear()
-        for waiting in early:
-            self._on_finding(waiting)
 
     def _on_finding(self, received: Received[Finding]) -> None:
-        """Show what was found in the campaign; a message of another may be before its set-up."""
+        """Show what was found in the campaign."""
         campaign, found = self._campaign, received.value
-        if campaign is None or received.identity.campaign_id != campaign.campaign_id:
-            self._early.append(received)
-            return
         if isinstance(found, JudgedTraces):
             if campaign.is_laid_over(found):
                 self._log(lambda log: log.log_aligned_hits([found.aligned]))

@@ -19,7 +19,6 @@ from impact_rig.devices.virtual.rig import (
 from impact_rig.nodes import interfaces, messages, result_messages, visualizer
 from impact_rig.nodes.identity import NO_IDENTITY
 from impact_rig.nodes.visualizer import ShownCampaign
-from impact_rig.recordings.messages import NO_ID
 from impact_rig.results.campaign import results_from_session
 from impact_rig.results.traces import align_hit, sample_traces_from_estimate
 
@@ -35,7 +34,7 @@ def strike(record=1):
 
 @pytest.fixture
 def shown():
-    return ShownCampaign(PAPER_SETUP, NO_ID)
+    return ShownCampaign(PAPER_SETUP)
 
 
 def judge(label, blocks):
@@ -114,7 +113,7 @@ def told():
 
 @pytest.fixture
 def campaign(told):
-    shown = ShownCampaign(PAPER_SETUP, NO_ID)
+    shown = ShownCampaign(PAPER_SETUP)
     told.tell(shown)
     return shown
 
@@ -143,7 +142,7 @@ def test_traces_are_those_of_the_session(told, campaign):
 
 def test_an_endless_campaign_keeps_its_newest_hits(told, monkeypatch):
     monkeypatch.setattr(visualizer, "LARGEST_CAMPAIGN", 3)
-    shown = ShownCampaign(PAPER_SETUP, NO_ID)
+    shown = ShownCampaign(PAPER_SETUP)
     for record in range(1, 6):
         shown.add(replace(told.verdicts[0], record=record))
     assert [hit.record for hit in shown.make_results().hits] == [3, 4, 5]
