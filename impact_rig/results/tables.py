@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any
 
+from impact_rig.core.contact_law import NO_LAW
 from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.momenta import Hold
 from impact_rig.core.paper_estimate import PaperEstimate
@@ -345,11 +346,24 @@ def tabulate_summary(results: Results) -> list[Table]:
         cells = [item.format(row.read(item)) for row in rows]
         columns.append(Column(f"{item.symbol} [{item.unit}]", cells))
         columns.append(replace(_make_deviations(rows, item), is_optional=True))
+    # A remark may recommend them in place of those before.
+    laws = [
+        row.body.contact_law if isinstance(row.body, SampleEstimate) else NO_LAW for row in rows
+    ]
+    by_law = [
+        read_column("τ, law [µs]", laws, "duration", 2),
+        read_column("k, law [MN/m]", laws, "equivalent_stiffness", 2, is_optional=True),
+    ]
+    columns += by_law
     marked = [place for item in SAMPLE_MEASURANDS for place in _mark(rows, item)]
     table = make_table("Contact time, stiffness, damping", columns, (), marked)
     note = "±: 95 %."
+    if any(law.is_known for law in laws):
+        note += (
+            " Law: duration by the contact law, and the linear spring between free bodies with it."
+        )
     if any(column.header == "Δ/U" for column in table.columns):
-        note = DEVIATION
+        note += DEVIATION.removeprefix("±: 95 %.")
         if any(row.reference.is_misprinted for row in rows):
             note += " * Its τp is misprinted in the paper, see Table 2."
     return [replace(table, notes=(note,))]
