@@ -9,7 +9,8 @@ from pathlib import Path
 from rich.text import Text
 
 from impact_rig.cli.libraries import describe_missing
-from impact_rig.configuration.rig_file import RigFile, list_rig_warnings, read_rig_file
+from impact_rig.configuration.rig_checks import check_rig
+from impact_rig.configuration.rig_file import RigFile, read_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.devices.drivers import (
     HOLDERS,
@@ -173,14 +174,16 @@ def _print_drivers(drivers: Sequence[SurveyedDriver]) -> None:
 
 
 def _check(rig: RigFile) -> None:
-    """Try the devices of a rig file; print the result for each, then warnings about sensors."""
+    """Check a rig file as a whole, then try its devices; print the result for each."""
     checks = {"source": _try_device(rig, _try_source), "holder": _try_device(rig, _try_holder)}
     console = make_console()
     for part, facts in checks.items():
         state = Text("fault", ALARM) if TROUBLE in facts else Text("ok", GOOD)
         console.print(Text.assemble(state, f"  {part}"))
         print_facts(console, [(f"  {name}", text) for name, text in facts.items()])
-    for text in list_rig_warnings(rig.setup):
-        print_text(console, Text.assemble(("warning: ", ALARM), text))
-    if any(TROUBLE in facts for facts in checks.values()):
+    notes = check_rig(rig)
+    for note in notes:
+        kind = "fault: " if note.is_fault else "warning: "
+        print_text(console, Text.assemble((kind, ALARM), note.text))
+    if any(TROUBLE in facts for facts in checks.values()) or any(item.is_fault for item in notes):
         raise SystemExit(EXIT_FAULT)

@@ -175,12 +175,13 @@ recorded_rig_option = click.option(
 
 
 def load_rig(path: Path | None) -> "RigFile":
-    """Read a rig file, by default the paper's, and warn of what its sensors lack."""
-    from impact_rig.configuration.rig_file import list_rig_warnings, load_rig_file
+    """Read a rig file, by default the paper's, refuse what cannot work, warn of the unwise."""
+    from impact_rig.configuration.rig_checks import require_rig
+    from impact_rig.configuration.rig_file import load_rig_file
     from impact_rig.present.console import print_warning
 
     rig = load_rig_file(path)
-    for warning in list_rig_warnings(rig.setup):
+    for warning in require_rig(rig):
         print_warning(warning)
     return rig
 

@@ -140,6 +140,26 @@ def parse_response(table: TomlTable) -> SensorResponse:
     return response
 
 
+def take_trigger_level(source: TomlTable, moving_mass: float) -> float | None:
+    """Return the acceleration of the hammer that triggers [m/s^2]; None: it is not stated.
+
+    Parameters
+    ----------
+    moving_mass : float
+        Of the hammer where its sensor measures a force [kg], else NaN.
+
+    Raises
+    ------
+    ParameterError
+        If it is no acceleration or, of a force sensor, force.
+    """
+    if "trigger_level" not in source:
+        return None
+    with source.locating("trigger_level"):
+        value, unit = parse_reading("trigger_level of [source]", source["trigger_level"])
+        return value * compute_scale(unit, moving_mass)
+
+
 def _take_full_scale(table: TomlTable, quantity: str, unit: str) -> float:
     """Return the largest value that the sensor takes [unit]; 0: not stated."""
     if "full_scale" not in table:
@@ -158,11 +178,6 @@ def _check_unit(table: TomlTable, key: str, unit: str, quantity: str) -> str:
     if name not in QUANTITIES[quantity]:
         raise table.refuse(key, f"in {' or '.join(QUANTITIES[quantity])}: it is of a {quantity}")
     return name
-
-
-def list_rig_warnings(setup: RigSetup) -> tuple[str, ...]:
-    """Return a warning for each calibration that is too old today."""
-    return setup.list_calibration_warnings(read_today())
 
 
 def read_today() -> str:
@@ -188,6 +203,7 @@ class RigFile:
     # For the drivers; empty: the virtual rig.
     source: TomlTable = field(default_factory=lambda: TomlTable({}, "[source]"))
     holder: TomlTable = field(default_factory=lambda: TomlTable({}, "[holder]"))
+    document: TomlTable = field(default_factory=lambda: TomlTable({}))  # all of it, for the lines
 
 
 def read_template() -> str:
@@ -231,6 +247,7 @@ def parse_rig_file(text: str) -> RigFile:
         hammer=_parse_swing(holder),
         source=source,
         holder=holder,
+        document=document,
     )
 
 
@@ -240,6 +257,7 @@ def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
         "mass", "mass_uncertainty", "impact_speed", "release_angle", "release_angles"
     )
     samples, settings = _parse_samples(document), parse_settings(document)
+    settings = _follow_record(settings, document.take_table("source"))
     with document.take_table("analysis").locating():
         analysis = AnalysisSettings(**settings)
     digitizer = document.take_table("digitizer")
@@ -263,6 +281,24 @@ def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
             sensors=sensors,
             **numbers,
         )
+
+
+PRE_TRIGGER_MARGIN = 1.5
+"""Recorded before the trigger over what the analysis keeps: the pulse begins below the trigger
+level, and its baseline before it."""
+
+
+def _follow_record(settings: dict[str, float], source: TomlTable) -> dict[str, float]:
+    """Return settings that look at all of what is recorded, where they do not say themselves."""
+    recorded = source.take_quantity("record_duration", "s", "2.2 ms", math.nan)
+    if "record_duration" in settings or math.isnan(recorded):
+        return settings
+    kept = settings.get("pre_trigger", AnalysisSettings.pre_trigger)
+    margin = PRE_TRIGGER_MARGIN if source.get("driver", "virtual") != "virtual" else 1.0
+    before = source.take_quantity("pre_trigger", "s", "300 us", margin * kept)
+    if before >= recorded:  # refused with the plan
+        return settings
+    return {**settings, "record_duration": recorded - before + kept}
 
 
 def _parse_angles(hammer: TomlTable, setup: RigSetup) -> tuple[float, ...]:

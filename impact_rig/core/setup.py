@@ -188,7 +188,8 @@ class SampleSet:
         if self.control_sample and self.control_sample not in names:
             raise ParameterError(
                 f"control sample {self.control_sample!r} is missing from the set, which has "
-                + ", ".join(map(repr, names))
+                + ", ".join(map(repr, names)),
+                "control sample",
             )
 
     @property

@@ -445,9 +445,11 @@ def check_strength(
         most = settings.maximum_peak * trace.full_scale
         what = f"{name} peak {peak:.4g} m/s^2 is"
         if name == CHANNELS[0] and peak < least:
-            found.append(Finding(Reason.WEAK, f"{what} below {least:.4g} m/s^2"))
+            text = f"{what} below {least:.4g} m/s^2: swing higher, use a more sensitive range, or"
+            found.append(Finding(Reason.WEAK, f"{text} lower minimum_peak"))
         if trace.full_scale > 0.0 and peak > most and not overloaded:
-            found.append(Finding(Reason.STRONG, f"{what} above {most:.4g} m/s^2"))
+            text = f"{what} above {most:.4g} m/s^2: swing lower, or use a less sensitive range"
+            found.append(Finding(Reason.STRONG, text))
     return found
 
 

@@ -4,11 +4,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from impact_rig.configuration.rig_file import SENSOR_KEYS
+from impact_rig.configuration.rig_file import (
+    PRE_TRIGGER_MARGIN,
+    SENSOR_KEYS,
+    take_trigger_level,
+)
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
-from impact_rig.configuration.units import parse_reading
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.sensors import compute_scale
 from impact_rig.core.setup import RigSetup
 from impact_rig.devices.drivers import SOURCES, VIRTUAL, make_device
 from impact_rig.devices.protocols import (
@@ -18,10 +20,6 @@ from impact_rig.devices.protocols import (
     SourceChannel,
 )
 from impact_rig.devices.virtual.drivers import make_virtual_plan
-
-PRE_TRIGGER_MARGIN = 1.5
-"""Recorded before the trigger over what the analysis keeps: the pulse begins below the trigger
-level, and its baseline before it."""
 
 
 def override_source(table: TomlTable, text: str) -> TomlTable:
@@ -130,16 +128,11 @@ def _make_channel(table: TomlTable, name: str, setup: RigSetup) -> SourceChannel
 def _take_level(table: TomlTable, hammer: SourceChannel, setup: RigSetup) -> float:
     """Return the acceleration that triggers [m/s^2]."""
     full_scale = hammer.sensor.compute_full_scale(hammer.moving_mass)
-    if "trigger_level" not in table and full_scale:
-        return setup.analysis.detection_level * full_scale
-    if "trigger_level" not in table:
+    level = take_trigger_level(table, hammer.moving_mass)
+    if level is None and not full_scale:
         raise table.make_error(
             "trigger_level",
             f'{table.place} lacks trigger_level: give it, for example trigger_level = "5 g", or'
             " the hammer sensor's full_scale",
         )
-    try:
-        value, unit = parse_reading("trigger_level of [source]", table["trigger_level"])
-        return value * compute_scale(unit, hammer.moving_mass)
-    except ParameterError as error:
-        raise table.make_error("trigger_level", str(error)) from None
+    return setup.analysis.detection_level * full_scale if level is None else level

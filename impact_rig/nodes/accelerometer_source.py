@@ -10,7 +10,8 @@ from typing import Any
 
 from impact_rig_msgs.msg import AccelerationBlock, StreamBlock
 
-from impact_rig.configuration.rig_file import list_rig_warnings, load_rig_file
+from impact_rig.configuration.rig_checks import require_rig
+from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.records import (
     MEASURED,
@@ -68,11 +69,12 @@ def open_source(node: DeviceNode, *, continuous: bool) -> OpenSource:
     """
     path = node.get_value("rig_file")
     file = load_rig_file(path)
-    for warning in list_rig_warnings(file.setup):
-        node.get_logger().warning(warning)
     try:
+        table = override_source(file.source, node.get_value("source"))
+        for warning in require_rig(replace(file, source=table, path=None)):
+            node.get_logger().warning(warning)
         source, plan = make_source(
-            override_source(file.source, node.get_value("source")),
+            table,
             file.setup,
             continuous=continuous,
             block_size=node.get_value("stream_block_size") if continuous else BLOCK_SIZE,

@@ -228,7 +228,8 @@ class TestStrength:
     def test_a_small_answer_of_the_sample_is_not_weak_but_a_large_one_is_strong(self):
         assert judge_strength(make_record(make_trace(900.0), make_trace(100.0))) == []
         (found,) = judge_strength(make_record(make_trace(900.0), make_trace(-1950.0, noise=0.0)))
-        assert str(found) == "strong: sample peak 1950 m/s^2 is above 1900 m/s^2"
+        told = "strong: sample peak 1950 m/s^2 is above 1900 m/s^2: swing lower, or use a less"
+        assert str(found) == f"{told} sensitive range"
 
 
 class TestPulse:
