@@ -6,6 +6,7 @@ All names are relative, so that a rig can be put into a namespace and remapped.
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -117,54 +118,47 @@ class Topic:
         return replace(self, qos=qos)
 
 
-_BLOCK = _by("conversions", "block_from_msg")
+_inward = partial(_by, "conversions")
+_finding = partial(_by, "findings")
+_BLOCK = _inward("block_from_msg")
 _RESULT = make_qos(RESULT_DEPTH, latched=True)
 _LATEST = make_qos(1, latched=True)
 
-SETUP = Topic("setup", RigSetup, _LATEST, _by("conversions", "setup_from_msg"), LEASE)
+SETUP = Topic("setup", RigSetup, _LATEST, _inward("setup_from_msg"), LEASE)
 ACCELERATION = Topic("acceleration", AccelerationBlock, make_qos(200, latched=False), _BLOCK)
 STREAM = Topic("acceleration/stream", StreamBlock, make_qos(STREAM_DEPTH, latched=False), _BLOCK)
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
-RELEASE = Topic("release", HammerRelease, _RESULT, _by("conversions", "check_release"))
-VIRTUAL_IMPACT = Topic(
-    "virtual_impact", VirtualImpact, _RESULT, _by("conversions", "truth_from_msg")
-)
-IMPACT = Topic("impact", Impact, _RESULT, _by("findings", "hit_results_from_msg"))
+RELEASE = Topic("release", HammerRelease, _RESULT, _inward("check_release"))
+VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _RESULT, _inward("truth_from_msg"))
+IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"))
 IMPACT_TRACE = Topic(
-    "impact/trace",
-    ImpactTrace,
-    make_qos(64, latched=True),
-    _by("findings", "judged_traces_from_msg"),
+    "impact/trace", ImpactTrace, make_qos(64, latched=True), _finding("judged_traces_from_msg")
 )
 """Traces as judged, 60 kB each."""
-ESTIMATE = Topic("estimate", SampleEstimate, _RESULT, _by("findings", "estimate_from_msg"))
+ESTIMATE = Topic("estimate", SampleEstimate, _RESULT, _finding("estimate_from_msg"))
 HAMMER_ESTIMATE = Topic(
-    "hammer_estimate", HammerEstimate, _LATEST, _by("findings", "hammer_estimate_from_msg")
+    "hammer_estimate", HammerEstimate, _LATEST, _finding("hammer_estimate_from_msg")
 )
 COMPARISON = Topic(
-    "comparison", ModelComparison, make_qos(64, latched=True), _by("findings", "traces_from_msg")
+    "comparison", ModelComparison, make_qos(64, latched=True), _finding("traces_from_msg")
 )
 """Measured and model traces, 80 kB each."""
-HAMMER_STATE = Topic("hammer/state", HammerState, _LATEST, _by("conversions", "hammer_from_msg"))
+HAMMER_STATE = Topic("hammer/state", HammerState, _LATEST, _inward("hammer_from_msg"))
 ACQUISITION_STATE = Topic(
-    "accelerometer/state",
-    AcquisitionState,
-    _LATEST,
-    _by("conversions", "acquisition_from_msg"),
-    LEASE,
+    "accelerometer/state", AcquisitionState, _LATEST, _inward("acquisition_from_msg"), LEASE
 )
 RECORDER_STATE = Topic(
-    "recorder/state", RecorderState, _LATEST, _by("conversions", "recorder_from_msg"), LEASE
+    "recorder/state", RecorderState, _LATEST, _inward("recorder_from_msg"), LEASE
 )
 CAMPAIGN_STATE = Topic(
-    "campaign/state", CampaignState, _LATEST, _by("conversions", "campaign_from_msg"), LEASE
+    "campaign/state", CampaignState, _LATEST, _inward("campaign_from_msg"), LEASE
 )
 RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT)
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
 NOTE = Topic("note", String, make_qos(10, latched=False))
 """What an operator has to say while the rig runs."""
 DIAGNOSTICS = Topic(
-    "/diagnostics", DiagnosticArray, QoSProfile(depth=64), _by("conversions", "health_from_msg")
+    "/diagnostics", DiagnosticArray, QoSProfile(depth=64), _inward("health_from_msg")
 )
 """Of every node, once a second: one topic for all namespaces, as everywhere in ROS 2."""
 REPLAYER_STATE = Topic("replayer/state", ReplayerState, _LATEST)
