@@ -1,6 +1,5 @@
 """`impact-rig page`: a page for the person at a rig that is up."""
 
-import signal
 import sys
 from pathlib import Path
 
@@ -28,8 +27,6 @@ def run(
     page = NodeProcess("page", {"address": address, "port": port, **given})
     check_free(join_names(namespace, (page.name,)))
     nodes = RunningNodes(sys.stdout, lambda _, link: click.echo(f"the page is at {link}"))
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, nodes.stop)
+    nodes.stop_by_signals()
     if nodes.run((page,), namespace, "the page is up; Ctrl-C ends it, not the rig"):
         raise RigError("the page has ended: see above")

@@ -93,6 +93,12 @@ class RunningNodes:
         """Let `run` end all nodes; from any thread or signal handler."""
         self._events.put(("", b""))
 
+    def stop_by_signals(self) -> None:
+        """Let Ctrl-C, SIGTERM and a closed terminal end the nodes."""
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self.stop)
+
     def run(
         self,
         processes: Sequence[NodeProcess],
@@ -226,9 +232,7 @@ def run(
         make_run_folder(folder)
     recorded = folder / RECORDING_NAME if "recorder" in names else None
     nodes = RunningNodes(sys.stdout)
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, nodes.stop)
+    nodes.stop_by_signals()
     code = nodes.run(processes, namespace, describe_ready(rig, recorded, namespace))
     if recorded and recorded.exists():
         click.echo(f"recording: {recorded}")
