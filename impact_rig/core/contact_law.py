@@ -162,7 +162,8 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     )
     changes = _change_sensor(mean, fits, setup.find_sensor("hammer"), chain)
     is_worse, excludes_versed_sine = _compare_with_versed_sine(fits)
-    reason = _find_misfit(fits, changes, is_worse=is_worse)
+    help_needed = _ask_for_response(chain)
+    reason = _find_misfit(fits, changes, help_needed, is_worse=is_worse)
     if reason is not None:
         return replace(without, notes=(reason,))
     scatter = Source(f"scatter of the hits on {sample}", max(len(fits.points) - 1.0, 1.0))
@@ -182,7 +183,7 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
         own_covariances=own,
         separation=touch + quantities["duration"].value,
         notes=_list_notes(exponent, masses, fits),
-        warnings=without.warnings + _check_rest(fits),
+        warnings=without.warnings + _check_rest(fits, help_needed),
         excludes_versed_sine=excludes_versed_sine,
     )
 
@@ -299,7 +300,7 @@ def _fit_hits(
 
 
 def _find_misfit(
-    fits: _LawFits, changes: Sequence[tuple[str, FloatArray]], *, is_worse: bool
+    fits: _LawFits, changes: Sequence[tuple[str, FloatArray]], help_needed: str, *, is_worse: bool
 ) -> str | None:
     """Say why no law describes the pulse; None: one does.
 
@@ -307,6 +308,8 @@ def _find_misfit(
     ----------
     changes : sequence of (str, ndarray)
         What the hammer's sensor may change of the pulse, over its peak [-].
+    help_needed : str
+        What to state of the sensor, with a semicolon before; empty: nothing.
     is_worse : bool
         The law leaves more than a versed-sine does, chance apart.
     """
@@ -320,7 +323,8 @@ def _find_misfit(
         return (
             f"{LIKE_CONTACT}: the best leaves {100.0 * fits.residual:.2g} % of the peak, where"
             f" noise and sensor explain"
-            f" {100.0 * math.hypot(largest, math.sqrt(2.0) * fits.noise):.2g} %{crushed}"
+            f" {100.0 * math.hypot(largest, math.sqrt(2.0) * fits.noise):.2g} %"
+            f"{crushed}{help_needed}"
         )
     if is_worse:
         return f"{LIKE_CONTACT}: a versed-sine comes nearer to it than the best of them"
@@ -339,14 +343,29 @@ def _find_doubt(quantities: dict[str, Quantity]) -> str | None:
     return None
 
 
-def _check_rest(fits: _LawFits) -> tuple[str, ...]:
+def _ask_for_response(chain: Chain) -> str:
+    """Say what is not stated of the hammer's sensor and would help; empty: all is stated."""
+    unstated = [
+        name
+        for name, value in (
+            ("resonance", chain.response.resonance),
+            ("upper_corner", chain.response.upper_corner),
+        )
+        if not value
+    ]
+    if not unstated:
+        return ""
+    return f"; state the {' and '.join(unstated)} of the hammer's sensor, if it may be that"
+
+
+def _check_rest(fits: _LawFits, help_needed: str) -> tuple[str, ...]:
     """Warn that the law leaves more than noise."""
     if not fits.unexplained > 0.0 < fits.noise:
         return ()
     warning = (
         f"the contact law leaves {100.0 * fits.residual:.2g} % of the peak, where noise is"
         f" {100.0 * fits.noise:.2g} %: the contact is not quite of this law, and duration, e,"
-        " impact speed and energy may be farther off than their ±"
+        f" impact speed and energy may be farther off than their ±{help_needed}"
     )
     return (warning,)
 
