@@ -12,6 +12,7 @@ from study.campaigns import (
     run_campaign,
     summarize,
 )
+from study.laboratories import Cause, judge_all
 from study.selection import (
     FAULTS,
     SERIES_HITS,
@@ -40,6 +41,7 @@ def measure_study(bench: Bench) -> Iterator[Figure]:
             outcomes += run_campaign(plant, PAPER_SETUP, seed, number)
         yield from _describe_campaigns(plant, outcomes)
     yield from _measure_selection(count, seed)
+    yield from _measure_laboratories(count, seed)
 
 
 def _describe_campaigns(plant: Plant, outcomes: list[Outcome]) -> Iterator[Figure]:
@@ -55,6 +57,25 @@ def _describe_campaigns(plant: Plant, outcomes: list[Outcome]) -> Iterator[Figur
             most=None if is_another else LARGEST_BIAS,
             note="2·w50 is no contact's duration there" if is_another else "",
         )
+
+
+RIGHT_OR_NAMED = 0.97
+"""Series of other laboratories of which no figure is wrong with nothing said [-], as asked for."""
+
+
+def _measure_laboratories(count: int, seed: int) -> Iterator[Figure]:
+    """Hold series with each cause of error against the truth: right, not given, or named."""
+    number = len(Cause) * max(count // len(Cause), 1)
+    verdicts = list(judge_all(number, seed))
+    for cause in Cause:
+        found = [item for item in verdicts if item.cause is cause]
+        silent = sum(item.is_silent for item in found)
+        percent = PERCENT * (1.0 - silent / len(found))
+        yield Figure(f"right, not given, or named: {cause.value}", percent, "%")
+    silent = sum(item.is_silent for item in verdicts)
+    least = PERCENT * find_least(number, RIGHT_OR_NAMED) / number
+    percent = PERCENT * (1.0 - silent / number)
+    yield Figure("right, not given, or named: all causes", percent, "%", least=least)
 
 
 def _measure_selection(count: int, seed: int) -> Iterator[Figure]:

@@ -5,6 +5,7 @@ import pytest
 
 from impact_rig.core.setup import PAPER_SETUP
 from study.campaigns import ASKED, draw_truth, run_campaign
+from study.laboratories import Cause, judge_all
 from study.selection import FAULTS, SURE, strike_fault, strike_good_hits
 
 
@@ -36,3 +37,11 @@ def test_a_fault_is_found_from_its_size_on(fault):
 
 def test_good_hits_stay():
     assert sum(strike_good_hits(PAPER_SETUP, 2, number) for number in range(3)) == 0
+
+
+def test_no_cause_makes_a_wrong_number_with_nothing_said():
+    causes = (Cause.GAIN, Cause.RINGING, Cause.FRICTION, Cause.SERIES)
+    verdicts = list(judge_all(8, 3, causes))
+    assert [item.cause for item in verdicts] == 2 * list(causes)
+    assert all(item.given for item in verdicts)
+    assert not [item for item in verdicts if item.is_silent]
