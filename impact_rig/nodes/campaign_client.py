@@ -21,14 +21,18 @@ from std_srvs.srv import Trigger
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import START_ONE, RigClient
-from impact_rig.nodes.conversions import Truth
 from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.result_messages import results_from_msg
 from impact_rig.page.states import HammerStatus, RecorderStatus, Step, Task
 from impact_rig.page.status import RigStatus
-from impact_rig.recordings.messages import VIRTUAL_IMPACT_TYPE, campaign_id_from_msg
+from impact_rig.recordings.messages import (
+    VIRTUAL_IMPACT_TYPE,
+    InjectedFaults,
+    campaign_id_from_msg,
+    faults_from_msg,
+)
 from impact_rig.recordings.run import Run
 from impact_rig.results.campaign import Results
 
@@ -350,7 +354,7 @@ class CampaignClient(RigClient):
             self._is_to_let_go = False
             self._operator.hold_back(hammer.message)
 
-    def _on_virtual_impact(self, received: Received[Truth]) -> None:
+    def _on_virtual_impact(self, received: Received[InjectedFaults]) -> None:
         """Keep what the virtual rig did on purpose."""
         key = (received.identity.campaign_id, received.value.label.record)
         self._faults[key] = received.value.faults
@@ -380,10 +384,6 @@ class CampaignClient(RigClient):
             )
         run = Run(folder)
         for raw in run.read_messages({VIRTUAL_IMPACT_TYPE}):
-            key, faults = run.convert(raw, _faults_from_msg)
-            self._faults.setdefault(key, faults)
-
-
-def _faults_from_msg(message: Any) -> tuple[tuple[bytes, int], tuple[str, ...]]:
-    faults = tuple(str(fault) for fault in message.faults)
-    return (campaign_id_from_msg(message), int(message.record)), faults
+            campaign_id = run.convert(raw, campaign_id_from_msg)
+            label, faults = run.convert(raw, faults_from_msg)
+            self._faults.setdefault((campaign_id, label.record), faults)

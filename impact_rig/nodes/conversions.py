@@ -5,13 +5,11 @@ Findings are in `impact_rig.nodes.findings`: here no physics is loaded.
 
 import math
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs import msg
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.records import HitLabel
 from impact_rig.page.states import (
     AcquisitionStatus,
     CampaignStatus,
@@ -21,24 +19,21 @@ from impact_rig.page.states import (
     RecorderStatus,
 )
 from impact_rig.recordings.messages import (
+    NANOSECONDS,
     block_from_msg,
+    faults_from_msg,
     from_message,
-    label_from_msg,
     setup_from_msg,
+    stamp_from_msg,
 )
 
-__all__ = ["block_from_msg", "setup_from_msg"]
-
-
-def _read_time(time: Any) -> float:
-    """Return a `builtin_interfaces/Time` [s since the epoch]."""
-    return float(time.sec + time.nanosec / 1e9)
+__all__ = ["block_from_msg", "faults_from_msg", "setup_from_msg"]
 
 
 def hammer_from_msg(message: msg.HammerState) -> HammerStatus:
     """Return what the hammer says of itself."""
     status = from_message(HammerStatus, message)
-    return replace(status, since=_read_time(message.header.stamp))
+    return replace(status, since=stamp_from_msg(message.header.stamp) / NANOSECONDS)
 
 
 def acquisition_from_msg(message: msg.AcquisitionState) -> AcquisitionStatus:
@@ -54,7 +49,7 @@ def recorder_from_msg(message: msg.RecorderState) -> RecorderStatus:
 def campaign_from_msg(message: msg.CampaignState) -> CampaignStatus:
     """Return what a campaign says of itself, but for the newest verdict."""
     status = from_message(CampaignStatus, message)
-    return replace(status, until=_read_time(message.until) or math.nan)
+    return replace(status, until=stamp_from_msg(message.until) / NANOSECONDS or math.nan)
 
 
 def health_from_msg(message: DiagnosticArray) -> tuple[NodeHealth, ...]:
@@ -77,15 +72,3 @@ def check_release(message: msg.HammerRelease) -> msg.HammerRelease:
         if not (math.isfinite(value) and value >= 0.0):
             raise ParameterError(f"{name} is {value:g} s: it must be zero or more")
     return message
-
-
-class Truth(NamedTuple):
-    """What the virtual rig did on purpose in one hit."""
-
-    label: HitLabel
-    faults: tuple[str, ...]
-
-
-def truth_from_msg(message: msg.VirtualImpact) -> Truth:
-    """Return what the virtual rig did on purpose."""
-    return Truth(label_from_msg(message), tuple(message.faults))

@@ -16,7 +16,7 @@ from impact_rig.configuration.processes import MEASURING
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.identity import Identity, Membership, identity_from_msg
 from impact_rig.nodes.interfaces import Topic
-from impact_rig.recordings.messages import NO_ID
+from impact_rig.recordings.messages import NO_ID, stamp_from_msg
 
 T = TypeVar("T")
 LOOK_PERIOD = 1.0
@@ -41,8 +41,7 @@ class Received(Generic[T]):
     @property
     def stamp(self) -> int:
         """Its time [ns since the epoch]."""
-        stamp = self.message.header.stamp
-        return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+        return stamp_from_msg(self.message.header.stamp)
 
 
 class Intake:

@@ -129,7 +129,7 @@ ACCELERATION = Topic("acceleration", AccelerationBlock, make_qos(200, latched=Fa
 STREAM = Topic("acceleration/stream", StreamBlock, make_qos(STREAM_DEPTH, latched=False), _BLOCK)
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
 RELEASE = Topic("release", HammerRelease, _RESULT, _inward("check_release"))
-VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _RESULT, _inward("truth_from_msg"))
+VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _RESULT, _inward("faults_from_msg"))
 IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"))
 IMPACT_TRACE = Topic(
     "impact/trace", ImpactTrace, make_qos(64, latched=True), _finding("judged_traces_from_msg")

@@ -28,7 +28,7 @@ def make_message(name: str) -> Any:
 
 def stamp_to_msg(nanoseconds: int) -> Time:
     """Return nanoseconds since the epoch as a `builtin_interfaces/Time`."""
-    seconds, rest = divmod(nanoseconds, 1_000_000_000)
+    seconds, rest = divmod(nanoseconds, recorded.NANOSECONDS)
     return Time(sec=seconds, nanosec=rest)
 
 

@@ -23,7 +23,6 @@ from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_feed import CampaignFeed
-from impact_rig.nodes.conversions import Truth
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import RigNode
@@ -31,6 +30,7 @@ from impact_rig.page.states import NodeHealth
 from impact_rig.page.status import RigStatus
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.view_log import ViewLog
+from impact_rig.recordings.messages import InjectedFaults
 from impact_rig.recordings.new_file import choose_free
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.traces import JudgedTraces, SampleTraces, TraceAssembler
@@ -49,7 +49,7 @@ def is_shown(number: int) -> bool:
 
 
 Finding: TypeAlias = (
-    Truth | HitResults | JudgedTraces | SampleEstimate | HammerEstimate | SampleTraces
+    InjectedFaults | HitResults | JudgedTraces | SampleEstimate | HammerEstimate | SampleTraces
 )
 LARGEST_CAMPAIGN = 1000
 """Most hits that tables show, the newest [-]: eight of the paper's campaigns."""
@@ -78,7 +78,7 @@ class ShownCampaign:
     def add(self, found: Finding) -> None:
         """Keep what was found, in place of what was known of the same hit, sample and model."""
         match found:
-            case Truth():
+            case InjectedFaults():
                 self._faults[found.label] = found.faults
             case HitResults():
                 label = found.label

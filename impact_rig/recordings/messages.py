@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import is_dataclass
 from enum import IntEnum
 from functools import lru_cache
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, NamedTuple, TypeVar, get_args, get_origin
 
 import numpy as np
 from rosbags.interfaces import Nodetype
@@ -69,6 +69,18 @@ def campaign_id_from_msg(message: Any) -> bytes:
 def label_from_msg(message: Any) -> HitLabel:
     """Return the hit that a message with record, sample, impact and attempt belongs to."""
     return from_message(HitLabel, message)
+
+
+class InjectedFaults(NamedTuple):
+    """What the virtual rig did on purpose in one hit."""
+
+    label: HitLabel
+    faults: tuple[str, ...]
+
+
+def faults_from_msg(message: Any) -> InjectedFaults:
+    """Return what a `VirtualImpact` says was done on purpose."""
+    return InjectedFaults(label_from_msg(message), tuple(str(it) for it in message.faults))
 
 
 def origin_from_msg(message: Any) -> Origin:

@@ -16,7 +16,7 @@ from impact_rig.recordings.messages import (
     STREAM_TYPE,
     VIRTUAL_IMPACT_TYPE,
     block_from_msg,
-    label_from_msg,
+    faults_from_msg,
     setup_from_msg,
 )
 from impact_rig.recordings.records import Channel, RawMessage
@@ -158,7 +158,7 @@ class Run:
             cutter = None if holds_blocks(scan) else StreamCutter(setup.analysis)
             for raw in messages:
                 if raw.channel.type_name == VIRTUAL_IMPACT_TYPE:
-                    label, faults = self.convert(raw, _faults_from_msg)
+                    label, faults = self.convert(raw, faults_from_msg)
                     self.faults[label] = faults
                 elif raw.channel.type_name == SETUP_TYPE:
                     if not is_first:
@@ -324,7 +324,3 @@ def choose_namespace(path: Path, found: Collection[str], wanted: str | None) -> 
 def report_from(report: Report, before: int, done: int) -> None:
     """Report how much was read, after what was read of other files before [byte]."""
     report(before + done)
-
-
-def _faults_from_msg(message: Any) -> tuple[HitLabel, tuple[str, ...]]:
-    return label_from_msg(message), tuple(str(fault) for fault in message.faults)
