@@ -102,6 +102,7 @@ setup(
         "rich>=13.7",
         "rosbags>=0.10",
         "scipy>=1.11",
+        "threadpoolctl>=3.1",
         "tornado>=6.4",
         "zstandard>=0.22",
     ],

@@ -8,6 +8,7 @@ import io
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from glob import glob, has_magic
@@ -102,6 +103,19 @@ def _read_settings(cutoff: Given, given: Mapping[str, Given]) -> dict[str, float
         if number is not None:
             settings[name] = number
     return settings
+
+
+@contextmanager
+def _use_one_thread() -> Iterator[None]:
+    """Let linear algebra use one thread: several take four times as long, and round otherwise."""
+    if find_spec("threadpoolctl") is None:
+        yield
+        return
+    import scipy.linalg  # noqa: F401 - it has a library of its own, which must be there to be asked
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, "blas"):
+        yield
 
 
 @dataclass(frozen=True)
@@ -382,6 +396,7 @@ class Run:
         return campaigns[number - 1]
 
     @cached_property
+    @_use_one_thread()
     def hits(self) -> dict[str, tuple[Hit, ...]]:
         """All hits in their order, by sample, each with its verdict.
 
@@ -395,6 +410,7 @@ class Run:
             found.setdefault(hit.record.label.sample, []).append(_show_hit(hit, self._truths))
         return {name: tuple(hits) for name, hits in found.items()}
 
+    @_use_one_thread()
     def analyze(
         self,
         *,
