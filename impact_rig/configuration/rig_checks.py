@@ -334,7 +334,7 @@ def _check_sensors(reading: _Reading) -> Notes:
                 f"sensitivity times full_scale of {table.place} is {largest:.4g} V: sensors give"
             )
             yield warning(table, "sensitivity", f"{text} 10 V at most, is the unit right?")
-        elif largest < 5e-3:
+        elif 0.0 < largest < 5e-3:
             text = f"sensitivity times full_scale of {table.place} is {largest * 1e3:.3g} mV"
             yield warning(table, "sensitivity", f"{text}: it drowns in noise, is the unit right?")
 

@@ -194,7 +194,7 @@ sampling_rate = "1 MHz"          # refused if the device does not take it
 # AcquisitionLoopTime = 20
 
 [source.hammer]
-channel = "RefCh0"               # its name, or its number, counted from 1
+channel = "RefCh0"               # name, number from 1, or the end of a computed signal's path
 sensitivity = "10 mV/g"          # of a channel in V; leave it out where it is in g, m/s^2 or N
 full_scale = "500 g"
 # properties = { NoiseAmplitude = 0.01 }      # of the channel, by its maker's names
@@ -250,13 +250,13 @@ sensitivity = "10 mV/g"
                 " devices opendaq` lists what it finds, and another program may have it",
             ) from None
         self.name = f"openDAQ device {self._describe_device()}"
-        channels = [self._choose_channel(channel) for channel in plan.channels]
+        chosen = [self._choose_channel(channel) for channel in plan.channels]
+        channels, signals = [item for item, _ in chosen], [item for _, item in chosen]
         self._set_rate(plan.sampling_rate, channels)
         set_properties(self._device, self._properties)
         for channel, wanted in zip(channels, plan.channels, strict=True):
             wanted.options.check_keys("properties")
             set_properties(channel, wanted.options.take_table("properties"))
-        signals = [self._choose_signal(channel) for channel in channels]
         formats = self._read_formats(signals, plan.sampling_rate)
         self.sampling_rate = formats[0].sampling_rate
         self.scales = tuple(map(make_scale, plan.channels, formats))
@@ -284,23 +284,24 @@ sensitivity = "10 mV/g"
         names = [name for item in devices for name in _list_names(item.info) if name]
         return f"{' '.join(dict.fromkeys(names)) or self._device.name} at {self._address}"
 
-    def _choose_channel(self, wanted: SourceChannel) -> Any:
+    def _choose_channel(self, wanted: SourceChannel) -> tuple[Any, Any]:
+        """Return a channel, or a function block that computes, and its signal."""
         channels = list(self._device.channels_recursive)
         for number, channel in enumerate(channels, start=1):
             if wanted.name in (str(number), channel.name, channel.local_id, channel.global_id):
-                return channel
+                signals = [item for item in channel.signals if item.domain_signal is not None]
+                if not signals:
+                    raise DeviceError(f"channel {channel.name} of {self.name} has no signal")
+                return channel, signals[0]
+        for signal in self._device.get_signals_recursive():
+            if signal.global_id.endswith(f"/{wanted.name.lstrip('/')}"):
+                return signal, signal
         names = ", ".join(channel.name for channel in channels)
         raise wanted.options.make_error(
             "channel",
             f"channel of {wanted.options.place} is {wanted.name!r}: {self.name} has"
-            f" {names or 'none'}, or their numbers from 1",
+            f" {names or 'none'}, or their numbers from 1, or the end of a signal's path",
         )
-
-    def _choose_signal(self, channel: Any) -> Any:
-        signals = [item for item in channel.signals if item.domain_signal is not None]
-        if not signals:
-            raise DeviceError(f"channel {channel.name} of {self.name} has no signal with a time")
-        return signals[0]
 
     def _set_rate(self, rate: float, channels: list[Any]) -> None:
         """Ask devices or, where they have no rate, channels for a rate."""

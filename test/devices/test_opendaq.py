@@ -267,6 +267,19 @@ def test_points_that_one_channel_lost_are_a_gap_of_both():
     assert [tick for tick, values in pieces] == [4 * int(values[0, 0]) for _, values in pieces]
 
 
+def test_a_jump_of_the_devices_clock_is_a_gap_and_one_back_its_end(make_source):
+    source = make_source(replace(PLAN, continuous=True))
+    source._stopping.set()
+    source._reader.join()
+    source.arm()
+    place, points = source.count, np.zeros((50, 2))
+    expected = source._pass_on(1000, points, None, 1)
+    assert source._pass_on(expected + 480, points, expected, 1) == 1580
+    assert [block.first_sample - place for block in source.blocks] == [0, 530]
+    with pytest.raises(DeviceError, match="its clock went back"):
+        source._pass_on(1579, points, 1580, 1)
+
+
 class ReferenceBench(SourceBench):
     """The reference device, which oscillates for a while where a hammer would strike."""
 

@@ -63,7 +63,7 @@ def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virt
 
 
 def mount(campaign, bench, sample, start):
-    campaign.wait_for(f"Mount {sample} and press Enter", start)
+    campaign.wait_for(f"Mount {sample}, and press Enter", start)
     bench.sample = sample
     campaign.write("\n")
 

@@ -1,0 +1,100 @@
+"""A campaign on a device of openDAQ: server, packets and streaming are a stranger's."""
+
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from terminal import Terminal
+
+RIG = (sys.executable, "-m", "impact_rig.cli.main")
+TEST_FOLDER = Path(__file__).parents[1]
+SAMPLES = ("aluminium large", "steel small")
+IMPACTS = 5
+SEED = 7
+RATE = 1e6
+
+pytest.importorskip("opendaq", reason="pip install opendaq")
+
+
+@contextmanager
+def run_bench(folder):
+    """Run the device on a network of its own; yield the program, and what leads in there."""
+    tools = ("unshare", "nsenter", "ip")
+    if os.geteuid() or not all(map(shutil.which, tools)):
+        pytest.skip(f"a network of its own needs root and {', '.join(tools)}")
+    with subprocess.Popen(
+        ["unshare", "--net", sys.executable, "-m", "fakes.opendaq_bench", folder, str(SEED)],
+        cwd=TEST_FOLDER, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as bench:  # fmt: skip
+        number = bench.stdout.readline().strip()
+        yield bench, ("nsenter", f"--net=/proc/{number}/ns/net")
+        bench.stdin.close()
+
+
+def read_processor_time(rig) -> float:
+    """Return the processor time of the accelerometer node so far [s]."""
+    pid = rig.text.partition("accelerometer started (pid=")[2].partition(")")[0]
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_every_hit_comes_through_and_no_block_of_the_stream_is_lost(
+    make_environment, tmp_path, strike, record_property
+):
+    environment = make_environment()
+    with (
+        run_bench(tmp_path) as (bench, enter), Terminal([
+            *enter, *RIG, "up", "--output", tmp_path, "--no-visualizer", "--continuous",
+            "--record-stream", "--rig-file", tmp_path / "bench.toml",
+            "--set", "hammer.swing_time=0.02", "--set", "campaign.verdict_timeout=30.0",
+        ], environment) as rig,
+        Terminal([
+            *enter, *RIG, "campaign", "--output", tmp_path,
+            *(word for name in SAMPLES for word in ("--sample", name)), "--impacts", IMPACTS,
+            "--wait", "60 s",
+        ], environment) as campaign,
+    ):  # fmt: skip
+        rig.wait_for("ready: ")
+        for name in SAMPLES:
+            campaign.wait_for(f"Mount {name}, and press Enter", 0)
+            bench.stdin.write(f"{name}\n")
+            bench.stdin.flush()
+            campaign.write("\n")
+        assert campaign.wait() == 0, campaign.text + rig.text
+        used = read_processor_time(rig)
+        rig.interrupt()
+        rig.wait()
+    results = json.loads((tmp_path / "results.json").read_text("utf-8"))
+    assert [hit["accepted"] for hit in results["hits"]] == [True] * (len(SAMPLES) * IMPACTS)
+    assert all(hit["origin_source"].startswith("openDAQ device") for hit in results["hits"])
+    seconds = check_stream(tmp_path / "session.mcap")
+    record_property("processor seconds per second of the stream", round(used / seconds, 3))
+    virtual = {item.name: item for item in strike(SAMPLES, impacts=IMPACTS, seed=SEED).samples}
+    for sample in results["samples"]:
+        for name, unit in (("contact_time", "s"), ("stiffness", "n_per_m")):
+            wanted = getattr(virtual[sample["name"]].paper, name)
+            found, spread = sample[f"{name}_{unit}"], sample[f"{name}_expanded_{unit}"]
+            assert abs(found - wanted.value) <= math.hypot(wanted.expanded, spread)
+
+
+def check_stream(path) -> float:
+    """Require all blocks of the running stream, one behind the other; return its length [s]."""
+    place = first = None
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for _, _, _, block in reader.iter_decoded_messages(["/acceleration/stream"]):
+            if place is not None:
+                assert block.first_sample == place, "a block is missing"
+            else:
+                first = block.first_sample
+            assert block.sampling_rate == RATE
+            place = block.first_sample + len(block.hammer.counts or block.hammer.values)
+    return (place - first) / RATE
