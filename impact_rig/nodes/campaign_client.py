@@ -1,5 +1,6 @@
 """Runs campaigns on a rig that is up, for a program that is not one of its nodes."""
 
+import contextlib
 import math
 import time
 from collections.abc import Callable
@@ -23,7 +24,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import START_ONE, RigClient
 from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
-from impact_rig.nodes.intake import Received
+from impact_rig.nodes.intake import UNSOUND, Received
 from impact_rig.nodes.result_messages import results_from_msg
 from impact_rig.page.states import HammerStatus, RecorderStatus, Step, Task
 from impact_rig.page.status import RigStatus
@@ -303,8 +304,10 @@ class CampaignClient(RigClient):
         """Show a feedback; what it asks of a person is done outside of callbacks."""
         campaign = interfaces.CAMPAIGN_STATE.convert(message.feedback.campaign)
         before, self._status.campaign = self._status.campaign, campaign
-        if message.feedback.campaign.last.record:
-            self._status.add_hit(hit_results_from_msg(message.feedback.campaign.last))
+        if (last := message.feedback.campaign.last).record:
+            # A verdict with a number that cannot be meant has no line: results refuse it, too.
+            with contextlib.suppress(*UNSOUND):
+                self._status.add_hit(hit_results_from_msg(last))
         if self._operator is None:
             return
         if campaign.state is Step.PAUSED:

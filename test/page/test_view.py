@@ -21,9 +21,9 @@ from impact_rig.results.campaign import HitResults
 GOOD = HitResults("steel small", 1, 1, 1, True, contact_time=170e-6, hammer_peak=600.0)
 BAD = HitResults("steel small", 2, 1, 2, False, reasons=("double_hit: a second pulse of 9 %",))
 RUNNING = CampaignStatus(
-    step=Step.STRIKING,
+    state=Step.STRIKING,
     impacts=10,
-    samples=(SampleProgress("steel small", 3, 1),),
+    counts=(SampleProgress("steel small", 3, 1),),
     sample="steel small",
 )
 
@@ -51,14 +51,14 @@ def make_status(campaign=RUNNING, hits=(), **hammer):
         ({"task": Task.PUT_BACK}, (), "ask", "PUT THE HAMMER BACK", "hit 4 of 10"),
         ({"task": Task.ARM, "message": "no disk"}, (), "paused", "PAUSED", "no disk"),
         ({"task": Task.RESUME}, (), "paused", "PAUSED", ""),
-        ({"step": Step.PAUSED, "message": "gone"}, (), "paused", "PAUSED", "gone"),
+        ({"state": Step.PAUSED, "message": "gone"}, (), "paused", "PAUSED", "gone"),
         ({}, (), "wait", "KEEP AWAY", "swings"),
-        ({"step": Step.COUNTING}, (GOOD,), "good", "ACCEPTED", "hit 4 of 10"),
-        ({"step": Step.COUNTING}, (BAD,), "bad", "REJECTED", "second contact"),
-        ({"step": Step.COUNTING}, (), "wait", "WAIT", "prepares"),
-        ({"step": Step.COMPLETE}, (), "done", "DONE", "has its hits"),
-        ({"step": Step.ENDED, "message": "cancelled"}, (), "paused", "ENDED", "cancelled"),
-        ({"step": Step.ENDED}, (), "wait", "READY", "Start a campaign"),
+        ({"state": Step.COUNTING}, (GOOD,), "good", "ACCEPTED", "hit 4 of 10"),
+        ({"state": Step.COUNTING}, (BAD,), "bad", "REJECTED", "second contact"),
+        ({"state": Step.COUNTING}, (), "wait", "WAIT", "prepares"),
+        ({"state": Step.COMPLETE}, (), "done", "DONE", "has its hits"),
+        ({"state": Step.ENDED, "message": "cancelled"}, (), "paused", "ENDED", "cancelled"),
+        ({"state": Step.ENDED}, (), "wait", "READY", "Start a campaign"),
     ],
 )
 def test_the_sentence_says_what_to_do(changes, hits, kind, headline, detail):
