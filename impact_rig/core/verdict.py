@@ -58,6 +58,13 @@ class Finding:
         return f"{self.reason.value}: {self.explanation}"
 
 
+def read_reason(text: str) -> Reason:
+    """Return the reason of a finding in words, ``code: explanation``."""
+    return Reason(text.partition(":")[0])
+
+
+SHOWS_NOTHING = frozenset({Reason.NO_TRIGGER, Reason.DEAD_CHANNEL, Reason.NO_PULSE})
+"""Of hits that will not become better by striking again and again."""
 SHARE_NO_MEAN = frozenset({Reason.OTHER_KIND, Reason.POLARITY})
 """Reasons that nobody can overrule: a mean of both would be of neither."""
 

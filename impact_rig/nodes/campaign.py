@@ -19,6 +19,7 @@ from std_srvs.srv import Trigger
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.setup import PAPER_SETUP, RigSetup, format_angle
+from impact_rig.core.verdict import SHOWS_NOTHING, read_reason
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.async_node import ANSWER_TIMEOUT
 from impact_rig.nodes.campaign_plan import plan_campaign
@@ -44,6 +45,8 @@ RESULTS_TIMEOUT = 600.0
 """How long the estimator may take to read a run, or to fit the model to a hundred samples [s]."""
 
 
+BLIND_HITS = 5
+"""Hits in a row that showed nothing, and end a campaign [-]: a cable off stays off."""
 DISPLAY_TIMEOUT = 1.0
 """How long a campaign's start may wait for a display [s]."""
 
@@ -236,6 +239,11 @@ class CampaignNode(RigNode):
                 f"{sample}: {campaign.failures} hits in a row were rejected or got no verdict, the"
                 f" last one: {campaign.failure}"
             )
+        if campaign.blind >= BLIND_HITS:
+            raise EndError(
+                f"{sample}: {campaign.blind} hits in a row showed nothing, the last one:"
+                f" {campaign.failure}: see to sample, hammer, sensors and cables"
+            )
         campaign.hit = {
             "sample": sample,
             "impact": counts[sample].accepted + 1,
@@ -362,6 +370,8 @@ class CampaignNode(RigNode):
         if verdict.record != record:
             raise DeviceError(campaign.failure)
         campaign.failure = "; ".join(verdict.reasons)
+        shows_nothing = any(read_reason(text) in SHOWS_NOTHING for text in verdict.reasons)
+        campaign.blind = campaign.blind + 1 if shows_nothing else 0
         if verdict.accepted:
             campaign.failures = 0
         campaign.stands_since = math.inf

@@ -53,6 +53,7 @@ class Campaign:
     verdict: Impact = field(default_factory=Impact)
     failures: int = 0  # strikes in a row without an accepted hit [-]
     failure: str = ""  # of the last of them
+    blind: int = 0  # of them the last ones in a row that showed nothing [-]
     stands_since: float = math.inf  # no hit since [s], by the monotonic clock
     stumbled_at: float = math.inf  # when the newest strike failed [s], by the same; inf: not
     paused_for: str = ""  # why the last pause took the enable back

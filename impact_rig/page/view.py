@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.verdict import Reason
+from impact_rig.core.verdict import Reason, read_reason
 from impact_rig.page.states import NO_HAMMER, HammerStatus, Step, Task
 from impact_rig.page.status import RigStatus
 from impact_rig.results.campaign import HitResults, Results
@@ -214,7 +214,7 @@ def _say_verdict(hit: HitResults) -> str:
 
 
 def _read_codes(texts: Sequence[str]) -> list[Reason]:
-    return [Reason(text.partition(":")[0]) for text in texts]
+    return [read_reason(text) for text in texts]
 
 
 def _advise(hit: HitResults) -> str:

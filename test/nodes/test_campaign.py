@@ -68,6 +68,21 @@ def test_gives_up_after_the_limit_and_keeps_what_there_is(harness, start):
     assert len(answer.result.rejected) == 3
 
 
+@pytest.mark.parametrize("fault", ["dead_channel", "missed_trigger"])
+def test_gives_up_soon_where_nothing_is_seen(harness, start, fault):
+    answer = run(
+        harness,
+        start(source=f'fault_probability = 1.0\nfaults = "{fault}"'),
+        samples=["steel small"],
+        impacts=2,
+        attempts_per_impact=50,
+    )
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert "5 hits in a row showed nothing" in answer.result.message
+    assert "see to sample, hammer, sensors and cables" in answer.result.message
+    assert len(answer.result.rejected) == 5
+
+
 IMPOSSIBLE = {
     "unknown sample 'tin'": {"samples": ["tin"], "impacts": 1},
     "impacts is 0": {"samples": ["steel small"], "impacts": 0},
