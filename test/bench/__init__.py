@@ -19,6 +19,7 @@ PARTS = {
     "demo": ("running", "The paper's campaign on the virtual rig, start to tables"),
     "latency": ("running", "From release command to published verdict and estimate"),
     "stop": ("running", "The command to stop a campaign's hammer, to its answer"),
+    "page": ("page", "The page at the rig in a browser: a stop, and its load"),
     "read": ("recording", "Reading a recording, beside mcap.reader doing nothing"),
     "stream": ("stream", "The running stream through three processes, two channels"),
     "fuzz": ("damage", "Damaged files of every format: no hang, no crash, memory bounded"),

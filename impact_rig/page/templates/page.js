@@ -26,17 +26,23 @@ function connect() {
   socket.onclose = () => setTimeout(connect, 500);
 }
 
-// A panel in which somebody types waits until that is done.
+// A panel in which somebody types or presses waits until that is done.
 const waiting = new Map();
+let pressed = null; // what the pointer is down on
 function replace(id, html) {
   const place = byId(id);
-  const busy = place.contains(document.activeElement) && document.activeElement.matches("input");
+  const typed = place.contains(document.activeElement) && document.activeElement.matches("input");
+  const busy = typed || (pressed && place.contains(pressed));
   if (busy || place.querySelector("details[open]")) return waiting.set(id, html);
   waiting.delete(id);
   const focused = place.contains(document.activeElement) ? document.activeElement.closest("form") : null;
   place.innerHTML = html;
   if (focused) place.querySelector(`form[action="${focused.getAttribute("action")}"] button`)?.focus();
   if (id === "say") beep();
+}
+addEventListener("pointerdown", (event) => { pressed = event.target; });
+for (const end of ["pointerup", "pointercancel"]) {
+  addEventListener(end, () => setTimeout(() => { pressed = null; waiting.forEach((html, id) => replace(id, html)); }));
 }
 addEventListener("focusout", () => setTimeout(() => waiting.forEach((html, id) => replace(id, html))));
 addEventListener("toggle", () => waiting.forEach((html, id) => replace(id, html)), true);
