@@ -54,6 +54,7 @@ QUEUE_DEPTH = 2000
 at 2.5 MS/s, in which the disk may stand still. Only waiting messages take memory."""
 FINDINGS = (
     interfaces.IMPACT,
+    interfaces.IMPACT_TRACE,
     interfaces.ESTIMATE,
     interfaces.HAMMER_ESTIMATE,
     interfaces.COMPARISON,
