@@ -76,6 +76,7 @@ setup(
             *(f"{node} = {NAME}.nodes.__main__:{node}" for node in NODES if not FOR_PIP),
             f"impact-rig = {NAME}.cli.start:main",
         ],
+        "pytest11": [f"impact_rig = {NAME}.pytest_plugin"],
         "impact_rig.acceleration_sources": [
             f"{name} = {NAME}.devices.{place}" for name, place in SOURCES.items()
         ],

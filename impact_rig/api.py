@@ -366,6 +366,11 @@ class Results(Printed, Mapping[str, SampleResults]):
         write_results(Path(path), self.record)
 
 
+def use_results(record: CampaignResults, name: str) -> Results:
+    """Return results without their recording, as they print themselves."""
+    return Results(TracedCampaign(record), name)
+
+
 class Run:
     """Hits with their set-up: of a recording, of files, of the virtual rig."""
 
@@ -821,6 +826,10 @@ class VirtualRig:
         hit = self._rig.strike(HitLabel(sample, self._counts.total(), self._counts[sample]))
         (block,) = hit.split(hit.hammer.output.size, 0)
         return _make_hit(block, truth=_make_truth(hit))
+
+    def find_truth(self, label: HitLabel) -> Truth:
+        """Return what happens at a hit of this name, however often it is struck."""
+        return _make_truth(self._rig.strike(label))
 
     def run(self, samples: Iterable[str] | None = None, impacts: int = 10) -> Run:
         """Strike samples, each so many times, as a campaign does; None: all samples.

@@ -1,6 +1,7 @@
 """The library: what a person types is what it does."""
 
 import doctest
+import json
 import re
 import shutil
 import subprocess
@@ -10,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -293,7 +295,7 @@ def test_a_recording_is_opened_by_file_and_by_folder(recording, run):
 
 
 def test_the_readme_s_lines_run_as_they_are_typed(recording, run, tmp_path, monkeypatch):
-    (text,) = re.findall(r"```python\n(.*?)```", README.read_text("utf-8"), re.DOTALL)
+    (text, _) = re.findall(r"```python\n(.*?)```", README.read_text("utf-8"), re.DOTALL)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "runs").mkdir()
     shutil.copytree(recording.parent, tmp_path / "runs" / "<time>")
@@ -316,3 +318,15 @@ def test_the_readme_s_lines_run_as_they_are_typed(recording, run, tmp_path, monk
     assert (tmp_path / "steel.png").stat().st_size > 10_000
     assert np.abs(known["errors"]).max() < 0.15
     assert len(known["errors"]) == 12
+
+
+def test_the_notebook_runs_from_its_first_cell_to_its_last():
+    notebook = json.loads((README.parent / "impact_rig" / "notebook.ipynb").read_text("utf-8"))
+    known = {}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            assert not cell["outputs"]
+            exec(compile("".join(cell["source"]), "notebook.ipynb", "exec"), known)
+    assert max(map(abs, known["errors"]["steel small"])) < 15.0
+    assert known["comparison"].list_tables()
+    plt.close("all")

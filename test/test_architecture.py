@@ -32,7 +32,18 @@ MAY_IMPORT = {
     "cli": {"nodes", "cli", *BELOW},
     "api": BELOW - {"simulators"},
     "__init__": {"api", "core", "present"},
-    "testing": {"core", "configuration", "devices"},
+    "testing": {
+        "api",
+        "cli",
+        "nodes",
+        "testing",
+        "core",
+        "configuration",
+        "devices",
+        "present",
+        "results",
+    },
+    "pytest_plugin": {"testing"},
 }
 """Imports run one way; those side by side know nothing of each other, but for the devices,
 whose tables come from the rig file. Other instruments' files become recordings. What shows results

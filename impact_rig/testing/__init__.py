@@ -1,0 +1,31 @@
+"""Tests of yours: of a driver, of a program that talks to a rig, of an estimator.
+
+- A driver: subclass `AccelerationSourceContract` or `HammerHolderContract`, see `drivers`.
+- A program beside a rig: the pytest fixture `virtual_rig`, which is there once `impact_rig` is
+  installed, is a `RunningRig`; `run_virtual_rig` starts others.
+- An estimator: `score`.
+"""
+
+from impact_rig.testing.drivers import (
+    AccelerationSourceContract,
+    Bench,
+    DriverContract,
+    HammerHolderContract,
+    HolderBench,
+    SourceBench,
+)
+from impact_rig.testing.running import RunningRig, run_virtual_rig
+from impact_rig.testing.scoring import Score, score
+
+__all__ = [
+    "AccelerationSourceContract",
+    "Bench",
+    "DriverContract",
+    "HammerHolderContract",
+    "HolderBench",
+    "RunningRig",
+    "Score",
+    "SourceBench",
+    "run_virtual_rig",
+    "score",
+]

@@ -1,0 +1,87 @@
+"""A rig in a test: real nodes, a campaign, its truth; and scores of estimators."""
+
+import doctest
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from impact_rig_msgs.msg import Impact
+from rclpy.node import Node
+
+from impact_rig.core.errors import ParameterError
+from impact_rig.testing import score, scoring
+
+README = Path(__file__).resolve().parent.parent / "README.md"
+STEEL, CONTROL = "steel small", "aluminium large"
+
+
+def test_a_campaign_finds_what_really_happened(virtual_rig):
+    results = virtual_rig.campaign([STEEL, CONTROL], impacts=2)
+    assert list(results) == [CONTROL, STEEL]
+    assert results[STEEL].impacts_accepted == 2
+    for hit in results.record.hits:
+        assert hit.contact_time == pytest.approx(
+            virtual_rig.find_truth(hit).contact_time, rel=0.003
+        )
+    assert virtual_rig.recording.stat().st_size > 10_000
+
+
+def test_a_node_of_the_test_hears_the_verdicts(virtual_rig):
+    assert os.environ["ROS_DOMAIN_ID"] == str(virtual_rig.domain)
+    rclpy.init(args=[])
+    try:
+        node, heard = Node("outside"), []
+        node.create_subscription(Impact, "impact", heard.append, 10)
+        virtual_rig.campaign([STEEL], impacts=2)
+        for _ in range(200):
+            if len(heard) >= 2:
+                break
+            rclpy.spin_once(node, timeout_sec=0.1)
+        assert [message.accepted for message in heard] == [True, True]
+        node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+
+
+def test_an_estimator_is_scored_against_the_truth():
+    found = score(lambda hit: (hit.truth.contact_time * 1.01, 2e-6), samples=[STEEL], impacts=4)
+    assert found[0].bias == pytest.approx(0.01)
+    assert found[0].spread == pytest.approx(0.0, abs=1e-12)
+    assert found[0].coverage == 1.0
+    assert str(found).splitlines()[-1].split() == [
+        "steel",
+        "small",
+        "4",
+        "0",
+        "1.000",
+        "0.000",
+        "100.000",
+    ]
+    wrong = score(lambda hit: (hit.truth.contact_time * 1.1, 1e-6), samples=[STEEL], impacts=2)
+    assert wrong[0].coverage == 0.0
+    broken = score(lambda hit: hit.nonsense, samples=[STEEL], impacts=2)
+    assert (broken[0].failed, math.isnan(broken[0].bias)) == (2, True)
+    with pytest.raises(ParameterError, match="'contact' has no true 'stiffness'"):
+        score(np.mean, quantity="stiffness", samples=[STEEL])
+
+
+def test_a_package_of_someone_else_has_the_fixture_without_a_line_of_set_up(tmp_path):
+    (text,) = re.findall(r"```python\n(def test_.*?)```", README.read_text("utf-8"), re.DOTALL)
+    (tmp_path / "test_outside.py").write_text(text, "utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", tmp_path],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "1 passed" in done.stdout, done.stdout
+    processes = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True)
+    assert str(tmp_path) not in processes.stdout
+
+
+def test_the_example_of_scores_is_true():
+    assert doctest.testmod(scoring).failed == 0
