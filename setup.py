@@ -120,7 +120,7 @@ setup(
         "batch": ["dask>=2024.5", "distributed>=2024.5"],
         "testing": ["pytest>=8"],
         "scpi": ["pyvisa>=1.14", "pyvisa-py>=0.7"],
-        "nidaqmx": ["nidaqmx>=1.0,<1.1"],
+        "nidaqmx": ["nidaqmx>=1.0,<2"],
         "serial": ["pyserial>=3.5"],
         "sound": ["sounddevice>=0.5"],
         "opendaq": ["opendaq>=3.40,<3.50"],

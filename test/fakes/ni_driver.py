@@ -141,6 +141,7 @@ class FakeDriver:
         self.falls: Counter[str] = Counter()  # of each line
         self.errors: dict[str, int] = {}
         self.changed = threading.Condition()  # held by every call
+        self._newest = ""  # channel
         self._tasks: dict[str, SimulatedTask] = {}
         self._owners: dict[str, SimulatedTask] = {}
         self._names = map("task {}".format, count(1))
@@ -226,11 +227,15 @@ class FakeDriver:
         if physical not in INPUTS:
             raise _make_unknown(physical)
         self._tasks[task].inputs[name] = Input(physical, high)
+        self._newest = name
+
+    def internal_get_last_created_chan(self) -> str:
+        return self._newest
 
     def create_do_chan(self, task: str, line: str, _name: str, _grouping: int) -> None:
         if line != LINE:
             raise _make_unknown(line)
-        self._tasks[task].line = line
+        self._tasks[task].line = self._newest = line
 
     def cfg_samp_clk_timing(
         self, task: str, rate: float, _source: str, _edge: int, mode: int, count: int
