@@ -6,9 +6,14 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import pytest
+
+from impact_rig.core.findings import Finding, Note
+from impact_rig.results.campaign import Results
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "impact_rig"
@@ -206,3 +211,34 @@ def test_every_field_of_an_interface_has_its_meaning_and_each_number_its_unit(pa
         if not re.search(r"\[[^\]]+\]|constants" if is_number else r"\w", comment):
             unexplained.append(field["name"])
     assert not unexplained
+
+
+def test_no_sentence_decides_what_is_found_and_noted_is_a_code_with_a_sentence():
+    told = {"notes", "warnings", "reasons", "findings"}
+    assert {(item, hint) for item, hint in _list_results(Results) if item in told} == {
+        ("notes", tuple[Note, ...]),
+        ("warnings", tuple[Note, ...]),
+        ("reasons", tuple[Finding, ...]),
+        ("reasons", tuple[Note, ...]),
+        ("findings", tuple[Finding, ...]),
+    }
+    readers = [
+        path.relative_to(PACKAGE).as_posix()
+        for path in MODULES
+        if re.search(r"\bsplit_code\(|\b(Finding|Note|hint)\.parse\b", path.read_text())
+    ]
+    # Where text comes in: JSON, messages, and verdicts of any version in a recording.
+    assert sorted(readers) == [
+        "core/findings.py", "recordings/hits.py", "recordings/messages.py",
+        "results/wire.py",
+    ]  # fmt: skip
+
+
+def _list_results(kind: type) -> Iterator[tuple[str, object]]:
+    """Yield name and type of every field of a result, and of the results within it."""
+    for item in fields(kind):
+        hint = get_type_hints(kind)[item.name]
+        yield item.name, hint
+        for inner in get_args(hint) or (hint,):
+            if is_dataclass(inner) and inner not in (Finding, Note):
+                yield from _list_results(inner)

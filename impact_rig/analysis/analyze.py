@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.findings import Reason
 from impact_rig.core.hits import (
     NO_OVERRULES,
     JudgedHit,
@@ -25,7 +26,6 @@ from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import Block, HitLabel, Record
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup
-from impact_rig.core.verdict import Reason
 from impact_rig.results.campaign import (
     FileResults,
     drop_scale,
@@ -191,7 +191,7 @@ def _describe_file(
     return FileResults(
         origin=hit.origin,
         accepted=hit.accepted,
-        reasons=tuple(map(str, hit.rejections)),
+        reasons=hit.rejections,
         half_amplitude_width=hit.half_amplitude_width,
         contact_time=contact_time,
         width_ratio=hit.width_ratio,

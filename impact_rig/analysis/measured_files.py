@@ -14,10 +14,11 @@ from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.errors import ParameterError, RigError, SignalError, check_positive
 from impact_rig.core.filtering import check_cutoff
+from impact_rig.core.findings import Reason
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.setup import RigSetup, Sample, SampleSet
-from impact_rig.core.verdict import Reason, check_channels, check_stream
+from impact_rig.core.verdict import check_channels, check_stream
 from impact_rig.files.channels import MeasuredHit
 from impact_rig.files.import_file import (
     ImportFile,

@@ -14,6 +14,7 @@ from impact_rig.cli import options
 from impact_rig.cli.output import make_progress, print_places, show_results
 from impact_rig.configuration.processes import RESULTS_NAME, choose_run_folder
 from impact_rig.core.errors import DeviceError, RigError
+from impact_rig.core.findings import join_findings
 from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal, CampaignOutcome
 from impact_rig.nodes.campaign_plan import read_newest_campaign
 from impact_rig.page.states import CampaignStatus
@@ -117,7 +118,7 @@ def _describe_hit(rig: RigStatus, hit: HitResults) -> Text:
     """Return a hit as a line: a good one in numbers, another with its reasons."""
     place = f"{hit.sample}, hit {hit.impact}.{hit.attempt} "
     if not hit.accepted:
-        return Text.assemble(place, ("rejected", ALARM), f": {'; '.join(hit.reasons)}")
+        return Text.assemble(place, ("rejected", ALARM), f": {join_findings(hit.reasons)}")
     numbers = ", ".join(f"{name} {text}" for name, text in list_numbers(rig, hit))
     return Text(f"{place}accepted: {numbers}")
 

@@ -240,8 +240,8 @@ def _check_masses(reading: _Reading) -> Notes:
 
 def _check_samples(reading: _Reading) -> Notes:
     setup, samples, table = reading.setup, reading.samples, reading.find_table("samples")
-    if text := check_control(setup):
-        yield warning(table, "control", text)
+    if note := check_control(setup):
+        yield warning(table, "control", note.explanation)
     if not samples.control_sample and math.isnan(setup.hammer_stiffness):
         text = "[samples] names no control sample: contact times are measured, and neither k nor c"
         yield warning(table, "control", f"{text} of a sample; name one alike to the hammer")

@@ -14,13 +14,13 @@ from impact_rig.core.errors import (
     check_mass_uncertainty,
     check_positive,
 )
+from impact_rig.core.findings import Reason
 from impact_rig.core.hits import JudgedHit
 from impact_rig.core.quantity import Comparable, Quantity
 from impact_rig.core.records import FloatArray, HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.uncertainty import compute_quantity, make_input, make_scatter
-from impact_rig.core.verdict import Reason
 
 LARGEST_MISFIT = 0.05
 """Misfit above which a hit is not used [-], our choice: what leaves as much, a delay between the

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from impact_rig.core.equations import UncertainNumber
+from impact_rig.core.findings import Finding, Note, Reason, Subject
 from impact_rig.core.hits import JudgedHit, MeanHit
 from impact_rig.core.momenta import (
     Hold,
@@ -34,7 +35,6 @@ from impact_rig.core.uncertainty import (
     make_input,
     make_stated,
 )
-from impact_rig.core.verdict import Finding, Reason
 
 BALANCED = 0.01
 """Difference of a momentum ratio from 1 that is nothing odd [-], our choice."""
@@ -74,8 +74,8 @@ class Checks(Comparable):
     # Mean velocity of the sample after the contact over J / m2 [-]: 0 on a spring, 1 where free
     persistence: float = math.nan
     hold: str = Hold.UNKNOWN.value  # what holds the sample, of `Hold`
-    warnings: tuple[str, ...] = field(default=(), metadata=INTERNAL)
-    notes: tuple[str, ...] = field(default=(), metadata=INTERNAL)
+    warnings: tuple[Note, ...] = field(default=(), metadata=INTERNAL)
+    notes: tuple[Note, ...] = field(default=(), metadata=INTERNAL)
 
 
 NO_CHECKS = Checks()
@@ -88,8 +88,8 @@ def check_momenta(mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str) 
     stated = setup.samples.get_moving_mass(sample)
     contact = find_contact(mean.traces[0], measure_pulse(mean.traces[0]), chains[0])
     if contact is None:
-        note = "momenta: not determined, since the record does not hold all of the pulse"
-        return Checks(stated_mass=stated, notes=(note,))
+        note = "not determined, since the record does not hold all of the pulse"
+        return Checks(stated_mass=stated, notes=(Note(Subject.MOMENTA, note),))
     restored = restore_levels(mean, chains)
     whole = follow_momentum(restored.traces, contact, rate)
     each = [follow_momentum(cut, contact, rate) for cut in restored.cut_hits()]
@@ -102,17 +102,17 @@ def check_momenta(mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str) 
     found = replace(found, warnings=found.warnings + course.warnings, notes=rig.notes)
     if whole.hold is Hold.SPRING:
         note = (
-            "momenta: the sample is held, after the contact a spring brings it to rest: they do"
+            "the sample is held, after the contact a spring brings it to rest: they do"
             " not balance, and e by v1 is that of free bodies"
         )
-        return replace(found, notes=(*rig.notes, note))
+        return replace(found, notes=(*rig.notes, Note(Subject.MOMENTA, note)))
     if whole.hold is Hold.UNCLEAR:
         note = (
-            f"momenta: after the contact the sample moves on at {whole.persistence:.2f} of the"
+            f"after the contact the sample moves on at {whole.persistence:.2f} of the"
             " velocity of a free one, neither 0 as on a spring nor 1: its mass is not told, nor"
             " whether the gains are right"
         )
-        return replace(found, notes=(*rig.notes, note))
+        return replace(found, notes=(*rig.notes, Note(Subject.MOMENTA, note)))
     return replace(found, warnings=(*found.warnings, *_check_hits(mean, ratios)))
 
 
@@ -191,7 +191,7 @@ class _Reading:
         reasons = (ONE_HIT,) if len(self.mean.hits) < LEAST_HITS else ()
         return Known(number, reasons).state()
 
-    def _check_balance(self, balance: UncertainNumber) -> str | None:
+    def _check_balance(self, balance: UncertainNumber) -> Note | None:
         """Warn of momenta that do not balance, by what is known of the gains, not assumed."""
         hammer, sample = (
             gain if self.setup.find_sensor(channel).sensitivity_uncertainty else 1.0
@@ -202,10 +202,11 @@ class _Reading:
         away = abs(ratio.value - 1.0)
         if not away > max(np.nan_to_num(ratio.expanded), BALANCED):
             return None
-        return (
-            "the momenta do not balance: a gain, a mass or the zero after the impact is wrong, a"
+        return Note(
+            Subject.MOMENTA,
+            "they do not balance: a gain, a mass or the zero after the impact is wrong, a"
             " trace is clipped, or the sample is not free or rings"
-            f" (m2Δv2/m1Δv1 is {ratio.value:.3f} ± {np.nan_to_num(ratio.expanded):.3f})"
+            f" (m2Δv2/m1Δv1 is {ratio.value:.3f} ± {np.nan_to_num(ratio.expanded):.3f})",
         )
 
 
@@ -222,11 +223,11 @@ def ask_for_mass(hit: JudgedHit, setup: RigSetup) -> JudgedHit:
     return replace(hit, findings=(*hit.findings, question))
 
 
-def check_mass(traced: Quantity, stated: float) -> str | None:
+def check_mass(traced: Quantity, stated: float) -> Note | None:
     """Ask whether a sample is the stated one [kg] that moves as if it were another."""
     if not is_other_mass(traced.value, stated, float(np.nan_to_num(traced.expanded))):
         return None
-    return ask_for_sample(traced.value, stated)
+    return Note(Subject.MASS, ask_for_sample(traced.value, stated))
 
 
 def is_other_mass(traced: float, stated: float, expanded: float = 0.0) -> bool:
@@ -246,7 +247,7 @@ def ask_for_sample(traced: float, stated: float) -> str:
     )
 
 
-def _check_hits(mean: MeanHit, ratios: FloatArray) -> tuple[str, ...]:
+def _check_hits(mean: MeanHit, ratios: FloatArray) -> tuple[Note, ...]:
     """Warn of hits whose momentum ratio is not that of the others."""
     if not np.all(np.isfinite(ratios)):
         return ()
@@ -257,7 +258,7 @@ def _check_hits(mean: MeanHit, ratios: FloatArray) -> tuple[str, ...]:
         f"the momenta of {name_hits(odd)} balance otherwise than the others': a gain that changed,"
         " a trace that is clipped or does not come back to zero, or a sample that was held"
     )
-    return (told,)
+    return (Note(Subject.HITS, told),)
 
 
 SLIPS = {
@@ -269,7 +270,7 @@ SLIPS = {
 """Usual slips, by how many times the stated speed v is by them, or the reverse."""
 
 
-def check_speed(speed: Quantity, restitution: Quantity, stated: float) -> str | None:
+def check_speed(speed: Quantity, restitution: Quantity, stated: float) -> Note | None:
     """Warn of a law's impact speed that is not the stated one [m/s], beyond both uncertainties.
 
     Without a law the bodies' e by the stated speed must lie between 0 and 1.
@@ -297,7 +298,8 @@ def check_speed(speed: Quantity, restitution: Quantity, stated: float) -> str | 
     if near:
         why = min(near)[1] + (f", or {why}" if low < high else "")
     shown = f"{low:.3g}" if low == high else f"{low:.2g} to {high:.2g}"
-    return (
+    return Note(
+        Subject.IMPACT_SPEED,
         f"by the traces the impact speed is {shown} times the {100.0 * stated:.4g} cm/s that are"
-        f" stated: {why}"
+        f" stated: {why}",
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.filtering import Chain
+from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.identification import compute_raw_noise
 from impact_rig.core.law_fit import (
@@ -113,13 +114,13 @@ class ContactLaw(Comparable):
     loss: float = math.nan  # [-] of `impact_rig.core.law_pulses`, as `pull`
     pull: float = math.nan
     residual_percent: float = math.nan  # RMS of what the best law leaves, over the peak [%]
-    notes: tuple[str, ...] = ()  # what is not determined, and why; what is not told apart
+    notes: tuple[Note, ...] = ()  # what is not determined, and why; what is not told apart
     # Of the relative errors of `SCALED`, by sources that no other sample has: masses and clock,
     # which all share, change no exponent; pairs of a source and an array of shape (4, 4).
     own_covariances: tuple[tuple[Source, FloatArray], ...] = field(
         default=(), compare=False, repr=False, metadata=INTERNAL
     )
-    warnings: tuple[str, ...] = field(default=(), metadata=INTERNAL)
+    warnings: tuple[Note, ...] = field(default=(), metadata=INTERNAL)
     separation: float = field(default=0.0, metadata=INTERNAL)  # from the pulse's middle [s]
     excludes_versed_sine: bool = field(default=False, metadata=INTERNAL)  # the data allow none
 
@@ -165,14 +166,14 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     help_needed = _ask_for_response(chain)
     reason = _find_misfit(fits, changes, help_needed, is_worse=is_worse)
     if reason is not None:
-        return replace(without, notes=(reason,))
+        return replace(without, notes=(Note(Subject.CONTACT_LAW, reason),))
     scatter = Source(f"scatter of the hits on {sample}", max(len(fits.points) - 1.0, 1.0))
     quantities, own = _compute_quantities(
         fits, _list_sources(mean, fits, changes), masses, (scatter, mean.count)
     )
     reason = _find_doubt(quantities)
     if reason is not None:
-        return replace(without, notes=(reason,))
+        return replace(without, notes=(Note(Subject.CONTACT_LAW, reason),))
     touch = fits.unit * float(fits.points[:, START].mean())
     return ContactLaw(
         **quantities,
@@ -236,7 +237,7 @@ def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
     width, peak = pulse.half_amplitude_width, abs(pulse.peak)
     if width < LIMITS.points:
         raise NotDeterminedError(
-            f"contact law: {width:.2g} points in the pulse's width at half amplitude do not tell"
+            f"{width:.2g} points in the pulse's width at half amplitude do not tell"
             f" it, {LIMITS.points:g} may; sample faster"
         )
     window = cut_window(mean.traces[0], pulse, chain, LIMITS.margins)
@@ -358,7 +359,7 @@ def _ask_for_response(chain: Chain) -> str:
     return f"; state the {' and '.join(unstated)} of the hammer's sensor, if it may be that"
 
 
-def _check_rest(fits: _LawFits, help_needed: str) -> tuple[str, ...]:
+def _check_rest(fits: _LawFits, help_needed: str) -> tuple[Note, ...]:
     """Warn that the law leaves more than noise."""
     if not fits.unexplained > 0.0 < fits.noise:
         return ()
@@ -367,7 +368,7 @@ def _check_rest(fits: _LawFits, help_needed: str) -> tuple[str, ...]:
         f" {100.0 * fits.noise:.2g} %: the contact is not quite of this law, and duration, e,"
         f" impact speed and energy may be farther off than their ±{help_needed}"
     )
-    return (warning,)
+    return (Note(Subject.CONTACT_LAW, warning),)
 
 
 def look_at_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
@@ -375,7 +376,7 @@ def look_at_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
     try:
         return estimate_contact_law(mean, setup, sample)
     except RigError as error:
-        return replace(NO_LAW, notes=(str(error),))
+        return replace(NO_LAW, notes=(Note(Subject.CONTACT_LAW, str(error)),))
 
 
 def _change_sensor(
@@ -443,13 +444,14 @@ def _list_sources(
     return sources
 
 
-def _check_hits(mean: MeanHit, leaves: FloatArray) -> tuple[str, ...]:
+def _check_hits(mean: MeanHit, leaves: FloatArray) -> tuple[Note, ...]:
     """Warn of hits whose pulse is of another contact than the others'."""
     # A hundredth of the peak more than the others leave.
     odd = find_odd_hits(mean, leaves, 0.01)
     if not odd:
         return ()
-    return (f"the pulse of {name_hits(odd)} is of another contact than the others': look at it",)
+    told = f"the pulse of {name_hits(odd)} is of another contact than the others': look at it"
+    return (Note(Subject.HITS, told),)
 
 
 def _move_step(mean: MeanHit, pulse: PulseWidth) -> FloatArray:
@@ -574,7 +576,7 @@ def _describe_laws(points: FloatArray, losses: Sequence[FittedLoss]) -> FloatArr
     )
 
 
-def _list_notes(exponent: float | None, masses: RigNumbers, fits: _LawFits) -> tuple[str, ...]:
+def _list_notes(exponent: float | None, masses: RigNumbers, fits: _LawFits) -> tuple[Note, ...]:
     notes = []
     if exponent is not None:
         notes.append(f"n was given, {exponent:g}, not found")
@@ -589,4 +591,4 @@ def _list_notes(exponent: float | None, masses: RigNumbers, fits: _LawFits) -> t
     possible = [fits.losses[place].name for place in order if fits.chances[place] > SMALL_PART]
     if len(possible) > 1:
         notes.append(f"the pulse does not tell apart the forms of loss {'; '.join(possible)}")
-    return tuple(notes)
+    return tuple(Note(Subject.CONTACT_LAW, note) for note in notes)

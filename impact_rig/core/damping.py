@@ -234,14 +234,14 @@ def estimate_free_decay(
     check_positive("end of the contact", contact_end, "s")
     check_not_negative("cutoff frequency", cutoff_frequency, "Hz")
     if channel >= mean.traces.shape[0]:
-        raise NotDeterminedError("free decay: this channel was not measured")
+        raise NotDeterminedError("this channel was not measured")
     tail = _find_tail(mean, contact_end, cutoff_frequency)
     check_window(mean, channel, cutoff_frequency)
     measured = mean.traces[channel, tail]
     rate = mean.sampling_rate / tail.step
     spread = float(measured.std())
     if spread <= np.finfo(float).eps * float(np.abs(mean.traces[channel]).max()):
-        raise NotDeterminedError("free decay: the tail after the contact is flat")
+        raise NotDeterminedError("the tail after the contact is flat")
     solution, fit = fit_decay(measured, cutoff_frequency / rate)
     jacobian = fit.jacobian.T
     noise = float(mean.noise[channel])
@@ -256,13 +256,13 @@ def estimate_free_decay(
     signal = float(np.linalg.norm(fit.oscillation))
     if signal < SMALLEST_SIGNAL * white:
         raise NotDeterminedError(
-            "free decay: the tail after the contact is in the noise (signal to noise of its"
+            "the tail after the contact is in the noise (signal to noise of its"
             f" energy {(signal / white) ** 2:.3g}; it needs {SMALLEST_SIGNAL**2:.3g})"
         )
     duration = (measured.size - 1) / rate
     decay, frequency = (float(value) * rate for value in solution)
     if decay <= 0.0:
-        raise NotDeterminedError("free decay: the tail after the contact does not decay")
+        raise NotDeterminedError("the tail after the contact does not decay")
     # Periods count while the envelope exceeds two standard deviations of the noise.
     floor = 2.0 * max(noise, np.finfo(float).eps * fit.amplitude)
     lasting = math.log(max(fit.amplitude / floor, 1.0)) / decay
@@ -270,7 +270,7 @@ def estimate_free_decay(
     _check_decay(solution, covariance, periods)
     if excess > 2.0 * MISFIT and r_squared < SMALLEST_R_SQUARED:
         raise NotDeterminedError(
-            f"free decay: one damped oscillation explains only {100.0 * r_squared:.0f} % of the"
+            f"one damped oscillation explains only {100.0 * r_squared:.0f} % of the"
             f" tail; it must explain {100.0 * SMALLEST_R_SQUARED:.0f} %"
         )
     hits = np.stack([hit[channel, tail] for hit in mean.cut_hits()])
@@ -312,7 +312,7 @@ def check_window(mean: MeanHit, channel: int, cutoff_frequency: float) -> None:
     # Filtered noise of a short baseline is known to a sixth or so.
     if end < 0.35 * before > 1e-9 * float(np.abs(trace).max()):
         raise NotDeterminedError(
-            f"no decay: the response ends with {end / before:.2g} of the noise of its baseline: a"
+            f"the response ends with {end / before:.2g} of the noise of its baseline: a"
             " window of an analyser is in it, and part of the decay is the window's; record"
             " without one"
         )
@@ -358,7 +358,7 @@ def _find_tail(mean: MeanHit, contact_end: float, cutoff_frequency: float) -> sl
     points = max(0, math.ceil((last - first) / step))
     if points < MINIMUM_POINTS:
         raise NotDeterminedError(
-            f"free decay: {max(0, last - first) / rate * 1e6:.3g} µs of tail after the contact are"
+            f"{max(0, last - first) / rate * 1e6:.3g} µs of tail after the contact are"
             f" {points} points; it needs {MINIMUM_POINTS}: record longer"
         )
     return slice(first, last, step)
@@ -369,7 +369,7 @@ def _check_decay(parameters: FloatArray, covariance: FloatArray, periods: float)
     ratio = decay / math.hypot(decay, frequency)
     if periods < MINIMUM_PERIODS:
         raise NotDeterminedError(
-            f"free decay: {periods:.2g} periods of the tail, of damping ratio {ratio:.2f}, stand"
+            f"{periods:.2g} periods of the tail, of damping ratio {ratio:.2f}, stand"
             f" out of the noise; it needs {MINIMUM_PERIODS:g}"
         )
     # Of the damping ratio a over the root of a^2 + omega^2, in a and omega.
@@ -377,6 +377,6 @@ def _check_decay(parameters: FloatArray, covariance: FloatArray, periods: float)
     uncertainty = float(np.sqrt(slope @ covariance @ slope))
     if uncertainty > LARGEST_RELATIVE_UNCERTAINTY * ratio:
         raise NotDeterminedError(
-            f"free decay: the damping ratio of {ratio:.2g} has a standard uncertainty of"
+            f"the damping ratio of {ratio:.2g} has a standard uncertainty of"
             f" {uncertainty:.2g}; it must be below {100 * LARGEST_RELATIVE_UNCERTAINTY:g} %"
         )

@@ -70,7 +70,7 @@ def estimate_sample_stiffness(equivalent_stiffness: Number, hammer_stiffness: Nu
     check_positive("hammer stiffness", get_value(hammer_stiffness), "N/m")
     if get_value(equivalent_stiffness) >= get_value(hammer_stiffness):
         raise NotDeterminedError(
-            f"k2: equation (6b) has no positive solution, since k_eq is"
+            "equation (6b) has no positive solution, since k_eq is"
             f" {get_value(equivalent_stiffness) / 1e6:.4g} MN/m and must be below k1 ="
             f" {get_value(hammer_stiffness) / 1e6:.4g} MN/m; check masses,"
             " contact time and control sample"

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.identification import NAMES, Identification, identify_model
 from impact_rig.core.model import ModelVariant
@@ -40,7 +41,7 @@ class FittedModel(Comparable):
     values: tuple[float, ...] = ()  # of the parameters, in SI units
     covariance: tuple[float, ...] = ()  # by one mean trace's noise, row by row
     undetermined: tuple[str, ...] = ()  # combinations that the traces do not determine
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     identification: Identification | None = field(default=None, metadata=INTERNAL)
 
 
@@ -64,7 +65,7 @@ def fit_model(mean: MeanHit, setup: RigSetup, sample: str) -> FittedModel:
         residual_over_noise=math.sqrt(found.chi_square),
     )
     if found.misfit is not None:
-        return replace(described, notes=(found.misfit,))
+        return replace(described, notes=(Note(Subject.IDENTIFICATION, found.misfit),))
     columns = [NAMES.index(name) for name in ("tau_p", "k2", "c2")]
     body: dict[str, Any] = propagate_fit(
         f"scatter of the hits on {sample}",

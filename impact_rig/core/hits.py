@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from impact_rig.core.detection import LOUD_BEGINNING
 from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
 from impact_rig.core.filtering import check_cutoff, interpolate_between, low_pass
+from impact_rig.core.findings import Finding, Reason
 from impact_rig.core.pulse_width import BASELINE_POINTS, PulseWidth, measure_pulse
 from impact_rig.core.records import UNSTATED, FloatArray, HitLabel, Origin, Record, make_read_only
 from impact_rig.core.sensors import SensorResponse
@@ -20,8 +21,6 @@ from impact_rig.core.tail import judge_zeros
 from impact_rig.core.verdict import (
     CHANNELS,
     SHARE_NO_MEAN,
-    Finding,
-    Reason,
     check_channels,
     check_low_pass,
     check_pulse,

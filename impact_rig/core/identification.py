@@ -100,12 +100,10 @@ def identify_model(mean: MeanHit, setup: RigSetup, sample: str) -> Identificatio
         If the hammer's trace has no whole pulse.
     """
     if mean.traces.shape[0] <= 1:
-        raise NotDeterminedError("identification: the sample's trace was not measured")
+        raise NotDeterminedError("the sample's trace was not measured")
     peaks = np.abs(mean.traces).max(axis=1)
     if not np.all(np.isfinite(peaks) & (peaks > 0.0)):
-        raise NotDeterminedError(
-            "identification: a trace is flat or has points that are no numbers"
-        )
+        raise NotDeterminedError("a trace is flat or has points that are no numbers")
     problem = FitProblem(
         traces=mean.traces,
         noise=np.maximum(compute_raw_noise(mean), LIMITS.least_noise * peaks),
@@ -232,7 +230,7 @@ class FitProblem:
             max_nfev=60,
         )
         if found.status <= 0:
-            raise NotDeterminedError("identification: not determined, since no search ends")
+            raise NotDeterminedError("not determined, since no search ends")
         return np.asarray(found.x * scales)
 
     def find_bounds(self, start: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -309,7 +307,7 @@ class FitProblem:
         # Derivatives are good to 1e-7.
         if singular[-1] <= 1e-6 * singular[0]:
             raise NotDeterminedError(
-                "identification: not determined, since the traces do not tell its parameters apart"
+                "not determined, since the traces do not tell its parameters apart"
             )
         # Least squares is (J^T J)^-1 J^T r, and r has the covariance C of filtered noise.
         kernel = self.chains[0].correlate_noise(self.points.step)
@@ -341,7 +339,7 @@ def _report(problem: FitProblem, values: FloatArray, mean: MeanHit) -> Identific
     for name, part, level in zip(CHANNELS, left, filtered_noise / problem.peaks, strict=True):
         if part > (largest := find_largest_residual(float(level))):
             misfit = (
-                "identification: not determined, since the two-body model does not describe both"
+                "not determined, since the two-body model does not describe both"
                 f" traces: it leaves {100.0 * part:.2g} % of the {name}'s peak, where"
                 f" {100.0 * largest:.2g} % would be noise"
             )

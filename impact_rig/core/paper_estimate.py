@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.paper_method import (
     CONTACT_TIME,
@@ -36,7 +37,9 @@ from impact_rig.core.uncertainty import (
     make_scatter,
 )
 
-OF_ONE_HIT = "uncertainty: that of the one hit; what scatters from hit to hit is not in it"
+OF_ONE_HIT = Note(
+    Subject.UNCERTAINTY, "that of the one hit; what scatters from hit to hit is not in it"
+)
 
 PEAK = describe("m/s^2", shown="m/s²")
 TIME = describe("s", shown="µs")
@@ -67,8 +70,8 @@ class PaperEstimate(Comparable):
     hammer_peak_spread_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
     peak_force: Quantity = field(default=UNKNOWN, metadata=describe("N", "Fmax", "peak force"))
     rise_time: float = field(default=NAN, metadata=describe("s"))  # 10 % to 90 % of the peak
-    warnings: tuple[str, ...] = field(default=(), metadata=INTERNAL)
-    notes: tuple[str, ...] = field(default=(), metadata=INTERNAL)  # what is not determined: why
+    warnings: tuple[Note, ...] = field(default=(), metadata=INTERNAL)
+    notes: tuple[Note, ...] = field(default=(), metadata=INTERNAL)  # what is not determined: why
 
     def without_damping(self) -> "PaperEstimate":
         """Return it without what comes from the log decrement."""
@@ -148,21 +151,22 @@ def _find_time(mean: MeanHit, index: int) -> float:
     return (index - mean.origin) / mean.sampling_rate
 
 
-STEPS = (
+STEPS = Note(
+    Subject.CONVERTER,
     "the noise is smaller than the converter's steps and does not average them out: the"
     " uncertainties of free decay and identification leave that out; amplify the signals, or use"
-    " more bits"
+    " more bits",
 )
 
 
-def check_steps(mean: MeanHit) -> str | None:
+def check_steps(mean: MeanHit) -> Note | None:
     """Warn unless the noise dithers the converter."""
     step, noise = mean.largest_step, mean.least_noise
     # Of so much noise exp(-2 pi^2 0.4^2), 4 %, of the steps is left.
     return STEPS if np.any((step > 0.0) & (noise < 0.4 * step)) else None
 
 
-def check_control(setup: RigSetup) -> str | None:
+def check_control(setup: RigSetup) -> Note | None:
     """Warn unless control sample and hammer are alike."""
     control = setup.samples.control_sample
     if not control or setup.find_unknown_masses(control):
@@ -171,8 +175,9 @@ def check_control(setup: RigSetup) -> str | None:
     # The published control sample differs by 5 %.
     if abs(mass - hammer) <= 0.2 * hammer:
         return None
-    return (
+    return Note(
+        Subject.CONTROL_SAMPLE,
         f"the control sample {control!r} of {mass * 1e3:.4g} g is not alike to the hammer of"
         f" {hammer * 1e3:.4g} g, as k1 = 2 k_eq assumes: k1, and with it every k2 and c2, may be"
-        " wrong"
+        " wrong",
     )

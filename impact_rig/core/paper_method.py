@@ -18,6 +18,7 @@ from impact_rig.core.equations import (
     estimate_sample_stiffness,
 )
 from impact_rig.core.errors import NotDeterminedError, RigError
+from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import FilteredHit, MeanHit, make_mean, shift_hit, sum_up
 from impact_rig.core.momenta import Hold, find_contact, follow_momentum, restore_levels
 from impact_rig.core.pulse_shape import LIMITS as SHAPE_LIMITS
@@ -53,7 +54,7 @@ from impact_rig.core.uncertainty import (
     make_rig_numbers,
 )
 
-DAMPING_NAMES = ("c1", "c2")
+DAMPING = (Subject.C1, Subject.C2)
 """Of hammer and sample, for what is said about them."""
 
 
@@ -63,7 +64,7 @@ class HammerPulse:
 
     shape: PulseShapeEstimate  # which of the known shapes it has
     law: ContactLaw  # which law of contact makes such a pulse
-    notes: tuple[str, ...] = ()  # why the shape is not determined
+    notes: tuple[Note, ...] = ()  # why the shape is not determined
 
 
 UNSEEN = HammerPulse(NO_SHAPE, NO_LAW)
@@ -76,7 +77,7 @@ def look_at_pulse(mean: MeanHit, setup: RigSetup, sample: str) -> HammerPulse:
     try:
         shape = estimate_pulse_shape(mean, setup.find_chains(mean.sampling_rate)[0])
     except RigError as error:
-        return HammerPulse(NO_SHAPE, law, (str(error),))
+        return HammerPulse(NO_SHAPE, law, (Note(Subject.PULSE_SHAPE, str(error)),))
     return HammerPulse(shape, law)
 
 
@@ -135,7 +136,7 @@ class MeanReading:
     width_ratio: float
     contact_time: Known  # tau_p [s]
     decrements: Mapping[int, tuple[LogDecrement, Known]]  # by channel, where determined
-    notes: Mapping[int, str]  # by channel, where not: why
+    notes: Mapping[int, Note]  # by channel, where not: why
 
 
 def read_mean_hit(
@@ -155,10 +156,10 @@ def read_mean_hit(
     # sample are asked for that sample alone.
     channels = (0, 1) if sample == setup.samples.control_sample else (1,)
     peaks: dict[int, LogDecrement] = {}
-    notes: dict[int, str] = {}
+    notes: dict[int, Note] = {}
     for channel in channels:
         if channel >= mean.traces.shape[0]:
-            notes[channel] = "c2: the sample's trace was not measured"
+            notes[channel] = Note(Subject.C2, "the sample's trace was not measured")
             continue
         # Steps that no noise smooths make peaks of their own.
         step = compute_quantisation_error(
@@ -175,7 +176,7 @@ def read_mean_hit(
                 _check_spring(mean, setup)
             peaks[channel] = found
         except RigError as error:
-            notes[channel] = f"{DAMPING_NAMES[channel]}: {error}"
+            notes[channel] = Note(DAMPING[channel], str(error))
     width = pulse.half_amplitude_width / mean.sampling_rate
     factor = settings.pulse_factor / mean.sampling_rate
     scatter = np.zeros((1 + len(peaks), 1 + len(peaks)))
@@ -198,9 +199,9 @@ def read_mean_hit(
     # The same law on all samples makes the same error on all.
     contact_time = contact_time + spread * rig.pulse_shape
     contact_time = contact_time + make_input(PULSE_SHAPE, 0.0, own)
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Note, ...] = ()
     if form is UNSEEN:
-        reasons = ("the pulse's shape, and with it the uncertainty, comes later",)
+        reasons = (Note(Subject.UNCERTAINTY, "it comes with the pulse's shape, later"),)
     has_scatter = len(mean.hits) >= LEAST_HITS
     if not has_scatter:
         # What scatters from hit to hit by the noise is wrong with this one.
@@ -368,7 +369,7 @@ class BodyEstimate(Comparable):
     damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)  # [-]
     damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)  # [N s/m]
     log_decrement: float = field(default=NAN, metadata=describe("", "Δ", "log decrement"))  # [-]
-    notes: tuple[str, ...] = ()  # what could not be determined, and why
+    notes: tuple[Note, ...] = ()  # what could not be determined, and why
     # U1 and U2 in the mean trace; None: not determined.
     peaks: LogDecrement | None = field(default=None, metadata=INTERNAL)
     # The stiffness with all that it depends on, for what is calculated from it; None: it is not
@@ -427,7 +428,7 @@ def estimate_hammer(control: MeanReading, setup: RigSetup) -> HammerEstimate:
     sample = setup.samples.control_sample
     known = _find_equivalent(control, setup, sample)
     if known is not None:
-        reasons = tuple(f"k1: {reason}" for reason in known.reasons)
+        reasons = tuple(Note(Subject.K1, str(reason)) for reason in known.reasons)
         known = Known(estimate_hammer_stiffness(known.number), reasons)
     return HammerEstimate(**vars(_estimate_body(control, 0, known)), control_sample=sample)
 
@@ -444,7 +445,7 @@ def estimate_body(
         # Whose mass is not known is all that there is to say.
         notes = ()
     elif not hammer.stiffness.is_known:
-        notes += ("k2: not determined without k1",)
+        notes += (Note(Subject.K2, "not determined without k1"),)
     else:
         # Given as a plain figure, not measured here: taken as exact.
         k1 = hammer.known_stiffness or Known(
@@ -457,7 +458,7 @@ def estimate_body(
                 equivalent.reasons or k1.reasons,
             )
         except NotDeterminedError as error:
-            notes += (str(error),)
+            notes += (Note(Subject.K2, str(error)),)
     body = _estimate_body(series, 1, known)
     stated = UNKNOWN if equivalent is None else equivalent.state(series.rig.notes)
     return stated, replace(body, notes=body.notes + notes)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF, Chain, low_pass, respond
+from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.pulse_width import TENTH_LEVEL, PulseWidth, find_crossing, measure_pulse
 from impact_rig.core.pulses import (
@@ -112,8 +113,7 @@ def cut_window(
     low, high = (find_crossing(upright, pulse.peak_index, TENTH_LEVEL, side) for side in (-1, 1))
     if math.isnan(low) or math.isnan(high):
         raise NotDeterminedError(
-            "pulse shape: the trace does not come down to a tenth of the peak on both sides;"
-            " record more"
+            "the trace does not come down to a tenth of the peak on both sides; record more"
         )
     fine = max(1, int(width / LIMITS.points_per_width))
     step = fine if width < LIMITS.points_per_width else 2 * fine
@@ -122,8 +122,7 @@ def cut_window(
     points = np.arange(first, last, step)
     if points.size < LIMITS.points:
         raise NotDeterminedError(
-            f"pulse shape: {points.size} points on the pulse do not tell it, {LIMITS.points} may;"
-            " sample faster"
+            f"{points.size} points on the pulse do not tell it, {LIMITS.points} may; sample faster"
         )
     chain = chain.count_points(fine)
     if chain.cutoff_frequency > HIGHEST_RELATIVE_CUTOFF:
@@ -400,7 +399,7 @@ class PulseShapeEstimate(Comparable):
     fall_over_rise: float = field(default=NAN, metadata=NOT_NEGATIVE)
     fits: tuple[ShapeFit, ...] = ()  # in the order of `PULSE_SHAPES`
     # Why a versed-sine does not describe the pulse.
-    warning: str | None = field(default=None, metadata=INTERNAL)
+    warning: Note | None = field(default=None, metadata=INTERNAL)
     # Shapes that leave no more than the best, chance apart.
     possible: tuple[str, ...] = field(default=(), metadata=INTERNAL)
     # What the best leaves beyond the noise, over the peak.
@@ -489,20 +488,22 @@ def compute_unexplained(residual: float, noise: float) -> float:
 
 def _find_warning(
     best: ShapeFit, versed: ShapeFit, noise: float, *, told_apart: bool
-) -> str | None:
+) -> Note | None:
     doubtful = max(LIMITS.residual, 3.0 * noise)
     if best.residual_percent > 100.0 * doubtful:
-        return (
+        return Note(
+            Subject.PULSE_SHAPE,
             f"no known shape describes the pulse: the best, {best.shape}, leaves"
             f" {best.residual_percent:.2g} % of the peak, as of two contacts, a sensor that rings,"
             " an amplifier that clips or filters; the uncertainty of the contact time holds the"
-            " known shapes, and not this one"
+            " known shapes, and not this one",
         )
     if told_apart and best.duration > 0.0 and versed.residual_percent > 100.0 * doubtful:
-        return (
+        return Note(
+            Subject.PULSE_SHAPE,
             f"the pulse is no versed-sine: that leaves {versed.residual_percent:.2g} % of the"
             f" peak, {best.shape} {best.residual_percent:.2g} %, and with it the contact time is"
             f" {best.duration * 1e6:.4g} µs, where the width times 2 gives"
-            f" {versed.contact_time * 1e6:.4g} µs"
+            f" {versed.contact_time * 1e6:.4g} µs",
         )
     return None

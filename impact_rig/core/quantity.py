@@ -6,6 +6,8 @@ from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, 
 from functools import cache
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
+from impact_rig.core.findings import Note
+
 Record = TypeVar("Record")
 _KEY = "impact_rig"
 
@@ -152,7 +154,7 @@ class Quantity(Comparable):
     )
     budget: tuple[BudgetLine, ...] = ()  # largest first; empty where nothing contributes
     # why the uncertainty is not determined, or what it leaves out
-    notes: tuple[str, ...] = field(default=(), metadata=INTERNAL)
+    notes: tuple[Note, ...] = field(default=(), metadata=INTERNAL)
 
     @property
     def is_known(self) -> bool:

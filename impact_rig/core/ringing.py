@@ -8,6 +8,7 @@ import numpy as np
 
 from impact_rig.core.damping import FreeDecay, estimate_free_decay
 from impact_rig.core.errors import NotDeterminedError
+from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.momenta import (
     Hold,
@@ -68,8 +69,8 @@ class FreeDecayEstimate(Comparable):
     # RMS; 1: nothing but noise
     residual_over_noise: float = field(default=NAN, metadata=NOT_NEGATIVE)
     hold: str = ""  # what holds what rings, of `Hold`: only what is on a spring has k and c
-    notes: tuple[str, ...] = field(default=(), metadata=INTERNAL)
-    warnings: tuple[str, ...] = field(default=(), metadata=INTERNAL)
+    notes: tuple[Note, ...] = field(default=(), metadata=INTERNAL)
+    warnings: tuple[Note, ...] = field(default=(), metadata=INTERNAL)
 
     @property
     def is_known(self) -> bool:
@@ -94,7 +95,7 @@ def estimate_decay(
     cutoff = setup.analysis.cutoff_frequency
     decay = estimate_free_decay(mean, 1, contact_end, cutoff)
     if ringing := explain_ringing(decay.frequency, setup):
-        raise NotDeterminedError(f"free decay: {ringing}")
+        raise NotDeterminedError(ringing)
     hold, persistence = _find_hold(mean, setup, decay)
     body = propagate_fit(
         f"scatter of the hits on {sample}",
@@ -132,7 +133,7 @@ def _list_errors(decay: FreeDecay) -> list[tuple[str, FloatArray]]:
     return errors
 
 
-def _explain_halves(decay: FreeDecay) -> tuple[str, ...]:
+def _explain_halves(decay: FreeDecay) -> tuple[Note, ...]:
     """Warn of damping that is not the same in both halves of a decay."""
     if not decay.halves:
         return ()
@@ -141,10 +142,10 @@ def _explain_halves(decay: FreeDecay) -> tuple[str, ...]:
     if second < first:
         kind = "falls as the motion dies, as by air"
     told = (
-        f"free decay: damping depends on the amplitude: ζ {kind}, from {first:.2g} in the first"
+        f"damping depends on the amplitude: ζ {kind}, from {first:.2g} in the first"
         f" half of the decay to {second:.2g} in the second; the ± holds both"
     )
-    return (told,)
+    return (Note(Subject.FREE_DECAY, told),)
 
 
 def _find_hold(mean: MeanHit, setup: RigSetup, decay: FreeDecay) -> tuple[Hold, float]:
@@ -166,8 +167,8 @@ def _find_hold(mean: MeanHit, setup: RigSetup, decay: FreeDecay) -> tuple[Hold, 
     return passage.hold, passage.persistence
 
 
-def _explain_hold(hold: Hold, persistence: float, frequency: float) -> tuple[str, ...]:
-    rings = f"free decay: what rings at {frequency * 1e-3:.4g} kHz"
+def _explain_hold(hold: Hold, persistence: float, frequency: float) -> tuple[Note, ...]:
+    rings = f"what rings at {frequency * 1e-3:.4g} kHz"
     if hold is Hold.FREE:
         told = (
             f"{rings} does so about the velocity at which the sample moves on, as the mount of a"
@@ -180,7 +181,7 @@ def _explain_hold(hold: Hold, persistence: float, frequency: float) -> tuple[str
         )
     else:
         return ()
-    return (told,)
+    return (Note(Subject.FREE_DECAY, told),)
 
 
 def find_shared_ringing(decays: Mapping[str, FreeDecayEstimate], setup: RigSetup) -> float | None:

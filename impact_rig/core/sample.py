@@ -10,6 +10,7 @@ from impact_rig.core.checks import NO_CHECKS, Checks, check_momenta, check_speed
 from impact_rig.core.comparison import ModelComparison, compare_with_model
 from impact_rig.core.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.errors import RigError
+from impact_rig.core.findings import Note, Subject
 from impact_rig.core.fitted_model import FittedModel, find_frequency, fit_model
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.model import Body, ImpactModel, ModelVariant
@@ -35,7 +36,7 @@ NEAR_LOW_PASS = 2.0
 """Of a resonance, in cutoff frequencies [-]; at twice the cutoff a sixteenth is left."""
 
 
-def check_sensors(setup: RigSetup, contact_time: float) -> tuple[str, ...]:
+def check_sensors(setup: RigSetup, contact_time: float) -> tuple[Note, ...]:
     """Warn of stated resonances near the low-pass or the spectrum of a contact [s]."""
     cutoff = setup.analysis.cutoff_frequency
     warnings = []
@@ -54,7 +55,7 @@ def check_sensors(setup: RigSetup, contact_time: float) -> tuple[str, ...]:
                 f"{what} the spectrum of a contact this short, which makes it ring: the models are"
                 " sent through it, widths and peaks are not; take a sensor with a higher one"
             )
-    return tuple(warnings)
+    return tuple(Note(Subject.SENSOR, warning) for warning in warnings)
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class TraceEstimates:
     pulse: HammerPulse
     checks: Checks
     free_decay: FreeDecayEstimate
-    notes: tuple[str, ...]  # why any of it is not determined
+    notes: tuple[Note, ...]  # why any of it is not determined
 
 
 def estimate_traces(name: str, mean: MeanHit, setup: RigSetup) -> TraceEstimates:
@@ -85,7 +86,7 @@ def estimate_traces(name: str, mean: MeanHit, setup: RigSetup) -> TraceEstimates
         try:
             decay = estimate_decay(mean, setup, name, contact_end)
         except RigError as error:
-            notes = (*notes, str(error))
+            notes = (*notes, Note(Subject.FREE_DECAY, str(error)))
     checks = check_momenta(mean, setup, make_rig_numbers(setup, name), name)
     notes = (*notes, *decay.notes, *checks.notes)
     return TraceEstimates(pulse, checks, decay, tuple(dict.fromkeys(notes)))
@@ -126,8 +127,8 @@ class SampleEstimate(Comparable):
     checks: Checks = NO_CHECKS
     free_decay: FreeDecayEstimate = NO_DECAY
     identifications: tuple[FittedModel, ...] = ()
-    warnings: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()  # what could not be determined, and why
+    warnings: tuple[Note, ...] = ()
+    notes: tuple[Note, ...] = ()  # what could not be determined, and why
     comparisons: tuple[ModelComparison, ...] = field(default=(), metadata=INTERNAL)
 
     @property
@@ -145,17 +146,17 @@ class SampleParts:
     mean: MeanHit
     paper: PaperEstimate
     hammer: BodyEstimate
-    warnings: tuple[str, ...] = ()  # of the series as a whole
-    notes: tuple[str, ...] = ()
+    warnings: tuple[Note, ...] = ()  # of the series as a whole
+    notes: tuple[Note, ...] = ()
     traces: TraceEstimates | None = None  # None: not looked at yet
     models: tuple[FittedModel, ...] = ()
-    model_notes: tuple[str, ...] = ()
+    model_notes: tuple[Note, ...] = ()
 
     def without_ringing(self, shared: float, setup: RigSetup) -> "SampleParts":
         """Return it without what comes from a sensor that rings at a frequency [Hz]."""
         if self.traces is None or not self.traces.free_decay.is_known:
             return self
-        note = (
+        told = (
             f"what rings at {shared * 1e-3:.2g} kHz does so on all samples, though their masses"
             " differ: it is a sensor or its mount, and no sample's k, zeta or c comes from it"
         )
@@ -168,7 +169,8 @@ class SampleParts:
             for model in models
         ):
             models = ()
-        traces = replace(self.traces, free_decay=NO_DECAY, notes=(*self.traces.notes, note))
+        notes = (*self.traces.notes, Note(Subject.SENSOR, told))
+        traces = replace(self.traces, free_decay=NO_DECAY, notes=notes)
         return replace(self, paper=paper, models=models, traces=traces)
 
     def assemble(self, setup: RigSetup) -> SampleEstimate:
@@ -230,21 +232,21 @@ def _add_stiffness(shape: PulseShapeEstimate, paper: PaperEstimate) -> PulseShap
 
 def look_at_model(
     name: str, mean: MeanHit, setup: RigSetup, hold: str
-) -> tuple[tuple[FittedModel, ...], tuple[str, ...]]:
+) -> tuple[tuple[FittedModel, ...], tuple[Note, ...]]:
     """Return the model fitted to the mean traces of a sample, and why it says nothing."""
     if mean.traces.shape[0] <= 1:
         return (), ()
     if hold == Hold.FREE.value:
-        note = "identification: not determined, since the sample is free: it is on no spring"
-        return (), (note,)
+        why = "not determined, since the sample is free: it is on no spring"
+        return (), (Note(Subject.IDENTIFICATION, why),)
     try:
         model = fit_model(mean, setup, name)
     except RigError as error:
-        return (), (str(error),)
+        return (), (Note(Subject.IDENTIFICATION, str(error)),)
     if model.stiffness.is_known:
         ringing = explain_ringing(find_frequency(model, name, setup), setup)
         if ringing:
-            return (), (f"identification: {ringing}",)
+            return (), (Note(Subject.IDENTIFICATION, ringing),)
     return (model,), model.notes
 
 
@@ -295,7 +297,7 @@ def _read_errors(comparisons: Sequence[ModelComparison]) -> ModelErrors:
     )
 
 
-def check_delay(mean: MeanHit, checks: Checks, contact_time: float) -> str | None:
+def check_delay(mean: MeanHit, checks: Checks, contact_time: float) -> Note | None:
     """Warn unless hammer and sample, if it is free, pass half of their momenta at one time."""
     # A spring takes part of the momentum to its support.
     if not math.isclose(checks.momentum_ratio.value, 1.0, abs_tol=0.1):
@@ -312,7 +314,8 @@ def check_delay(mean: MeanHit, checks: Checks, contact_time: float) -> str | Non
     if abs(delay) <= 0.02 * contact_time:
         return None
     side = "after" if delay > 0.0 else "before"
-    return (
+    return Note(
+        Subject.DELAY,
         f"the sample's momentum comes {abs(delay) * 1e6:.2g} µs {side} the hammer's: a channel is"
-        " late, or points are missing"
+        " late, or points are missing",
     )

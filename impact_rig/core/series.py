@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.detection import SPREAD_OF_MEDIAN
+from impact_rig.core.findings import Finding, Note, Reason
 from impact_rig.core.hits import (
     FilteredHit,
     JudgedHit,
@@ -17,7 +18,7 @@ from impact_rig.core.hits import (
     sum_up,
 )
 from impact_rig.core.records import SIMULATED, FloatArray
-from impact_rig.core.verdict import CHANNELS, Finding, Reason
+from impact_rig.core.verdict import CHANNELS
 
 FEWEST_HITS = 5
 """Hits that a test needs, the tested one included [-], our choice: of four, the median absolute
@@ -191,7 +192,7 @@ class HitSeries:
         times = [self._figures[place][0] for place in self._list_kept()]
         return float(np.std(times, ddof=1)) if len(times) > 1 else math.nan
 
-    def describe_findings(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    def describe_findings(self) -> tuple[tuple[Note, ...], tuple[Note, ...]]:
         """Say what was corrected in the hits in the mean, and what could not be told."""
         kept = self._list_kept()
         found: dict[Reason, dict[int, str]] = {}
@@ -200,15 +201,14 @@ class HitSeries:
                 if item.reason is Reason.OTHER_SAMPLE:
                     continue  # it is asked of the series as a whole
                 found.setdefault(item.reason, {})[place] = item.explanation
-        corrected: list[str] = []
-        doubtful: list[str] = []
+        corrected: list[Note] = []
+        doubtful: list[Note] = []
         for reason, texts in found.items():
             is_doubt = reason in DOUBTS
             what = "in" if is_doubt or reason in LEFT_AS_IT_IS else "corrected in"
             last = texts[max(texts)]
-            (doubtful if is_doubt else corrected).append(
-                f"{reason.value} {what} {len(texts)} of {len(kept)} hits, in the last: {last}"
-            )
+            told = f"{what} {len(texts)} of {len(kept)} hits, in the last: {last}"
+            (doubtful if is_doubt else corrected).append(Note(reason, told))
         return tuple(corrected), tuple(doubtful)
 
     def check(self, hit: JudgedHit) -> JudgedHit:

@@ -11,6 +11,7 @@ from itertools import chain
 
 from impact_rig.core.checks import ask_for_mass
 from impact_rig.core.detection import ImpactDetector
+from impact_rig.core.findings import Note, Reason, Subject
 from impact_rig.core.hits import (
     NO_OVERRULES,
     JudgedHit,
@@ -58,9 +59,10 @@ class SessionResults:
     speed_exponents: tuple[SpeedExponents, ...] = ()  # of samples struck from several angles
 
 
-NO_CONTROL = (
-    "k1: no control sample: state hammer_stiffness, or control_sample, one that is alike to the"
-    " hammer; without it k_eq is given, and neither k nor c of a sample"
+NO_CONTROL = Note(
+    Subject.K1,
+    "no control sample: state hammer_stiffness, or control_sample, one that is alike to the"
+    " hammer; without it k_eq is given, and neither k nor c of a sample",
 )
 """What is to be stated for k and c."""
 
@@ -137,11 +139,10 @@ class Session:
         if not control:
             return HammerEstimate(notes=(NO_CONTROL,))
         mean = self.compute_mean(control)
-        problem: str | None = f"the control sample {control!r} has no accepted hit yet"
-        if mean is not None:
-            problem = self._find_problem(name or control, control)
+        problem = None if mean is None else self._find_problem(name or control, control)
         if mean is None or problem is not None:
-            return HammerEstimate(notes=(f"k1: {problem}",), control_sample=control)
+            why = problem or f"the control sample {control!r} has no accepted hit yet"
+            return HammerEstimate(notes=(Note(Subject.K1, why),), control_sample=control)
         reading = self._read_mean(control, mean)
         known = self._hammers.get(control)
         # Every hit on every sample asks for it.
@@ -190,7 +191,7 @@ class Session:
     def _report_nothing(self, name: str) -> SampleEstimate:
         """Return the estimate of a sample without an accepted hit."""
         count = len(self._series[name])
-        note = f"{name}: not determined: 0 of {count} hits accepted"
+        note = Note(Subject.HITS, f"0 of {count} accepted")
         return SampleEstimate(name, 0, count, notes=(note,))
 
     def _find_parts(self, name: str) -> SampleParts | None:
@@ -201,15 +202,16 @@ class Session:
         setup, hammer = self.setup.for_series(name), self.estimate_hammer(name)
         spread = series.contact_time_spread
         corrected, doubtful = series.describe_findings()
-        notes: tuple[str, ...] = ()
+        notes: tuple[Note, ...] = ()
         if unknown := self.setup.find_unknown_masses(name):
-            notes = (f"k and c: the mass of {' and '.join(unknown)} is not known",)
+            why = f"the mass of {' and '.join(unknown)} is not known"
+            notes = (Note(Subject.STIFFNESS_AND_DAMPING, why),)
         notes += doubtful
         if len(mean.hits) < mean.count:
             shown = f"{len(mean.hits)} of {mean.count} hits, evenly over the series"
-            notes = (*notes, f"scatter of the traces: that of {shown}")
+            notes = (*notes, Note(Subject.SCATTER, f"that of {shown}"))
         overruled = tuple(
-            describe_overruled(hit, f"hit {describe_label(hit.label)}")
+            Note(Reason.OPERATOR, describe_overruled(hit, f"hit {describe_label(hit.label)}"))
             for hit in series.select().kept
             if hit.overruled
         )

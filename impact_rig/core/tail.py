@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from impact_rig.core.findings import Reason
 from impact_rig.core.pulse_width import PulseWidth
 from impact_rig.core.records import FloatArray
 from impact_rig.core.setup import AnalysisSettings
-from impact_rig.core.verdict import Reason
 
 ZERO_AFTER = "zero after the impact"
 """Source of the uncertainty of what is corrected, in budgets."""

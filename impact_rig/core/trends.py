@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.records import FloatArray
 
@@ -21,7 +22,7 @@ class Course:
 
     peak_standard: float = 0.0  # standard uncertainty of the mean peak by its trend [-]
     width_standard: float = 0.0  # the same of w50
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Note, ...] = ()
 
 
 STEADY = Course()
@@ -51,12 +52,13 @@ def follow_series(mean: MeanHit, ratios: FloatArray | None = None) -> Course:
         for name, change in changes.items()
         if change
     ]
-    warnings = [groups] if groups else []
+    warnings = [Note(Subject.GROUPS, groups)] if groups else []
     if told:
-        warnings.append(
-            f"trend: {'; '.join(told)}: a sensor that warms up, a sample that wears, a hammer that"
+        what = (
+            f"{'; '.join(told)}: a sensor that warms up, a sample that wears, a hammer that"
             " is released otherwise; half of it is in the ±"
         )
+        warnings.append(Note(Subject.TREND, what))
     # The true value lies anywhere between both ends, evenly distributed.
     parts = [abs(changes[name]) / 2.0 / math.sqrt(3.0) for name in ("peak", "width w50")]
     return Course(parts[0], parts[1], tuple(warnings))

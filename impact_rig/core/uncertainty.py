@@ -10,6 +10,7 @@ import numpy as np
 
 from impact_rig.core.equations import UncertainNumber, estimate_damping_ratio_from_coefficient
 from impact_rig.core.errors import check_not_negative
+from impact_rig.core.findings import Note, Subject
 from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.records import FloatArray
 from impact_rig.core.sensors import CHANNELS
@@ -131,7 +132,7 @@ def _make_errors(source: Source, count: int) -> tuple[UncertainNumber, ...]:
 
 
 def compute_quantity(
-    value: float, number: UncertainNumber, notes: tuple[str, ...] = ()
+    value: float, number: UncertainNumber, notes: tuple[Note, ...] = ()
 ) -> Quantity:
     """Return a value with standard and expanded uncertainty of a number, and its budget.
 
@@ -140,7 +141,8 @@ def compute_quantity(
     its recording, changes no bit.
     """
     if not math.isfinite(float(number.u)):
-        return Quantity(value, notes=("uncertainty: not determined, it has no finite value",))
+        note = Note(Subject.UNCERTAINTY, "not determined, it has no finite value")
+        return Quantity(value, notes=(note,))
     return make_quantity(value, list_variances(number), notes)
 
 
@@ -153,7 +155,7 @@ def list_variances(number: UncertainNumber) -> dict[Source, float]:
 
 
 def make_quantity(
-    value: float, variances: dict[Source, float], notes: tuple[str, ...] = ()
+    value: float, variances: dict[Source, float], notes: tuple[Note, ...] = ()
 ) -> Quantity:
     """Return a value whose variance is the sum of independent parts."""
     total = math.fsum(variances.values())
@@ -201,7 +203,7 @@ class RigNumbers:
     gains: tuple[UncertainNumber, ...]
     low_pass: UncertainNumber  # 0 ± 1 [-]: the error by the low-pass, alike on all samples
     pulse_shape: UncertainNumber  # 0 ± 1 [-]: the error by the pulse's shape, alike on all samples
-    notes: tuple[str, ...]  # what is assumed, since nothing states it
+    notes: tuple[Note, ...]  # what is assumed, since nothing states it
 
     def follow(self, course: Course) -> "RigNumbers":
         """Return them for a series whose peaks or widths change from hit to hit."""
@@ -270,15 +272,17 @@ class RigInputs:
         )
         notes = []
         if gains:
-            notes.append(
-                f"assumed: the gains of {gains} within {100.0 * ASSUMED_GAIN:g} %, standard, since"
+            told = (
+                f"the gains of {gains} within {100.0 * ASSUMED_GAIN:g} %, standard, since"
                 " nothing states it: state sensitivity_u"
             )
+            notes.append(Note(Subject.ASSUMED_GAIN, told))
         if unstated:
-            notes.append(
-                f"assumed: the mass of {unstated} within {100.0 * ASSUMED_MASS:g} %, standard,"
+            told = (
+                f"the mass of {unstated} within {100.0 * ASSUMED_MASS:g} %, standard,"
                 " since nothing states it: state mass_u"
             )
+            notes.append(Note(Subject.ASSUMED_MASS, told))
         return RigNumbers(
             hammer_mass=self._hammer,
             moving_mass=body + self._accelerometer,
@@ -390,9 +394,9 @@ def find_identified_body(
 
 LEAST_HITS = 2
 """Hits that have a scatter [-]."""
-ONE_HIT = (
-    "uncertainty: not determined, since one accepted hit shows no scatter; it takes"
-    f" {LEAST_HITS} or more"
+ONE_HIT = Note(
+    Subject.UNCERTAINTY,
+    f"not determined, since one accepted hit shows no scatter; it takes {LEAST_HITS} or more",
 )
 
 
@@ -401,9 +405,9 @@ class Known:
     """An uncertain number, and why its uncertainty is not determined, if it is not."""
 
     number: UncertainNumber
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Note, ...] = ()
 
-    def state(self, notes: tuple[str, ...] = ()) -> Quantity:
+    def state(self, notes: tuple[Note, ...] = ()) -> Quantity:
         """Return it with its uncertainty, or with why there is none."""
         if self.reasons:
             return Quantity(float(self.number.x), notes=self.reasons)

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum
 
 import numpy as np
 import scipy
@@ -11,57 +10,10 @@ from numpy.typing import NDArray
 
 from impact_rig.core.detection import SPREAD_OF_MEDIAN
 from impact_rig.core.errors import SignalError
+from impact_rig.core.findings import Finding, Reason
 from impact_rig.core.pulse_width import PulseWidth, find_crossing, find_peaks, measure_pulse
 from impact_rig.core.records import ChannelBlock, FloatArray, Record
 from impact_rig.core.setup import AnalysisSettings
-
-
-class Reason(Enum):
-    """Why a hit is rejected, or what was found in it."""
-
-    NO_TRIGGER = "no_trigger"
-    DISARMED = "disarmed"
-    GAP = "gap"
-    NON_FINITE = "non_finite"
-    DEAD_CHANNEL = "dead_channel"
-    NO_PULSE = "no_pulse"
-    OVERLOAD = "overload"
-    DROPOUT = "dropout"
-    WEAK = "weak"
-    STRONG = "strong"
-    TRUNCATED = "truncated"
-    DOUBLE_HIT = "double_hit"
-    ZERO_SHIFT = "zero_shift"
-    DROOP = "droop"
-    DRIFT = "drift"
-    RINGING = "ringing"
-    SMOOTHED = "smoothed"
-    FEW_POINTS = "few_points"
-    UNSTEADY_ZERO = "unsteady_zero"
-    OTHER_KIND = "other_kind"
-    POLARITY = "polarity"
-    INCONSISTENT = "inconsistent"
-    OTHER_SAMPLE = "other_sample"
-    OPERATOR = "operator"
-
-
-@dataclass(frozen=True)
-class Finding:
-    """What was found in a hit, with a sentence that has the figures."""
-
-    reason: Reason
-    explanation: str
-    is_harmless: bool = False  # it was corrected, or cannot be told from what is harmless
-
-    def __str__(self) -> str:
-        """Return ``code: explanation``."""
-        return f"{self.reason.value}: {self.explanation}"
-
-
-def read_reason(text: str) -> Reason:
-    """Return the reason of a finding in words, ``code: explanation``."""
-    return Reason(text.partition(":")[0])
-
 
 SHOWS_NOTHING = frozenset({Reason.NO_TRIGGER, Reason.DEAD_CHANNEL, Reason.NO_PULSE})
 """Of hits that will not become better by striking again and again."""

@@ -18,8 +18,9 @@ from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import DeviceError, RigError
+from impact_rig.core.findings import join_findings
 from impact_rig.core.setup import PAPER_SETUP, RigSetup, format_angle
-from impact_rig.core.verdict import SHOWS_NOTHING, read_reason
+from impact_rig.core.verdict import SHOWS_NOTHING
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.async_node import ANSWER_TIMEOUT
 from impact_rig.nodes.campaign_plan import plan_campaign
@@ -369,8 +370,8 @@ class CampaignNode(RigNode):
         verdict = campaign.verdict
         if verdict.record != record:
             raise DeviceError(campaign.failure)
-        campaign.failure = "; ".join(verdict.reasons)
-        shows_nothing = any(read_reason(text) in SHOWS_NOTHING for text in verdict.reasons)
+        campaign.failure = join_findings(verdict.reasons)
+        shows_nothing = any(item.reason in SHOWS_NOTHING for item in verdict.reasons)
         campaign.blind = campaign.blind + 1 if shows_nothing else 0
         if verdict.accepted:
             campaign.failures = 0

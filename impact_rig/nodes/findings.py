@@ -25,7 +25,7 @@ def hit_results_from_msg(message: msg.Impact) -> HitResults:
     Raises
     ------
     ParameterError
-        If a number cannot be meant.
+        If a number or a reason cannot be meant.
     """
     return from_message(HitResults, message, injected_faults=(), origin=origin_from_msg(message))
 

@@ -39,13 +39,13 @@ def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
     message = msg.Impact(
         **asdict(judged.label),
         accepted=judged.accepted,
-        reasons=[str(rejection) for rejection in judged.rejections],
+        reasons=list(map(str, judged.rejections)),
         impact_time=judged.impact_time,
         contact_time=judged.contact_time,
         hammer_peak=judged.hammer_peak,
         specimen_peak=judged.specimen_peak,
         sample_mass=judged.sample_mass,
-        findings=[str(finding) for finding in judged.findings],
+        findings=list(map(str, judged.findings)),
     )
     fill_message(message.origin, judged.origin)
     return identity.fill(message, stamp_to_msg(judged.stamp))

@@ -1,12 +1,11 @@
 """What the page shows of a rig: one sentence, and the tables beside it."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
+from impact_rig.core.findings import Reason, join_findings
 from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.verdict import Reason, read_reason
 from impact_rig.page.states import NO_HAMMER, HammerStatus, Step, Task
 from impact_rig.page.status import RigStatus
 from impact_rig.results.campaign import HitResults, Results
@@ -136,7 +135,7 @@ def make_view(status: RigStatus, disk: str = "") -> View:
         hits=tuple(_show_hit(status, hit) for hit in hits),
         strength=None if last is None else _measure_strength(status, last),
         mass="" if last is None else _weigh(status, last),
-        mass_differs=last is not None and Reason.OTHER_SAMPLE in _read_codes(last.findings),
+        mass_differs=last is not None and _is_other_sample(last),
         hammer=hammer,
         hammer_rows=(
             ("where", "unknown" if hammer is NO_HAMMER else hammer.state.name.lower()),
@@ -213,14 +212,14 @@ def _say_verdict(hit: HitResults) -> str:
     return "The last one was good." if hit.accepted else f"The last one: {_advise(hit)}."
 
 
-def _read_codes(texts: Sequence[str]) -> list[Reason]:
-    return [read_reason(text) for text in texts]
+def _is_other_sample(hit: HitResults) -> bool:
+    return any(item.reason is Reason.OTHER_SAMPLE for item in hit.findings)
 
 
 def _advise(hit: HitResults) -> str:
     """Return what to do after a rejected hit."""
-    known = [ADVICE[reason] for reason in _read_codes(hit.reasons) if reason in ADVICE]
-    return known[0] if known else "; ".join(hit.reasons)
+    known = [ADVICE[item.reason] for item in hit.reasons if item.reason in ADVICE]
+    return known[0] if known else join_findings(hit.reasons)
 
 
 def _show_samples(status: RigStatus) -> tuple[ShownSample, ...]:
@@ -264,7 +263,7 @@ def _show_hit(status: RigStatus, hit: HitResults) -> ShownHit:
         record=hit.record,
         sample=hit.sample,
         accepted=hit.accepted,
-        verdict="accepted" if hit.accepted else f"rejected: {'; '.join(hit.reasons)}",
+        verdict="accepted" if hit.accepted else f"rejected: {join_findings(hit.reasons)}",
         advice="" if hit.accepted else _advise(hit),
         peak=_with_unit(hit.hammer_peak, 1, "m/s²"),
         contact_time=_with_unit(hit.contact_time * MICRO, 2, "µs"),
@@ -279,7 +278,7 @@ def _weigh(status: RigStatus, hit: HitResults) -> str:
         return ""
     stated = status.setup.samples.get_moving_mass(hit.sample)
     text = f"Mass by the traces {hit.sample_mass * 1e3:.1f} g, stated {stated * 1e3:.1f} g."
-    return text + (f" Is this {hit.sample}?" * (Reason.OTHER_SAMPLE in _read_codes(hit.findings)))
+    return text + f" Is this {hit.sample}?" * _is_other_sample(hit)
 
 
 def _measure_strength(status: RigStatus, hit: HitResults) -> Strength | None:

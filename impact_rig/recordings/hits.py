@@ -5,6 +5,7 @@ from enum import Enum
 from itertools import islice, pairwise
 from typing import Any
 
+from impact_rig.core.findings import split_code
 from impact_rig.core.records import UNSTATED, HitLabel, Origin
 from impact_rig.recordings.campaigns import CampaignWatch
 from impact_rig.recordings.messages import (
@@ -203,7 +204,7 @@ class HitWatch:
                 str(text)[:LONGEST_TEXT] for text in message.reasons[:MOST_TEXTS]
             )
             # Here the message becomes ours; nothing behind it looks into a sentence.
-            hit.codes = tuple(text.partition(":")[0] for text in hit.rejections)
+            hit.codes = tuple(split_code(text)[0] for text in hit.rejections)
             hit.is_accepted = bool(message.accepted)
 
     @property

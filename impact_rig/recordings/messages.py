@@ -17,6 +17,7 @@ from rosbags.typesys.store import Typestore
 
 from impact_rig import __version__
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.findings import CODED
 from impact_rig.core.quantity import list_fields
 from impact_rig.core.records import (
     NOT_ARMED,
@@ -183,6 +184,8 @@ def fill_message(message: Any, record: Any, make: MessageMaker = NO_LISTS) -> An
 def _value_to_message(hint: Any, value: Any, make: MessageMaker) -> Any:
     if get_origin(hint) is tuple:
         return [_value_to_message(get_args(hint)[0], item, make) for item in value]
+    if hint in CODED:
+        return str(value)
     if is_dataclass(hint):
         name = type(value).__name__
         return fill_message(make(RENAMED.get(name, name)), value, make)
@@ -227,6 +230,8 @@ def check_numbers(record: Any) -> None:
 def _value_from_message(hint: Any, value: Any) -> Any:
     if get_origin(hint) is tuple:
         return tuple(_value_from_message(get_args(hint)[0], item) for item in value)
+    if hint in CODED:
+        return hint.parse(value)
     is_plain = hint in PLAIN or issubclass(hint, IntEnum)
     return hint(value) if is_plain else from_message(hint, value)
 

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from impact_rig.core.checks import NO_CHECKS
 from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.findings import Finding
 from impact_rig.core.hits import JudgedHit
 from impact_rig.core.paper_estimate import PEAK, TIME, PaperEstimate
 from impact_rig.core.paper_method import CONTACT_TIME, HammerEstimate
@@ -41,14 +42,14 @@ class HitResults(Comparable):
     attempt: int  # at this impact, from 1
     record: int  # number of the arming, from 1
     accepted: bool = False  # the hit is part of the sample's mean
-    reasons: tuple[str, ...] = ()  # every reason against it, ``code: explanation``
+    reasons: tuple[Finding, ...] = ()  # every reason against it
     # tau_p of this hit alone [s]; NaN: not determined.
     contact_time: float = field(default=math.nan, metadata=TIME)
     # Largest |acceleration| after the low-pass [m/s^2]; NaN: no pulse, or not measured.
     hammer_peak: float = field(default=math.nan, metadata=PEAK)
     specimen_peak: float = field(default=math.nan, metadata=PEAK)
     sample_mass: float = field(default=math.nan, metadata=describe("kg"))  # by its traces
-    findings: tuple[str, ...] = ()  # what was corrected, is doubted or asked, alike
+    findings: tuple[Finding, ...] = ()  # what was corrected, is doubted or asked
     injected_faults: tuple[str, ...] = ()  # what the virtual rig did on purpose
     origin: Origin = field(default=UNSTATED, metadata=INLINE)
 
@@ -64,7 +65,7 @@ class FileResults(Comparable):
 
     origin: Origin = field(metadata=INLINE)  # the file, and where in it
     accepted: bool  # the hit is part of the mean
-    reasons: tuple[str, ...]  # every reason against it, ``code: explanation``
+    reasons: tuple[Finding, ...]  # every reason against it
     half_amplitude_width: float = field(default=math.nan, metadata=TIME)  # w50 [s]
     # tau_p of this hit [s]; it does not hold the scatter from hit to hit.
     contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)
@@ -141,12 +142,12 @@ def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) ->
         attempt=hit.label.attempt,
         record=hit.label.record,
         accepted=hit.accepted,
-        reasons=tuple(str(rejection) for rejection in hit.rejections),
+        reasons=hit.rejections,
         contact_time=hit.contact_time,
         hammer_peak=hit.hammer_peak,
         specimen_peak=hit.specimen_peak,
         sample_mass=hit.sample_mass,
-        findings=tuple(str(finding) for finding in hit.findings),
+        findings=hit.findings,
         injected_faults=injected_faults,
         origin=hit.origin,
     )

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
+from impact_rig.core.findings import Note, Reason, Subject
 from impact_rig.core.model import ModelVariant
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.records import MIXED, SIMULATED, UNKNOWN_KIND, Origin, join_origins
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PULSE_NAME, RigSetup
-from impact_rig.core.verdict import Reason
 from impact_rig.results.campaign import FileResults, HitResults, Results
 from impact_rig.results.numbers import MISSING, format_number, show_unit
 from impact_rig.results.references import Plant, find_plant
@@ -62,15 +62,18 @@ NO_RESULT, MISSING_RESULT = math.inf, 1e-3
 is not shown is not wrong, so it comes behind what makes a shown one wrong."""
 UNSTATED_EFFECT = 0.1
 """Effect of what core warns of without a number [-], our choice: a tenth of k or c."""
-FALSE = Reason.SMOOTHED.value
-"""Beginning of a warning that says that a contact time is wrong: as bad as none."""
+FALSE = Reason.SMOOTHED
+"""What makes a contact time wrong: as bad as none."""
 LARGEST_IMBALANCE = 0.05
 """Of the forces on hammer and sample [-], our choice: accelerometers are calibrated to a few per
 cent."""
 FEW_NAMES = 3
 """Samples that a remark names one by one [-], our choice."""
-FURTHER_METHODS = {"contact law", "free decay", "identification", "momenta", "assumed"}
-"""What notes on methods beside the paper's, and on what is assumed, begin with."""
+FURTHER_METHODS = {
+    Subject.CONTACT_LAW, Subject.FREE_DECAY, Subject.IDENTIFICATION, Subject.MOMENTA,
+    Subject.ASSUMED_GAIN, Subject.ASSUMED_MASS,
+}  # fmt: skip
+"""Methods beside the paper's, and what is assumed."""
 ALL_SAMPLES = "all samples"
 
 
@@ -132,13 +135,13 @@ def gather_remarks(results: Results, reading: Iterable[str] = ()) -> list[Remark
     """
     samples = results.samples
     struck = [sample for sample in samples if sample.impacts_accepted]
-    warnings = [(sample.name, text) for sample in samples for text in sample.warnings]
-    undetermined = [(item.name, text) for item in samples for text in _list_undetermined(item)]
+    warnings = [(sample.name, note) for sample in samples for note in sample.warnings]
+    undetermined = [(item.name, note) for item in samples for note in _list_undetermined(item)]
     remarks = [
         *_list_samples_without_hits(results),
         *_check(struck),
-        *_merge([item for item in warnings if item[1].startswith(FALSE)], samples, NO_RESULT),
-        *_merge([item for item in warnings if not item[1].startswith(FALSE)], samples),
+        *_merge([item for item in warnings if item[1].about is FALSE], samples, NO_RESULT),
+        *_merge([item for item in warnings if item[1].about is not FALSE], samples),
         *(Remark(text, "file", UNSTATED_EFFECT) for text in dict.fromkeys(reading)),
         *_merge(undetermined, samples, 0.0),
         *_list_notes(struck, results.hammer, find_plant(results.origin)),
@@ -154,9 +157,9 @@ def select_attention(remarks: Sequence[Remark]) -> list[Remark]:
 
 def gather_sample_remarks(sample: SampleEstimate) -> list[Remark]:
     """Return what needs attention in one sample, in its own numbers."""
-    texts = [*sample.warnings, *_list_undetermined(sample), *sample.notes]
+    notes = [*sample.warnings, *_list_undetermined(sample), *sample.notes]
     checked = [replace(remark, about="") for remark in _check([sample])]
-    return checked + [Remark(text) for text in texts]
+    return checked + [Remark(str(note)) for note in notes]
 
 
 def _check(samples: Sequence[SampleEstimate]) -> list[Remark]:
@@ -179,25 +182,26 @@ def _name_subjects(names: Sequence[str], count: int) -> str:
 
 
 def _merge(
-    found: Sequence[tuple[str, str]],
+    found: Sequence[tuple[str, Note]],
     samples: Sequence[SampleEstimate],
     effect: float = UNSTATED_EFFECT,
 ) -> list[Remark]:
-    """Return texts with the samples that they are about.
+    """Return notes with the samples that they are about.
 
-    What differs from sample to sample behind the first colon alone is said once, with the details
-    of the first.
+    Of a subject of which each sample has one note, they are said once, in the words of the first.
     """
-    stems: dict[str, dict[str, str]] = {}
-    for name, text in found:
-        stem, _, detail = text.partition(": ")
-        stems.setdefault(stem, {})[name] = detail
+    subjects: dict[Reason | Subject, dict[Note, list[str]]] = {}
+    for name, note in found:
+        subjects.setdefault(note.about, {}).setdefault(note, []).append(name)
     remarks = []
-    for stem, details in stems.items():
-        first, detail = next(iter(details.items()))
-        example = f" ({first}; others alike)" if len(set(details.values())) > 1 else ""
-        text = f"{stem}: {detail}{example}" if detail else stem
-        remarks.append(Remark(text, _name_subjects([*details], len(samples)), effect))
+    for owners in subjects.values():
+        names = [name for each in owners.values() for name in each]
+        told = {str(note): each for note, each in owners.items()}
+        if len(told) > 1 and len(names) == len(set(names)):
+            told = {f"{next(iter(told))} ({names[0]}; others alike)": names}
+        remarks += [
+            Remark(text, _name_subjects(each, len(samples)), effect) for text, each in told.items()
+        ]
     return remarks
 
 
@@ -206,30 +210,27 @@ def _list_notes(
 ) -> list[Remark]:
     """Return why something is not determined: a result, or what a further method says."""
     has_damping = plant is None or plant.has_damping
-    needed: list[tuple[str, str]] = []
-    others: list[tuple[str, str]] = []
+    needed: list[tuple[str, Note]] = []
+    others: list[tuple[str, Note]] = []
     for sample in samples:
         is_complete = sample.paper.stiffness.is_known and (
             sample.paper.damping_coefficient.is_known or not has_damping
         )
         for note in dict.fromkeys(sample.notes):
-            is_other = (
-                is_complete
-                or _read_code(note) in FURTHER_METHODS
-                or note in sample.contact_law.notes
-            )
+            is_other = is_complete or note.about in FURTHER_METHODS
             (others if is_other else needed).append((sample.name, note))
     told = {note for _, note in needed}
     effect = 0.0 if hammer.stiffness.is_known else MISSING_RESULT
     return [
         *_merge(needed, samples, MISSING_RESULT),
-        *(Remark(note, "hammer", effect) for note in hammer.notes if note not in told),
+        *(Remark(str(note), "hammer", effect) for note in hammer.notes if note not in told),
         *_merge(others, samples, 0.0),
     ]
 
 
-def _list_undetermined(sample: SampleEstimate) -> tuple[str, ...]:
-    return sample.identification.undetermined if sample.identification else ()
+def _list_undetermined(sample: SampleEstimate) -> list[Note]:
+    fitted = sample.identification
+    return [Note(Subject.IDENTIFICATION, text) for text in fitted.undetermined] if fitted else []
 
 
 def _list_samples_without_hits(results: Results) -> list[Remark]:
@@ -254,7 +255,7 @@ def _list_rejections(results: Results) -> list[Remark]:
 
 def count_reasons(hits: Sequence[HitResults]) -> str:
     """Return as text how often each reason was given; a hit may have several."""
-    counts = Counter(_read_code(reason) for hit in hits for reason in hit.reasons)
+    counts = Counter(item.reason.value for hit in hits for item in hit.reasons)
     return ", ".join(f"{reason} ({number})" for reason, number in counts.most_common())
 
 
@@ -264,7 +265,7 @@ def tabulate_rejections(results: Results) -> list[Table]:
     columns = [
         *_make_label_columns(hits),
         _make_hammer_column(hits, results.setup),
-        make_text_column("Why", ["\n".join(hit.reasons) for hit in hits]),
+        make_text_column("Why", [_list_reasons(hit) for hit in hits]),
         make_text_column("Injected", ["\n".join(hit.injected_faults) for hit in hits]),
         *_make_origin_columns(hits),
     ]
@@ -282,7 +283,7 @@ def tabulate_accepted(results: Results) -> list[Table]:
         read_column("τp [µs]", hits, "contact_time", 2, is_optional=True),
         _make_hammer_column(hits, results.setup),
         read_column("Sample peak [m/s²]", hits, "specimen_peak", 1, is_optional=True),
-        make_text_column("By hand", ["\n".join(hit.reasons) for hit in hits]),
+        make_text_column("By hand", [_list_reasons(hit) for hit in hits]),
         *_make_origin_columns(hits),
     ]
     note = "τp: of this hit alone. Peaks: largest value after the low-pass, either sign."
@@ -308,15 +309,15 @@ def _make_origin_columns(hits: Sequence[HitResults]) -> list[Column]:
     ]
 
 
+def _list_reasons(hit: HitResults | FileResults) -> str:
+    return "\n".join(map(str, hit.reasons))
+
+
 def _make_hammer_column(hits: Sequence[HitResults], setup: RigSetup) -> Column:
     factor, unit = setup.hammer_reading
     peaks = [factor * hit.hammer_peak for hit in hits]
     cells = [format_number(peak, 1) for peak in peaks]
     return make_optional(f"Hammer peak [{show_unit(unit)}]", cells)
-
-
-def _read_code(reason: str) -> str:
-    return reason.partition(":")[0]
 
 
 def tabulate_hits(hits: Sequence[FileResults]) -> Table:
@@ -326,7 +327,7 @@ def tabulate_hits(hits: Sequence[FileResults]) -> Table:
         make_text_column("File", _shorten([hit.origin.file for hit in hits])),
         read_column("τp [µs]", hits, "contact_time", 2, note="±: of the one hit, 95 %."),
         make_text_column(
-            "Verdict", ["accepted" if hit.accepted else "\n".join(hit.reasons) for hit in hits]
+            "Verdict", ["accepted" if hit.accepted else _list_reasons(hit) for hit in hits]
         ),
         read_column("w50 [µs]", hits, "half_amplitude_width", 2, is_optional=True),
         read_column("w10/w50", hits, "width_ratio", 3, is_optional=True),

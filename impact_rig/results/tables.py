@@ -7,6 +7,7 @@ from operator import attrgetter
 from typing import Any
 
 from impact_rig.core.contact_law import NO_LAW
+from impact_rig.core.findings import Note
 from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.momenta import Hold
 from impact_rig.core.paper_estimate import PaperEstimate
@@ -453,13 +454,13 @@ def tabulate_pulse_shapes(samples: Sequence[SampleEstimate]) -> list[Table]:
 def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
     """Return the contact laws with what is to be said of them."""
     known = [sample for sample in samples if sample.contact_law.is_known]
-    owners: dict[str, list[str]] = {}
+    owners: dict[Note, list[str]] = {}
     for sample in known:
-        for note in sample.contact_law.notes:
-            owners.setdefault(note, []).append(sample.name)
+        for item in sample.contact_law.notes:
+            owners.setdefault(item, []).append(sample.name)
     remarks = [
-        f"{'All samples' if len(names) == len(samples) else ', '.join(names)}: {note}."
-        for note, names in owners.items()
+        f"{'All samples' if len(names) == len(samples) else ', '.join(names)}: {item.explanation}."
+        for item, names in owners.items()
     ]
     laws = [sample.contact_law for sample in known]
 

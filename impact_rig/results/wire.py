@@ -15,7 +15,8 @@ from collections.abc import Mapping
 from dataclasses import is_dataclass
 from typing import Any, TypeVar, get_args, get_origin
 
-from impact_rig.core.errors import RigError
+from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.core.findings import CODED
 from impact_rig.core.quantity import (
     BudgetLine,
     Quantity,
@@ -84,6 +85,8 @@ def _value_to_json(hint: Any, value: Any) -> Any:
         return [_value_to_json(get_args(hint)[0], item) for item in value]
     if hint is float:
         return float(value) if math.isfinite(value) else None
+    if hint in CODED:
+        return str(value)
     return to_json(value) if is_dataclass(value) else value
 
 
@@ -161,6 +164,8 @@ def _value_from_json(hint: Any, value: Any, place: str) -> Any:
         if not is_number or not abs(value) <= sys.float_info.max:
             raise WireError(f"{place} is {value!r:.32}: it must be a finite number or null")
         return float(value)
+    if hint in CODED:
+        return _read_coded(hint, _value_from_json(str, value, place), place)
     if hint in WANTED:
         is_kind = isinstance(value, hint) and isinstance(value, bool) is (hint is bool)
         if not is_kind or (hint is int and not 0 <= value < LARGEST_WHOLE):
@@ -169,6 +174,13 @@ def _value_from_json(hint: Any, value: Any, place: str) -> Any:
             raise WireError(f"{place} is {value!r}: it holds half a letter")
         return value
     return from_json(hint, value, place)
+
+
+def _read_coded(hint: Any, text: str, place: str) -> Any:
+    try:
+        return hint.parse(text)
+    except ParameterError as error:
+        raise WireError(f"{place}: {error}") from None
 
 
 def _join(place: str, name: str) -> str:

@@ -17,6 +17,7 @@ from scipy.optimize import brentq, least_squares
 
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.findings import join_findings
 from impact_rig.core.records import FloatArray, Origin
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import MICRO, format_quantity
@@ -59,7 +60,7 @@ def make_contact(results: Results, name: str) -> Contact:
         names = ", ".join(repr(item.name) for item in results.samples) or "none"
         raise ParameterError(f"there is no result of sample {name!r}: there are some of {names}")
     if not (law.is_known and law.stiffness.is_known and law.impact_speed.is_known):
-        reason = "; ".join(law.notes) or "none was looked for"
+        reason = join_findings(law.notes) or "none was looked for"
         raise ParameterError(f"sample {name!r} has no identified contact law: {reason}")
     return Contact(
         sample=name,

@@ -8,13 +8,13 @@ from scipy.signal import lfilter
 from study.laboratories import Laboratory, run_series
 
 from impact_rig.core.checks import Checks, check_momenta
+from impact_rig.core.findings import Note, Reason
 from impact_rig.core.hits import JudgedHit
 from impact_rig.core.records import Block, ChannelBlock, HitLabel
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup, Sample, SampleSet
 from impact_rig.core.uncertainty import RigInputs
-from impact_rig.core.verdict import Reason
 
 from .contacts import crush
 from .struck import HAMMER, RATE, SAMPLE, SETUP, SPEED, Impact
@@ -43,8 +43,8 @@ def estimate(
     return session.estimate_sample("struck"), hits
 
 
-def find(warnings: tuple[str, ...], words: str) -> list[str]:
-    return [text for text in warnings if words in text]
+def find(warnings: tuple[Note, ...], words: str) -> list[str]:
+    return [str(note) for note in warnings if words in note.explanation]
 
 
 def test_without_a_law_momenta_restitution_and_mass_are_given_all_the_same():
@@ -70,7 +70,7 @@ def test_without_a_law_momenta_restitution_and_mass_are_given_all_the_same():
 @pytest.mark.parametrize("gains", [(0.96, 1.0), (1.0, 1.04)])
 def test_a_gain_that_is_four_per_cent_off_is_named_without_a_law(gains):
     found, _ = estimate(CRUSHED, gains)
-    (told,) = find(found.warnings, "the momenta do not balance: a gain, a mass")
+    (told,) = find(found.warnings, "they do not balance: a gain, a mass")
     found = float(told.partition("m2Δv2/m1Δv1 is ")[2].split()[0])
     assert found == pytest.approx(gains[1] / gains[0], abs=0.003)
 
@@ -89,7 +89,7 @@ def test_another_sample_is_asked_for_at_each_hit_and_of_the_series(stated):
 def test_a_hit_whose_gain_is_another_is_named():
     found, _ = estimate(CRUSHED, odd=0.97)
     (told,) = find(found.warnings, "balance otherwise")
-    assert told.startswith("the momenta of hit 3.1 balance")
+    assert told.startswith("hits: the momenta of hit 3.1 balance")
 
 
 def strike_held(frequency: float, ratio: float, mode: float = 0.0) -> Checks:
@@ -117,7 +117,7 @@ def test_a_sample_on_a_spring_is_weighed_by_newtons_law(frequency, ratio):
     assert checks.traced_mass.value == pytest.approx(SAMPLE, rel=0.02)
     assert not checks.momentum_ratio.is_known
     assert not checks.stated_restitution.is_known
-    assert "a spring brings it to rest" in checks.notes[-1]
+    assert "a spring brings it to rest" in str(checks.notes[-1])
 
 
 def test_a_record_that_ends_too_early_says_so():
@@ -128,7 +128,7 @@ def test_a_record_that_ends_too_early_says_so():
     short = replace(mean, traces=mean.traces[:, : mean.origin + 200])
     checks = check_momenta(short, SETUP, RigInputs(SETUP).find("struck"), "struck")
     assert not checks.impulse.is_known
-    assert "the record does not hold all of the pulse" in checks.notes[0]
+    assert "the record does not hold all of the pulse" in checks.notes[0].explanation
 
 
 K, C = "stiffness", "damping_coefficient"
@@ -183,4 +183,4 @@ def test_no_model_on_a_spring_is_fitted_to_a_free_sample():
         session.feed(CRUSHED.make_block(HitLabel("struck", record, record)))
     (found,) = session.estimate_all().samples
     assert found.identifications == ()
-    assert any("the sample is free: it is on no spring" in note for note in found.notes)
+    assert any("the sample is free: it is on no spring" in str(note) for note in found.notes)

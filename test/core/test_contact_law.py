@@ -11,6 +11,7 @@ from impact_rig.core.contact_law import (
 )
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.filtering import low_pass
+from impact_rig.core.findings import Note, Subject, join_findings
 from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import FloatArray, HitLabel
@@ -148,7 +149,7 @@ def test_a_sensor_that_rings_and_is_not_described_is_in_the_uncertainty():
     for quantity, true in ((law.duration, DURATION), (law.restitution, 0.9)):
         assert abs(quantity.value - true) < quantity.expanded
     assert "what the contact law leaves" in {line.source for line in law.restitution.budget}
-    assert any("the contact law leaves" in text for text in law.warnings)
+    assert any("the contact law leaves" in str(note) for note in law.warnings)
 
 
 def test_what_is_unsure_of_the_sensor_is_in_the_budget_and_the_interval_covers():
@@ -197,7 +198,7 @@ def test_a_given_exponent_makes_the_rest_more_certain():
     assert fixed.exponent.standard == 0.0
     assert fixed.duration.standard < free.duration.standard / 2.0
     assert fixed.duration.value == pytest.approx(DURATION, rel=0.001)
-    assert fixed.notes == ("n was given, 1.5, not found",)
+    assert fixed.notes == (Note(Subject.CONTACT_LAW, "n was given, 1.5, not found"),)
 
 
 def test_without_masses_the_hammer_alone_says_what_it_can():
@@ -210,7 +211,7 @@ def test_without_masses_the_hammer_alone_says_what_it_can():
     assert law.impulse.is_known
     assert not law.impact_speed.is_known
     assert not law.stiffness.is_known
-    assert "the mass of sample is not known" in law.notes[0]
+    assert "the mass of sample is not known" in str(law.notes[0])
 
 
 def label_hits(traces: list[FloatArray]) -> MeanHit:
@@ -227,7 +228,7 @@ def test_a_hit_whose_pulse_is_another_is_named():
     good = strike(1.5, 0.9).traces
     twice = good + 0.1 * np.roll(good, 300, axis=1)
     law = estimate(label_hits([good, good, good, good, twice, good]))
-    assert "the pulse of hit 5.1 is of another contact" in "".join(law.warnings)
+    assert "the pulse of hit 5.1 is of another contact" in join_findings(law.warnings)
     assert estimate(label_hits([good] * 6)).warnings == ()
 
 

@@ -199,7 +199,7 @@ def test_one_hit_has_its_own_uncertainty_and_no_damping():
     assert body.stiffness.standard > 0.0
     for found in (body.damping_ratio, body.damping_coefficient):
         assert math.isnan(found.standard)
-        assert "one accepted hit shows no scatter" in found.notes[0]
+        assert "one accepted hit shows no scatter" in str(found.notes[0])
 
 
 def test_a_hammer_stiffness_without_uncertainty_is_taken_as_exact():
@@ -224,7 +224,7 @@ def test_masses_without_stated_uncertainty_are_named():
     ):
         assert math.isfinite(found.standard)
         assert "mass of the hammer, assumed" in {line.source for line in found.budget}
-        assert "the mass of the hammer within 0.5 %, standard, since" in found.notes[-1]
+        assert "the mass of the hammer within 0.5 %, standard, since" in str(found.notes[-1])
     assert contact.contact_time.notes == ()
 
 

@@ -12,6 +12,7 @@ from scipy.signal import butter, sosfiltfilt
 from impact_rig.core.detection import find_pulse_start
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.filtering import check_cutoff, low_pass
+from impact_rig.core.findings import Finding, Reason
 from impact_rig.core.hits import (
     FilteredHit,
     JudgedHit,
@@ -23,7 +24,6 @@ from impact_rig.core.hits import (
 )
 from impact_rig.core.records import Block, ChannelBlock, HitLabel
 from impact_rig.core.setup import AnalysisSettings
-from impact_rig.core.verdict import Finding, Reason
 
 from .blocks import make_record
 

@@ -184,7 +184,7 @@ def test_what_the_model_does_not_describe_has_no_parameters():
     ringing = 30.0 * np.sin(2 * np.pi * 25e3 * time)
     disturbed = replace(mean, traces=mean.traces + np.stack([np.zeros_like(ringing), ringing]))
     fitted = fit_model(disturbed, PAPER_SETUP, SAMPLE)
-    assert re.search(r"it leaves .* % of the sample's peak, where", fitted.notes[0])
+    assert re.search(r"it leaves .* % of the sample's peak, where", str(fitted.notes[0]))
     body = (fitted.contact_time, fitted.stiffness, fitted.damping_coefficient)
     assert not any(quantity.is_known for quantity in body)
     assert fitted.parameters == ()

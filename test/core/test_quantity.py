@@ -107,7 +107,7 @@ def test_what_is_not_determined_says_why():
     huge = make_input("huge", 1e200, 1e200) * 1e200
     found = report(huge)
     assert math.isnan(found.standard)
-    assert "not determined" in found.notes[0]
+    assert "not determined" in str(found.notes[0])
 
 
 def test_what_two_samples_share_is_one_input():

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from impact_rig.core.findings import Reason
 from impact_rig.core.hits import judge_hit
 from impact_rig.core.records import NOT_ARMED, Block, HitLabel
 from impact_rig.core.setup import AnalysisSettings
 from impact_rig.core.stream import QUIET_LEAD, StreamCutter
-from impact_rig.core.verdict import Reason
 
 from .blocks import Counts, detect, make_blocks, make_counts
 

@@ -12,13 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.filtering import low_pass
+from impact_rig.core.findings import Finding, Reason
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.pulses import PULSE_SHAPES, VERSED_SINE, PulseShape, compute_pulse
 from impact_rig.core.records import ChannelBlock, Record
 from impact_rig.core.setup import AnalysisSettings
 from impact_rig.core.verdict import (
-    Finding,
-    Reason,
     SecondPulse,
     check_channels,
     check_pulse,

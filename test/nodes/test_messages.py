@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from impact_rig_msgs import msg
 
 from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.findings import Note, Reason, Subject
 from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
@@ -39,6 +40,7 @@ CHECKED = {
     Sample: st.just(SETUP.samples.samples[0]),
     Sensor: st.just(SETUP.sensors[0]),
     AnalysisSettings: st.just(AnalysisSettings(7e4, 1.8, 1e-4, 3e-3)),
+    Note: st.builds(Note, st.sampled_from([*Reason, *Subject]), VALUES[str]),
     RigSetup: st.just(replace(PAPER_SETUP, hammer_stiffness=2e7, description="on the bench")),
 }
 """Records that refuse values which cannot be meant."""

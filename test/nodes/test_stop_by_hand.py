@@ -9,6 +9,7 @@ from std_srvs.srv import Trigger
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.configuration.rig_file import read_template
+from impact_rig.core.findings import Finding, Reason
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.page.states import Step
@@ -72,7 +73,7 @@ def test_a_stop_withdraws_the_request_at_once_and_the_hit_is_rejected_by_name(
     assert person.reason in ("emergency stop", "disarmed by hammer/disarm")
     (hit,) = outcomes[0].results.hits
     assert not hit.accepted
-    assert hit.reasons == ("disarmed: the hammer was disarmed before the contact",)
+    assert hit.reasons == (Finding(Reason.DISARMED, "the hammer was disarmed before the contact"),)
     harness.change_state("recorder", "deactivate")
     (analyzed,) = analyze(Run(harness.recording)).campaigns[-1].results.hits
     assert analyzed.reasons == hit.reasons

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from impact_rig.core.findings import Finding, Reason
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.page.states import (
     CampaignStatus,
@@ -19,7 +20,8 @@ from impact_rig.page.view import make_sentence, make_view
 from impact_rig.results.campaign import HitResults
 
 GOOD = HitResults("steel small", 1, 1, 1, True, contact_time=170e-6, hammer_peak=600.0)
-BAD = HitResults("steel small", 2, 1, 2, False, reasons=("double_hit: a second pulse of 9 %",))
+SECOND = Finding(Reason.DOUBLE_HIT, "a second pulse of 9 %")
+BAD = HitResults("steel small", 2, 1, 2, False, reasons=(SECOND,))
 RUNNING = CampaignStatus(
     state=Step.STRIKING,
     impacts=10,

@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 import pytest
 from rich.console import Console
 
+from impact_rig.core.findings import Finding, Note, Reason, Subject
 from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
@@ -18,8 +19,10 @@ from impact_rig.present.screen import print_full, print_screen
 from impact_rig.results.campaign import FileResults, HitResults, Results
 
 REASONS = (
-    "overload: 250 points in a row of the hammer at the rail of 1999 m/s^2 (203.8 g)",
-    "weak: hammer peak 101.9 m/s^2 is below 300 m/s^2",
+    Finding(
+        Reason.OVERLOAD, "250 points in a row of the hammer at the rail of 1999 m/s^2 (203.8 g)"
+    ),
+    Finding(Reason.WEAK, "hammer peak 101.9 m/s^2 is below 300 m/s^2"),
 )
 NO_HAMMER = HammerEstimate()
 
@@ -54,8 +57,8 @@ def test_eighty_columns_are_enough_and_every_name_keeps_its_line(results):
 
 def test_twelve_samples_fit_one_screen_with_the_five_largest_remarks(results):
     warned = [
-        replace(sample, warnings=(f"remark {place}: " + "far too long " * 20,))
-        for place, sample in enumerate(results.samples)
+        replace(sample, warnings=(Note(subject, "far too long " * 20),))
+        for subject, sample in zip(Subject, results.samples, strict=False)
     ]
     text = render(print_screen, replace(results, samples=tuple(warned)), ["the file is cut"])
     lines = text.splitlines()
@@ -97,11 +100,11 @@ def test_names_and_notes_are_shown_as_they_are():
     name = "[red]alloy :bomb:"
     setup = replace(PAPER_SETUP, samples=SampleSet((Sample(name, 0.1),), ""))
     fitted = FittedModel("driven", True, undetermined=("k2 and c2 only together",))
-    sample = make_sample(name, notes=("k2: [bold]no",), identifications=(fitted,))
+    sample = make_sample(name, notes=(Note(Subject.K2, "[bold]no"),), identifications=(fitted,))
     text = render(print_full, Results(setup, NO_HAMMER, (sample,), ()))
     assert name in text
     assert "[bold]no" in text
-    assert f"- {name}: k2 and c2 only together" in text
+    assert f"- {name}: identification: k2 and c2 only together" in text
 
 
 def test_plain_traces_are_shown_hit_by_hit_and_their_mean():
@@ -109,7 +112,9 @@ def test_plain_traces_are_shown_hit_by_hit_and_their_mean():
         FileResults(Origin(IMPORTED, "npy file", "lab/hit_1.npy"), True, ()),
         FileResults(Origin(IMPORTED, "npy file", "lab/hit_2.npy"), False, REASONS),
     )
-    sample = make_sample("steel small", contact_time=Quantity(2e-4), notes=("k: no mass given",))
+    sample = make_sample(
+        "steel small", contact_time=Quantity(2e-4), notes=(Note(Subject.K2, "no mass given"),)
+    )
     results = make_results(sample)
     found = tuple(
         HitResults("steel small", n, 1, n, hit.accepted, hit.reasons, origin=hit.origin)
@@ -117,5 +122,5 @@ def test_plain_traces_are_shown_hit_by_hit_and_their_mean():
     )
     text = render(print_full, replace(results, hits=found, files=hits))
     assert text.startswith("Origin: imported (npy file) of 2 files: hit_1.npy and 1 more.")
-    for words in ("hit_1.npy", "overload: 250", "200.00", "- steel small: k: no mass given"):
+    for words in ("hit_1.npy", "overload: 250", "200.00", "- steel small: k2: no mass given"):
         assert words in text

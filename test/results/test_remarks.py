@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import pytest
 
 from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.findings import Finding, Note, Reason, Subject
 from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
@@ -38,7 +39,7 @@ SHAPE = PulseShapeEstimate("half-sine", True, 1.0, (ShapeFit("versed-sine", 3.0,
 CONTACT = {"contact_time": Quantity(220e-6), "contact_law": LAW, "pulse_shape": SHAPE}
 
 
-def make_sample(name: str = "tin", *warnings: str, **values: object) -> SampleEstimate:
+def make_sample(name: str = "tin", *warnings: Note, **values: object) -> SampleEstimate:
     values = {**KNOWN, **values}
     names = {item.name for item in fields(PaperEstimate)} - {"warnings", "notes"}
     numbers = names & values.keys()
@@ -56,14 +57,26 @@ def tell(*samples: SampleEstimate, **values: object) -> list[tuple[str, str]]:
 
 
 def test_the_same_warning_is_said_once_of_all_samples():
-    samples = [make_sample("tin", "loud", "odd: x"), make_sample("zinc", "loud")]
-    assert tell(*samples) == [("all samples", "loud"), ("tin", "odd: x")]
+    loud, odd = Note(Reason.RINGING, "loud"), Note(Subject.HITS, "odd")
+    samples = [make_sample("tin", loud, odd), make_sample("zinc", loud)]
+    assert tell(*samples) == [("all samples", "ringing: loud"), ("tin", "hits: odd")]
+
+
+def test_two_notes_on_one_subject_are_both_told():
+    notes = [Note(Subject.SENSOR, text) for text in ("hammer", "specimen", "both")]
+    told = tell(make_sample("tin", *notes[:2]), make_sample("zinc", notes[2]))
+    assert told == [
+        ("tin", "sensor: hammer"),
+        ("tin", "sensor: specimen"),
+        ("zinc", "sensor: both"),
+    ]
 
 
 def test_details_that_differ_are_those_of_one_sample():
-    samples = [make_sample(name, f"no spring: {name}") for name in ("tin", "zinc", "lead", "iron")]
+    names = ("tin", "zinc", "lead", "iron")
+    samples = [make_sample(name, Note(Subject.MASS, name)) for name in names]
     told = tell(*samples, make_sample("gold"))
-    assert told == [("4 of 5 samples", "no spring: tin (tin; others alike)")]
+    assert told == [("4 of 5 samples", "mass: tin (tin; others alike)")]
 
 
 def test_a_contact_law_says_how_far_k_is_off():
@@ -107,14 +120,19 @@ def test_forces_that_do_not_balance_are_named():
 
 
 def test_what_changes_a_result_most_comes_first_and_further_methods_need_no_attention():
-    notes = ("k and c: no mass", "free decay: too short", "no law fits")
-    bare = SampleEstimate("lead", 2, 0, notes=notes, contact_law=ContactLaw(notes=notes[2:]))
+    notes = (
+        Note(Subject.STIFFNESS_AND_DAMPING, "no mass"),
+        Note(Subject.FREE_DECAY, "too short"),
+        Note(Subject.CONTACT_LAW, "no law fits"),
+    )
+    bare = SampleEstimate("lead", 2, 0, notes=notes)
     lost = SampleEstimate("iron", 0, 1)
     hits = (
-        HitResults("iron", 1, 1, 1, reasons=("weak: 3 %",)),
+        HitResults("iron", 1, 1, 1, reasons=(Finding(Reason.WEAK, "3 %"),)),
         HitResults("tin", 1, 1, 2, accepted=True),
     )
-    samples = (make_sample(**CONTACT), bare, lost, make_sample("zinc", notes=("no model",)))
+    no_model = make_sample("zinc", notes=(Note(Subject.IDENTIFICATION, "no model"),))
+    samples = (make_sample(**CONTACT), bare, lost, no_model)
     remarks = gather(*samples, hits=hits, reading=["it is cut"])
     assert [(remark.about, remark.text.partition(":")[0]) for remark in remarks] == [
         ("iron", "no hit was accepted"),
@@ -123,24 +141,31 @@ def test_what_changes_a_result_most_comes_first_and_further_methods_need_no_atte
         ("lead", "k and c"),
         ("hits", "1 of 2 rejected"),
         ("lead", "free decay"),
-        ("lead", "no law fits"),
-        ("zinc", "no model"),
+        ("lead", "contact law"),
+        ("zinc", "identification"),
     ]
     assert len(select_attention(remarks)) == 5
 
 
 def test_a_hammer_without_stiffness_needs_attention():
-    (remark,) = gather(make_sample(), hammer=HammerEstimate(notes=("k1: no control sample",)))
+    (remark,) = gather(
+        make_sample(), hammer=HammerEstimate(notes=(Note(Subject.K1, "no control sample"),))
+    )
     assert (remark.about, remark.text) == ("hammer", "k1: no control sample")
     assert select_attention([remark])
 
 
 def test_a_sample_by_itself_has_its_own_numbers():
     fit = FittedModel("driven", is_preferred=True, undetermined=("k2 and c2 only together",))
-    sample = make_sample("tin", "odd: x", identifications=(fit,), notes=("no decay",), **CONTACT)
+    odd, notes = Note(Subject.HITS, "odd"), (Note(Subject.FREE_DECAY, "none"),)
+    sample = make_sample("tin", odd, identifications=(fit,), notes=notes, **CONTACT)
     law, *others = gather_sample_remarks(sample)
     assert "differs by 21 %" in law.text
-    assert others == [Remark("odd: x"), Remark("k2 and c2 only together"), Remark("no decay")]
+    assert others == [
+        Remark("hits: odd"),
+        Remark("identification: k2 and c2 only together"),
+        Remark("free decay: none"),
+    ]
 
 
 @pytest.mark.parametrize("plant", Plant)
@@ -152,7 +177,7 @@ def test_the_origin_says_what_is_true_of_each_plant(plant):
 def test_a_plant_without_damping_lacks_nothing():
     origin = Origin(SIMULATED, "virtual rig, plant contact")
     unknown = Quantity(float("nan"))
-    sample = make_sample(notes=("c2: no second peak",), damping_coefficient=unknown)
+    sample = make_sample(notes=(Note(Subject.C2, "no second peak"),), damping_coefficient=unknown)
     hit = HitResults("tin", 1, 1, 1, accepted=True, origin=origin)
     assert not select_attention(gather(sample, hits=(hit,)))
     assert select_attention(gather(sample))

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.errors import FileError
+from impact_rig.core.findings import Finding, Note, Reason, Subject
 from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.quantity import Quantity
@@ -28,10 +29,14 @@ from impact_rig.results.results_file import (
 )
 
 SAMPLE = SampleEstimate(
-    "tin", 3, 1, paper=PaperEstimate(contact_time=Quantity(2e-4)), notes=("k2: unknown",)
+    "tin",
+    3,
+    1,
+    paper=PaperEstimate(contact_time=Quantity(2e-4)),
+    notes=(Note(Subject.K2, "unknown"),),
 )
 REJECTED = HitResults(
-    "tin", 2, 1, 5, False, ("weak: too weak",),
+    "tin", 2, 1, 5, False, (Finding(Reason.WEAK, "too weak"),),
     injected_faults=("weak_hit",), origin=Origin(SIMULATED, "virtual rig"),
 )  # fmt: skip
 RESULTS = Results(
@@ -60,7 +65,7 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path):
     path = tmp_path / "results.json"
     write_results(path, RESULTS)
     content = json.loads(path.read_text())
-    assert content["format"] == {"name": "impact-rig results", "version": 9}
+    assert content["format"] == {"name": "impact-rig results", "version": 10}
     assert (content["origin"], content["origin_source"]) == ("simulated", "virtual rig")
     assert {"stiffness_n_per_m", "damping_coefficient_n_s_per_m"} <= set(content["hammer"])
     assert {
@@ -122,7 +127,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
             "impacts_accepted is .three.: it must be a whole",
         ),
         (("samples", 0, "contact_time_u_s"), -1e-9, "u_s is -1e-09: it must be 0 or more"),
-        (("format", "version"), 7, "version 7; this program reads version 9"),
+        (("format", "version"), 7, "version 7; this program reads version 10"),
         (("format", "name"), "a cake recipe", "is not a results file"),
         (("hits",), "none", "hits must be a list"),
     ],
@@ -161,8 +166,9 @@ def test_other_text_is_refused(tmp_path, text):
         ('"contact_time_u_s": null', f'"contact_time_u_s": {"9" * 400}', "it must be a finite"),
         ('"record": 5', '"record": 5, "record": 6', "the key 'record' is there twice"),
         ('"k2: unknown"', '"k\\ud800"', "holds half a letter"),
+        ('"k2: unknown"', '"k3: unknown"', "'k3: unknown' must begin with a code"),
     ],
-    ids=range(10),
+    ids=range(11),
 )
 def test_what_no_number_text_or_nesting_can_be_is_refused(tmp_path, found, written, told):
     path = tmp_path / "results.json"

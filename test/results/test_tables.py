@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.contact_law import ContactLaw
+from impact_rig.core.findings import Finding, Note, Reason, Subject
 from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
@@ -67,7 +68,7 @@ SAMPLE = SampleEstimate(
     pulse_shape=SHAPE,
     free_decay=DECAY,
     identifications=(replace(DRIVEN, model="printed", is_preferred=False), DRIVEN),
-    warnings=("the pulse is no versed-sine",),
+    warnings=(Note(Subject.PULSE_SHAPE, "it is no versed-sine"),),
 )
 
 
@@ -212,7 +213,11 @@ def test_a_sample_by_itself_has_the_values_of_every_method(row, expected):
 
 
 def test_a_contact_law_stands_with_its_uncertainty_and_what_is_said_of_several_once():
-    law = ContactLaw(exponent=Quantity(1.5, 0.002, 0.004), duration=Quantity(212e-6), notes=("x",))
+    law = ContactLaw(
+        exponent=Quantity(1.5, 0.002, 0.004),
+        duration=Quantity(212e-6),
+        notes=(Note(Subject.CONTACT_LAW, "x"),),
+    )
     samples = [SampleEstimate(name, 1, 0, contact_law=law) for name in ("light", "heavy")]
     (table,) = tables.tabulate_contact_laws([*samples, SampleEstimate("none", 1, 0)])
     assert table.rows == [
@@ -260,7 +265,9 @@ GOOD = FileResults(
     measured_peak=512.0,
 )
 BAD = FileResults(
-    Origin(IMPORTED, "npy file", "lab/hit_2.npy"), False, ("overload: 5 points at the rail",)
+    Origin(IMPORTED, "npy file", "lab/hit_2.npy"),
+    False,
+    (Finding(Reason.OVERLOAD, "5 points at the rail"),),
 )
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from impact_rig.core.findings import Note, Reason, Subject
 from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
@@ -25,7 +26,7 @@ ESTIMATE = SampleEstimate(
     pulse_shape=PulseShapeEstimate("Hertz", True, 1.1, (ShapeFit("Hertz", 0.2, 2e-4),)),
     free_decay=FreeDecayEstimate(stiffness=STIFFNESS, frequency=2500.0),
     identifications=(FittedModel("driven", True, stiffness=STIFFNESS, values=(1.0, 2.0)),),
-    notes=("one", "two"),
+    notes=(Note(Subject.K2, "one: two"), Note(Reason.DRIFT, "two")),
 )
 SETUP = replace(
     PAPER_SETUP,

@@ -261,7 +261,7 @@ def run_series(lab: Laboratory) -> tuple[SampleEstimate, Truth, str]:
             speeds.append(speed)
     results = session.estimate_all(with_models=False)
     (estimate,) = results.samples
-    said = [*estimate.warnings, *estimate.notes]
+    said = [str(note) for note in (*estimate.warnings, *estimate.notes)]
     said += [str(item) for hit in results.rejected for item in hit.rejections]
     return estimate, find_truth(lab, motions, speeds), " ".join(said)
 

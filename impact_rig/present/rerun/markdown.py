@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from impact_rig.core.findings import join_findings
 from impact_rig.core.records import SIMULATED
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import ACCELERATION
@@ -50,10 +51,9 @@ def format_verdict(hit: HitResults, hammer: tuple[float, str] = ACCELERATION) ->
         escape_markdown(f"Origin: {hit.origin}"),
         "## Accepted" if hit.accepted else "## Rejected",
     ]
-    for reason in hit.reasons:
-        code, separator, explanation = reason.partition(": ")
-        about = code.replace("_", " ") if separator else ""
-        lines.append(_format_item(about, explanation if separator else reason))
+    lines += [
+        _format_item(item.reason.value.replace("_", " "), item.explanation) for item in hit.reasons
+    ]
     figures = [
         f"| {name} | {format_number(value, digits)} {unit} |"
         for name, value, digits, unit in (
@@ -85,7 +85,7 @@ def format_log_line(hit: HitResults) -> str:
     if hit.attempt > 1:
         start += f", attempt {hit.attempt}"
     if not hit.accepted:
-        return f"{start}: rejected, {'; '.join(hit.reasons)}"
+        return f"{start}: rejected, {join_findings(hit.reasons)}"
     contact_time = format_number(hit.contact_time * MICRO, 2)
     unit = "" if contact_time == MISSING else " µs"
     return f"{start}: accepted, contact time {contact_time}{unit}"

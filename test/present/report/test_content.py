@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from impact_rig.core.findings import Finding, Reason
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
@@ -82,7 +83,9 @@ def test_every_hit_left_out_stands_with_its_reason(read):
 def test_without_an_accepted_hit_the_rejections_are_what_is_told(told):
     results = told.campaign.results
     hits = tuple(
-        replace(hit, accepted=False, reasons=hit.reasons or ("overload: at the rail",))
+        replace(
+            hit, accepted=False, reasons=hit.reasons or (Finding(Reason.OVERLOAD, "at the rail"),)
+        )
         for hit in results.hits
     )
     samples = tuple(SampleEstimate(sample.name, 0, 2) for sample in results.samples)

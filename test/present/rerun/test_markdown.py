@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+from impact_rig.core.findings import Finding, Reason, join_findings
 from impact_rig.core.records import SIMULATED, Origin
 from impact_rig.present.rerun.markdown import (
     escape_markdown,
@@ -17,7 +18,10 @@ from impact_rig.results.tables import tabulate_results, tabulate_summary
 DRAWN = "±²µΔδζτⁿ"
 """Signs that the viewer draws, as `test_rendering` has seen."""
 HIT = {"sample": "steel small", "record": 17, "impact": 3, "attempt": 2}
-REASONS = ("double_hit: a second pulse of 40 % of the first", "weak: hammer peak 12 m/s^2")
+REASONS = (
+    Finding(Reason.DOUBLE_HIT, "a second pulse of 40 % of the first"),
+    Finding(Reason.WEAK, "hammer peak 12 m/s^2"),
+)
 
 
 def read_rows(markdown):
@@ -59,7 +63,7 @@ def test_a_log_line_is_one_line_of_plain_text():
     simulated = format_log_line(replace(accepted, origin=Origin(SIMULATED, "virtual rig")))
     assert simulated == f"simulated {start}: accepted, contact time 170.25 µs"
     rejected = format_log_line(HitResults(**HIT, reasons=REASONS))
-    assert rejected == f"{start}: rejected, {'; '.join(REASONS)}"
+    assert rejected == f"{start}: rejected, {join_findings(REASONS)}"
 
 
 def test_a_sample_name_cannot_break_the_text():

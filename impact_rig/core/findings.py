@@ -1,0 +1,127 @@
+"""Findings in hits and notes on estimates: a code, which decides, and a sentence, which tells.
+
+Files and messages write ``code: sentence``. It is read here alone.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any, Self
+
+from impact_rig.core.errors import ParameterError
+
+
+class Reason(Enum):
+    """Why a hit is rejected, or what was found in it."""
+
+    NO_TRIGGER = "no_trigger"
+    DISARMED = "disarmed"
+    GAP = "gap"
+    NON_FINITE = "non_finite"
+    DEAD_CHANNEL = "dead_channel"
+    NO_PULSE = "no_pulse"
+    OVERLOAD = "overload"
+    DROPOUT = "dropout"
+    WEAK = "weak"
+    STRONG = "strong"
+    TRUNCATED = "truncated"
+    DOUBLE_HIT = "double_hit"
+    ZERO_SHIFT = "zero_shift"
+    DROOP = "droop"
+    DRIFT = "drift"
+    RINGING = "ringing"
+    SMOOTHED = "smoothed"
+    FEW_POINTS = "few_points"
+    UNSTEADY_ZERO = "unsteady_zero"
+    OTHER_KIND = "other_kind"
+    POLARITY = "polarity"
+    INCONSISTENT = "inconsistent"
+    OTHER_SAMPLE = "other_sample"
+    OPERATOR = "operator"
+
+
+class Subject(Enum):
+    """What a note on an estimate is about."""
+
+    K1 = "k1"
+    K2 = "k2"
+    C1 = "c1"
+    C2 = "c2"
+    STIFFNESS_AND_DAMPING = "k and c"
+    HITS = "hits"
+    PULSE_SHAPE = "pulse shape"
+    CONTACT_LAW = "contact law"
+    FREE_DECAY = "free decay"
+    IDENTIFICATION = "identification"
+    MOMENTA = "momenta"
+    MASS = "mass"
+    IMPACT_SPEED = "impact speed"
+    CONTROL_SAMPLE = "control sample"
+    SENSOR = "sensor"
+    CONVERTER = "converter"
+    DELAY = "delay"
+    GROUPS = "groups"
+    TREND = "trend"
+    SCATTER = "scatter of the traces"
+    UNCERTAINTY = "uncertainty"
+    ASSUMED_GAIN = "assumed gain"
+    ASSUMED_MASS = "assumed mass"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was found in a hit, with a sentence that has the figures."""
+
+    reason: Reason
+    explanation: str
+    # It was corrected, or cannot be told from what is harmless; it is not written.
+    is_harmless: bool = field(default=False, compare=False)
+
+    def __str__(self) -> str:
+        """Return ``code: sentence``."""
+        return f"{self.reason.value}: {self.explanation}"
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Return what a file or a message holds; raises `ParameterError` for an unknown code."""
+        return cls(*_read(text, Reason))
+
+
+@dataclass(frozen=True)
+class Note:
+    """What is to be known of an estimate, with a sentence that has the figures."""
+
+    about: Reason | Subject  # a reason: what was found in its hits
+    explanation: str
+
+    def __str__(self) -> str:
+        """Return ``code: sentence``."""
+        return f"{self.about.value}: {self.explanation}"
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Return what a file or a message holds; raises `ParameterError` for an unknown code."""
+        return cls(*_read(text, Reason, Subject))
+
+
+CODED = (Finding, Note)
+"""What files and messages hold as text."""
+
+
+def join_findings(findings: Iterable[Finding | Note]) -> str:
+    """Return them on one line."""
+    return "; ".join(map(str, findings))
+
+
+def split_code(text: str) -> tuple[str, str]:
+    """Return code and sentence of the text of a finding or note."""
+    code, _, explanation = text.partition(": ")
+    return code, explanation
+
+
+def _read(text: str, *kinds: type[Enum]) -> tuple[Any, str]:
+    code, explanation = split_code(text)
+    known = {item.value: item for kind in kinds for item in kind}
+    if code not in known:
+        raise ParameterError(f"{text!r:.80} must begin with a code, such as {next(iter(known))!r}")
+    return known[code], explanation
