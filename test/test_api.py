@@ -160,6 +160,15 @@ def test_what_cannot_be_meant_is_refused_in_a_sentence(run, given, words):
         run.analyze(**given)
 
 
+def test_a_plot_leaves_the_settings_of_matplotlib_as_they_were(results):
+    plt.ion()
+    before = dict(mpl.rcParams)
+    results[STEEL].plot()
+    assert dict(mpl.rcParams) == before
+    plt.ioff()
+    plt.close("all")
+
+
 def test_a_plot_shows_traces_residuals_and_law(tmp_path):
     results = ir.VirtualRig(seed=7, plant="contact").run([STEEL, CONTROL], 3).analyze()
     figure = results[STEEL].plot()

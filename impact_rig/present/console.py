@@ -122,7 +122,13 @@ def format_tables(tables: "Iterable[ResultTable]") -> str:
     """Return tables as text, as wide as they need."""
     stream = StringIO()
     console = _SafeConsole(
-        file=stream, width=UNLIMITED, markup=False, highlight=False, emoji=False, color_system=None
+        file=stream,
+        width=UNLIMITED,
+        markup=False,
+        highlight=False,
+        emoji=False,
+        color_system=None,
+        force_jupyter=False,
     )
     for table in tables:
         print_table(console, table)

@@ -101,8 +101,9 @@ def draw_sample(
         rows.append([partial(draw_law_pulse, curves), partial(draw_law_loop, curves)])
     columns = max(map(len, rows))
     heights = [TALL + LOW * bool(traces.models), TALL + LOW][: len(rows)]
+    # Before the style, whose end would undo what the first figure sets up: notebooks show it.
+    figure = plt.figure(figsize=(columns * WIDTH, sum(heights)))
     with drawing_style():
-        figure = plt.figure(figsize=(columns * WIDTH, sum(heights)))
         parts = figure.subfigures(len(rows), columns, squeeze=False, height_ratios=heights)
         for row, panels in zip(parts, rows, strict=True):
             for part, draw in zip(row, panels, strict=False):
