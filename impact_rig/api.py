@@ -9,7 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from glob import glob, has_magic
 from importlib import import_module
@@ -29,11 +29,11 @@ from impact_rig.analysis.measured_files import (
     make_series,
 )
 from impact_rig.analysis.sources import RunSource, find_run, read_runs
-from impact_rig.configuration.rig_file import ANALYSIS_QUANTITIES, read_rig_file
-from impact_rig.configuration.units import parse_quantity
+from impact_rig.configuration.rig_file import read_rig_file, read_settings
+from impact_rig.configuration.units import Given, read_given
 from impact_rig.core.errors import FileError, ParameterError, RigError, SignalError
 from impact_rig.core.records import IMPORTED, Block, FloatArray, HitLabel, Origin
-from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
+from impact_rig.core.setup import PAPER_SETUP, RigSetup, Sample, SampleSet
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualHit, VirtualRigSettings
 from impact_rig.devices.virtual.rig import VirtualRig as Simulation
@@ -61,48 +61,14 @@ from impact_rig.results.traces import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Given = str | float | None
-"""A quantity: a text with a unit, a number in SI units, or None: not given."""
 NAN = math.nan
 BLOCK_POINTS = 1000
 """Of a block of the virtual rig: a fault loses one of several."""
 
 
-def _read(what: str, value: Given, unit: str, example: str) -> float | None:
-    """Return a quantity in SI units."""
-    if value is None:
-        return None
-    if isinstance(value, str):
-        return 0.0 if value == "off" else parse_quantity(what, value, unit, example)
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise ParameterError(
-            f'{what} is {value!r}: it must be a text like "{example}" or a number in {unit}'
-        )
-    return float(value)
-
-
 def _read_mass(what: str, value: Given) -> float:
-    found = _read(what, value, "kg", "100 g")
+    found = read_given(what, value, "kg", "100 g")
     return NAN if found is None else found
-
-
-def _read_settings(cutoff: Given, given: Mapping[str, Given]) -> dict[str, float]:
-    """Return fields of `AnalysisSettings` by name."""
-    known = [item.name for item in fields(AnalysisSettings)]
-    settings = {}
-    for name, value in {"cutoff_frequency": cutoff, **given}.items():
-        if name not in known:
-            raise ParameterError(f"there is no setting {name!r}: there are {', '.join(known)}")
-        unit, example = ANALYSIS_QUANTITIES.get(name, ("", "2"))
-        if unit:
-            number = _read(name, value, unit, example)
-        elif isinstance(value, str):
-            raise ParameterError(f"{name} is {value!r}: it must be a number")
-        else:
-            number = _read(name, value, "1", example)
-        if number is not None:
-            settings[name] = number
-    return settings
 
 
 @contextmanager
@@ -447,7 +413,7 @@ class Run:
         1 sample, 3 hits accepted, 1 rejected; simulated (virtual rig, plant published)
         """
         accept, reject = ([item] if isinstance(item, str) else item for item in (accept, reject))
-        chosen = _read_settings(cutoff, settings)
+        chosen = read_settings({"cutoff_frequency": cutoff, **settings})
         found = analyze(self._source, chosen, accept, reject, keep_traces=True)
         return Results(self._choose(found.campaigns), self.name, found.warnings)
 
@@ -549,13 +515,13 @@ def read_files(
         hammer_channel=hammer_channel,
         sample_channel=sample_channel,
         hammer_unit=hammer_unit,
-        rate=_read("rate", rate, "Hz", "25.6 kHz"),
-        hammer_mass=_read("hammer_mass", hammer_mass, "kg", "100 g"),
-        sample_mass=_read("sample_mass", sample_mass, "kg", "56.32 g"),
+        rate=read_given("rate", rate, "Hz", "25.6 kHz"),
+        hammer_mass=read_given("hammer_mass", hammer_mass, "kg", "100 g"),
+        sample_mass=read_given("sample_mass", sample_mass, "kg", "56.32 g"),
         rig_file=None if rig_file is None else Path(rig_file),
         sample=sample,
-        cutoff=_read("cutoff", cutoff, "Hz", "50 kHz"),
-        record_duration=_read("record_duration", record_duration, "s", "20 ms"),
+        cutoff=read_given("cutoff", cutoff, "Hz", "50 kHz"),
+        record_duration=read_given("record_duration", record_duration, "s", "20 ms"),
     )
     source = MeasuredFiles(paths, make_series(options))
     if source.errors:
@@ -610,7 +576,7 @@ class Session(Run):
         cutoff: Given = None,
         **settings: Given,
     ) -> None:
-        chosen = _read_settings(cutoff, settings)
+        chosen = read_settings({"cutoff_frequency": cutoff, **settings})
         if (samples is None) == (rig_file is None):
             raise ParameterError("a session needs either samples with their masses or a rig_file")
         if rig_file is not None:
@@ -618,13 +584,15 @@ class Session(Run):
         else:
             masses = (Sample(name, _read_mass(f"mass of {name}", mass))
                       for name, mass in (samples or {}).items())  # fmt: skip
-            carried = _read("accelerometer_mass", accelerometer_mass, "kg", "3 g") or 0.0
+            known = read_given("hammer_stiffness", hammer_stiffness, "N/m", "22.5 MN/m")
+            carried = read_given("accelerometer_mass", accelerometer_mass, "kg", "3 g") or 0.0
             setup = RigSetup(
                 SampleSet(tuple(masses), control, carried),
                 _read_mass("hammer_mass", hammer_mass),
                 NAN,
                 clock_uncertainty=0.0,
-                hammer_stiffness=_read("hammer_stiffness", hammer_stiffness, "N/m", "22.5 MN/m")
+                hammer_stiffness=NAN if known is None else known,
+            )
                 or NAN,
             )
         setup = replace(setup, analysis=replace(setup.analysis, **chosen))
@@ -667,7 +635,7 @@ class Session(Run):
         series.setup.samples.find(on)
         number = len(self._series.hits) + 1
         counts = Counter(hit.block.label.sample for hit in self._series.hits)
-        sampling_rate = _read("rate", rate, "Hz", "2.5 MHz")
+        sampling_rate = read_given("rate", rate, "Hz", "2.5 MHz")
         bodies = {"hammer": (hammer, unit)}
         if specimen is not None:
             bodies["specimen"] = (specimen, "m/s^2" if unit == "N" else unit)

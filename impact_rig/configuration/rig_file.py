@@ -9,7 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
-from impact_rig.configuration.units import parse_quantity, parse_reading, parse_sensitivity
+from impact_rig.configuration.units import (
+    Given,
+    parse_quantity,
+    parse_reading,
+    parse_sensitivity,
+    read_given,
+)
+from impact_rig.core.errors import ParameterError
 from impact_rig.core.sensors import (
     CHANNELS,
     DEFAULT_RESONANCE_DAMPING,
@@ -59,6 +66,22 @@ def parse_settings(document: TomlTable) -> dict[str, float]:
         else:
             values[key] = table.take_number(key)
     return values
+
+
+def read_settings(given: Mapping[str, Given]) -> dict[str, float]:
+    """Return the settings that a program gives, in SI units, as `parse_settings` does."""
+    known = [item.name for item in fields(AnalysisSettings)]
+    settings = {}
+    for name, value in given.items():
+        if name not in known:
+            raise ParameterError(f"there is no setting {name!r}: there are {', '.join(known)}")
+        unit, example = ANALYSIS_QUANTITIES.get(name, ("", "2"))
+        if isinstance(value, str) and not unit:
+            raise ParameterError(f"{name} is {value!r}: it must be a number")
+        number = read_given(name, value, unit or "1", example)
+        if number is not None:
+            settings[name] = number
+    return settings
 
 
 SENSOR_KEYS = (

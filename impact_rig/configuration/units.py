@@ -84,6 +84,26 @@ def parse_quantity(what: str, value: Any, unit: str, example: str) -> float:
     )
 
 
+Given = str | float | None
+"""A quantity of a program: a text with a unit, a number in SI units, or None: not given."""
+
+
+def read_given(what: str, value: Given, unit: str, example: str) -> float | None:
+    """Return what a program gives, in SI units; "off" is 0; parameters as `parse_quantity`."""
+    if value is None:
+        return None
+    if isinstance(value, str):
+        return 0.0 if value == "off" else parse_quantity(what, value, unit, example)
+    try:
+        if not isinstance(value, bool):
+            return float(value)
+    except (TypeError, ValueError):
+        pass
+    raise ParameterError(
+        f'{what} is {value!r}: it must be a text like "{example}" or a number in {unit}'
+    )
+
+
 def parse_sensitivity(what: str, value: Any) -> Sensitivity:
     """Convert a text like "10 mV/g" or "2.25 mV/N", or a scale like "450 N/V", its inverse.
 
