@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.findings import join_findings
+from impact_rig.core.findings import Finding, join_findings
 from impact_rig.core.setup import PAPER_SETUP, RigSetup, format_angle
 from impact_rig.core.verdict import SHOWS_NOTHING
 from impact_rig.nodes import interfaces, messages
@@ -370,8 +370,9 @@ class CampaignNode(RigNode):
         verdict = campaign.verdict
         if verdict.record != record:
             raise DeviceError(campaign.failure)
-        campaign.failure = join_findings(verdict.reasons)
-        shows_nothing = any(item.reason in SHOWS_NOTHING for item in verdict.reasons)
+        reasons = [Finding.parse(text) for text in verdict.reasons]
+        campaign.failure = join_findings(reasons)
+        shows_nothing = any(item.reason in SHOWS_NOTHING for item in reasons)
         campaign.blind = campaign.blind + 1 if shows_nothing else 0
         if verdict.accepted:
             campaign.failures = 0
