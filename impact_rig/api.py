@@ -593,8 +593,6 @@ class Session(Run):
                 clock_uncertainty=0.0,
                 hammer_stiffness=NAN if known is None else known,
             )
-                or NAN,
-            )
         setup = replace(setup, analysis=replace(setup.analysis, **chosen))
         self._start(TraceSeries("", ChannelPlan(), setup, is_filter_optional=cutoff is None))
 
