@@ -1,7 +1,6 @@
 """The launch files: arguments that explain themselves, and the processes of the command line."""
 
 import ast
-import importlib
 from pathlib import Path
 
 import pytest
@@ -28,8 +27,9 @@ def test_every_name_taken_from_the_package_exists(path):
     ]
     assert imports
     for statement in imports:
-        module = importlib.import_module(statement.module)
-        assert [name.name for name in statement.names if not hasattr(module, name.name)] == []
+        # As the launch file does: a module of a package is one of its names once it is imported.
+        names = ", ".join(name.name for name in statement.names)
+        exec(f"from {statement.module} import {names}", {})
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
