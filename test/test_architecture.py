@@ -227,9 +227,9 @@ def test_no_sentence_decides_what_is_found_and_noted_is_a_code_with_a_sentence()
         for path in MODULES
         if re.search(r"\bsplit_code\(|\b(Finding|Note|hint)\.parse\b", path.read_text())
     ]
-    # Where text comes in: JSON, messages, and verdicts of any version in a recording.
+    # Where text comes in: JSON, messages, a verdict in a campaign, those in a recording.
     assert sorted(readers) == [
-        "core/findings.py", "recordings/hits.py", "recordings/messages.py",
+        "core/findings.py", "nodes/campaign.py", "recordings/hits.py", "recordings/messages.py",
         "results/wire.py",
     ]  # fmt: skip
 
