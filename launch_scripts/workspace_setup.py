@@ -159,8 +159,8 @@ def _install_packages(workspace: Workspace, runner: _Runner) -> None:
     """Install by uv, which takes seconds; where uv fails, by pip, which has other settings."""
     files = [*workspace.get_requirements(*LIBRARIES), *workspace.build_requirements]
     uv: Command = [workspace.venv / "bin" / "uv", "pip", "install", "--python", workspace.python]
-    # All of them: an interrupted call may have left parts of one. That downloads all of them again,
-    # so that a cache would only grow, by 1.5 GB each time.
+    # All of them: an interrupted call may have left parts of one. That downloads all of them
+    # again, so that a cache would only grow, by 1.5 GB each time.
     uv += ["--reinstall", "--no-cache", "--no-deps", "--require-hashes", *_name_files(files)]
     environment = {"UV_HTTP_TIMEOUT": "60", **os.environ}
     if runner.try_to_run(uv, environment, workspace.root):
