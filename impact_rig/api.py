@@ -32,6 +32,7 @@ from impact_rig.analysis.sources import RunSource, find_run, read_runs
 from impact_rig.configuration.rig_file import read_rig_file, read_settings
 from impact_rig.configuration.units import Given, read_given
 from impact_rig.core.errors import FileError, ParameterError, RigError, SignalError
+from impact_rig.core.hits import NO_OVERRULES
 from impact_rig.core.records import IMPORTED, Block, FloatArray, HitLabel, Origin
 from impact_rig.core.setup import PAPER_SETUP, RigSetup, Sample, SampleSet
 from impact_rig.devices.virtual.choices import Plant
@@ -830,6 +831,7 @@ class _Campaign:
         self.setup = setup
         self.blocks: list[Block] = []
         self.faults: dict[HitLabel, tuple[str, ...]] = {}
+        self.overrules = NO_OVERRULES
 
     def events(self, _report: Any) -> Iterator[RigSetup | Block]:
         """Yield the set-up and the hits."""

@@ -58,6 +58,8 @@ class HitSource(Protocol):
     # Injected into the hits of the campaign that `events` has come to, a new mapping for each.
     faults: dict[HitLabel, tuple[str, ...]]
 
+    overrules: Overrules  # by persons, of the same campaign
+
     @property
     def has_scale(self) -> bool:
         """Whether the hammer's numbers make accelerations."""
@@ -110,7 +112,8 @@ def judge(
         if not isinstance(event, Block):
             # Each campaign begins with its set-up, and its estimates start afresh.
             setup = replace(event, analysis=replace(event.analysis, **settings))
-            session = Session(setup, overrules)
+            recorded = source.overrules.recorded
+            session = Session(setup, replace(overrules, recorded=recorded))
         elif session is not None:
             yield session, event, session.feed_records(event)
 

@@ -15,6 +15,7 @@ from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.errors import ParameterError, RigError, SignalError, check_positive
 from impact_rig.core.filtering import check_cutoff
 from impact_rig.core.findings import Reason
+from impact_rig.core.hits import NO_OVERRULES
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.setup import RigSetup, Sample, SampleSet
@@ -169,6 +170,7 @@ class MeasuredHits:
     def __init__(self, path: Path, series: TraceSeries) -> None:
         self.path = path
         self.faults: dict[HitLabel, tuple[str, ...]] = {}
+        self.overrules = NO_OVERRULES
         self.hits: list[MeasuredHit] = []
         self.series = series
         self._wanted = series.setup.analysis.cutoff_frequency

@@ -1,8 +1,9 @@
 """One judged hit, and the mean of many."""
 
 import math
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
 from functools import reduce
 from typing import Any, Self
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from impact_rig.core.detection import LOUD_BEGINNING
 from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
 from impact_rig.core.filtering import check_cutoff, interpolate_between, low_pass
-from impact_rig.core.findings import Finding, Reason
+from impact_rig.core.findings import Finding, Reason, join_findings
 from impact_rig.core.pulse_width import BASELINE_POINTS, PulseWidth, measure_pulse
 from impact_rig.core.records import UNSTATED, FloatArray, HitLabel, Origin, Record, make_read_only
 from impact_rig.core.sensors import SensorResponse
@@ -360,12 +361,40 @@ def average_hits(hits: Sequence[FilteredHit]) -> MeanHit:
     return make_mean(total, shifted)
 
 
+class Verdict(IntEnum):
+    """What a person makes of a hit."""
+
+    UNDO = 0  # as the analysis judges it
+    ACCEPT = 1
+    REJECT = 2
+
+
+@dataclass(frozen=True)
+class Overrule:
+    """A person's verdict on a hit, before that of the analysis."""
+
+    record: int  # the arming that the hit belongs to
+    verdict: Verdict
+    reason: str = ""  # in the person's words
+    who: str = ""  # empty: not told
+
+    @property
+    def finding(self) -> Finding:
+        """What is to be said of the hit."""
+        what = "accepted by hand" if self.verdict is Verdict.ACCEPT else "left out by hand"
+        by, why = f", by {self.who}" * bool(self.who), f": {self.reason}" * bool(self.reason)
+        return Finding(Reason.OPERATOR, f"{what}{by}{why}")
+
+
 @dataclass(frozen=True)
 class Overrules:
-    """Hits that an operator accepts or rejects, before the verdicts of the analysis."""
+    """Hits that a person accepts or rejects, before the verdicts of the analysis."""
 
+    # As the analysis was asked; they go before what is recorded.
     accepted: frozenset[HitLabel] = frozenset()
     rejected: frozenset[HitLabel] = frozenset()
+    # The newest of each hit of a campaign, by record.
+    recorded: Mapping[int, Overrule] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse a hit that is named in both."""
@@ -373,6 +402,20 @@ class Overrules:
             raise ParameterError(
                 f"hit {describe_label(label)} is both accepted and rejected by hand: choose one"
             )
+
+    def find(self, label: HitLabel) -> Overrule | None:
+        """Return what a person makes of a hit; None: nothing."""
+        for labels, verdict in ((self.accepted, Verdict.ACCEPT), (self.rejected, Verdict.REJECT)):
+            if label in labels:
+                return Overrule(label.record, verdict)
+        return self.recorded.get(label.record)
+
+    def add(self, overrule: Overrule) -> "Overrules":
+        """Return them with one more; an undo takes that of its hit away."""
+        others = {key: each for key, each in self.recorded.items() if key != overrule.record}
+        if overrule.verdict is not Verdict.UNDO:
+            others[overrule.record] = overrule
+        return replace(self, recorded=others)
 
 
 NO_OVERRULES = Overrules()
@@ -419,41 +462,42 @@ def find_label(name: str, labels: Collection[HitLabel]) -> HitLabel:
 def overrule_hit(hit: JudgedHit, overrules: Overrules) -> JudgedHit:
     """Return a hit as it is accepted or rejected by hand.
 
+    One that was recorded as accepted, and cannot be by other settings, is as it is judged.
+
     Raises
     ------
     ParameterError
-        If a hit is to be accepted that has no pulse that could be measured, or that is of
-        another kind or sign than those before.
+        If the analysis is asked to accept a hit that cannot be.
     """
-    if hit.label in overrules.rejected:
-        return replace(
-            hit, rejections=(*hit.rejections, Finding(Reason.OPERATOR, "left out by hand"))
-        )
-    if hit.label not in overrules.accepted:
+    overrule = overrules.find(hit.label)
+    if overrule is None:
         return hit
+    if overrule.verdict is Verdict.REJECT:
+        return replace(hit, rejections=(*hit.rejections, overrule.finding))
+    if (objection := find_objection(hit)) is None:
+        return replace(hit, rejections=(), overruled=(*hit.rejections, overrule.finding))
+    if hit.label in overrules.accepted:
+        raise ParameterError(objection)
+    return hit
+
+
+def find_objection(hit: JudgedHit) -> str | None:
+    """Say why nobody can accept a hit by hand; None: a person may."""
+    start = f"hit {describe_label(hit.label)} cannot be accepted by hand:"
     if hit.filtered is None:
-        why = "; ".join(map(str, hit.rejections))
-        raise ParameterError(
-            f"hit {describe_label(hit.label)} cannot be accepted by hand: it has no pulse that"
-            f" could be measured ({why})"
-        )
-    apart = [str(item) for item in hit.rejections if item.reason in SHARE_NO_MEAN]
-    if apart:
-        raise ParameterError(
-            f"hit {describe_label(hit.label)} cannot be accepted by hand: a mean of both would be"
-            f" of neither ({'; '.join(apart)})"
-        )
-    confirmed = Finding(Reason.OPERATOR, "accepted by hand")
-    return replace(hit, rejections=(), overruled=(*hit.rejections, confirmed))
+        why = join_findings(hit.rejections)
+        return f"{start} it has no pulse that could be measured ({why})"
+    apart = [item for item in hit.rejections if item.reason in SHARE_NO_MEAN]
+    return (
+        f"{start} a mean of both would be of neither ({join_findings(apart)})" if apart else None
+    )
 
 
 def describe_overruled(hit: JudgedHit, name: str) -> str:
     """Say that the hit called `name` is in the mean by hand, and what was against it."""
-    against = "; ".join(
-        str(rejection) for rejection in hit.overruled if rejection.reason is not Reason.OPERATOR
-    )
-    what = f"although {against}" if against else "with nothing against it"
-    return f"{name} accepted by hand, {what}"
+    *reasons, by_hand = hit.overruled
+    what = f"although {join_findings(reasons)}" if reasons else "with nothing against it"
+    return f"{name} {by_hand.explanation}, {what}"
 
 
 def _is_called(label: HitLabel, name: str) -> bool:

@@ -11,14 +11,18 @@ from itertools import chain
 
 from impact_rig.core.checks import ask_for_mass
 from impact_rig.core.detection import ImpactDetector
+from impact_rig.core.errors import ParameterError
 from impact_rig.core.findings import Note, Reason, Subject
 from impact_rig.core.hits import (
     NO_OVERRULES,
     JudgedHit,
     MeanHit,
+    Overrule,
     Overrules,
+    Verdict,
     describe_label,
     describe_overruled,
+    find_objection,
     judge_hit,
     overrule_hit,
 )
@@ -75,8 +79,13 @@ class Session:
     input and what is two is decided here: a rig's are made once, a mean hit is read once.
     """
 
-    def __init__(self, setup: RigSetup, overrules: Overrules = NO_OVERRULES) -> None:
+    def __init__(
+        self, setup: RigSetup, overrules: Overrules = NO_OVERRULES, *, keeps_hits: bool = False
+    ) -> None:
         self.setup = setup
+        # Of each sample, as they were judged by themselves, for who is overruled later; None: of
+        # a long series they are too much.
+        self._judged: dict[str, list[JudgedHit]] | None = {} if keeps_hits else None
         self._detector = ImpactDetector(setup.analysis)
         self._overrules = overrules
         self._series: dict[str, HitSeries] = {}
@@ -111,9 +120,62 @@ class Session:
         judged = judge_hit(record, self.setup.analysis, self.setup.responses)
         hit = ask_for_mass(replace(judged, origin=record.origin), self.setup)
         series = self._series.setdefault(hit.label.sample, HitSeries())
+        if self._judged is not None:
+            self._judged.setdefault(hit.label.sample, []).append(hit)
         hit = overrule_hit(series.check(hit), self._overrules)
         series.add(hit)
         return hit
+
+    @property
+    def overrules(self) -> Overrules:
+        """What persons made of hits so far."""
+        return self._overrules
+
+    def overrule(self, overrule: Overrule, *, is_asked: bool = True) -> JudgedHit | None:
+        """Judge the hits of a sample again, as if a person's verdict on one had been known before.
+
+        The session keeps its hits.
+
+        Parameters
+        ----------
+        overrule : Overrule
+            On one of the hits.
+        is_asked : bool
+            False: it was recorded, and holds also for a hit that is still to come.
+
+        Returns
+        -------
+        JudgedHit or None
+            The hit, without its traces; None: it is still to come.
+
+        Raises
+        ------
+        ParameterError
+            If a person asks for what cannot be; nothing has changed then.
+        """
+        overrules, record = self._overrules.add(overrule), overrule.record
+        judged = self._judged or {}
+        found = [
+            name for name, hits in judged.items() for hit in hits if hit.label.record == record
+        ]
+        if not found and is_asked:
+            raise ParameterError(f"the campaign has no hit of record {record}")
+        if is_asked and overrule.verdict is Verdict.UNDO and overrules == self._overrules:
+            raise ParameterError(f"record {record} is as the analysis judges it: nothing to undo")
+        if not found:
+            self._overrules = overrules
+            return None
+        series = HitSeries()
+        for hit in judged[found[0]]:
+            checked = series.check(hit)
+            is_meant = hit.label.record == record and overrule.verdict is Verdict.ACCEPT
+            if is_asked and is_meant and (objection := find_objection(checked)) is not None:
+                raise ParameterError(objection)
+            series.add(overrule_hit(checked, overrules))
+        self._overrules, self._series[found[0]], self._modelled = overrules, series, ()
+        selection = series.select()
+        hits = selection.kept + selection.left_out
+        return next(hit for hit in hits if hit.label.record == record)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from typing import Any
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes.intake import Received
 from impact_rig.recordings.campaigns import begins_campaign
+from impact_rig.recordings.messages import NO_ID
 
 
 class CampaignFeed:
@@ -30,6 +31,11 @@ class CampaignFeed:
         self._begin, self._take = begin, take
         self._campaign_id: bytes | None = None  # None: no set-up has come
         self._early: deque[Received[Any]] = deque(maxlen=1000)  # more than the topics keep
+
+    @property
+    def campaign_id(self) -> bytes:
+        """Of the campaign under way; zero: no set-up has come."""
+        return NO_ID if self._campaign_id is None else self._campaign_id
 
     def on_setup(self, received: Received[RigSetup]) -> None:
         """Begin a campaign, unless the set-up repeats that of the one under way."""

@@ -7,17 +7,17 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from impact_rig_msgs import msg
-from impact_rig_msgs.srv import GetResults, JoinCampaign
+from impact_rig_msgs.srv import GetResults, JoinCampaign, OverruleHit
 
-from impact_rig.core.errors import RigError
-from impact_rig.core.hits import JudgedHit
+from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.core.hits import JudgedHit, Overrule
 from impact_rig.core.records import Block
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.stream import StreamCutter
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.identity import Identity
+from impact_rig.nodes.identity import Identity, id_from_msg
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.ledger import Ledger
 from impact_rig.nodes.messages import block_to_msg
@@ -25,11 +25,13 @@ from impact_rig.nodes.result_messages import (
     comparison_to_msg,
     estimate_to_msg,
     hit_to_msg,
+    overrule_to_msg,
     record_to_msg,
     trace_to_msg,
 )
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.campaigns import begins_campaign
+from impact_rig.recordings.overrules import overrule_from_msg
 from impact_rig.results.traces import align_hit
 
 LIBRARIES = (
@@ -68,6 +70,7 @@ class EstimatorNode(RigNode):
         self._impact = self.advertise(interfaces.IMPACT)
         self._trace = self.advertise(interfaces.IMPACT_TRACE)
         self._full_scale: tuple[float, ...] = ()  # of the channels of the newest block [m/s^2]
+        self._overrule = self.advertise(interfaces.OVERRULE)
         self._estimate = self.advertise(interfaces.ESTIMATE)
         self._hammer_estimate = self.advertise(interfaces.HAMMER_ESTIMATE)
         self._comparison = self.advertise(interfaces.COMPARISON)
@@ -75,6 +78,8 @@ class EstimatorNode(RigNode):
         self.listen(interfaces.RECORD_STORED, self._on_stored)
         self.listen(interfaces.ACCELERATION, self._on_block)
         self.listen(interfaces.STREAM, self._on_stream_block)
+        self.listen(interfaces.OVERRULE, self._on_overrule)
+        self.create_service(OverruleHit, interfaces.OVERRULE_HIT, self._on_overrule_hit)
         self.create_service(GetResults, interfaces.GET_RESULTS, self._on_get_results)
         self.offer_to_join()
 
@@ -123,7 +128,7 @@ class EstimatorNode(RigNode):
         self._catch_up()
 
     def _begin(self, message: msg.RigSetup, setup: RigSetup, recording: str) -> None:
-        self._setup, self._ledger = message, Ledger(Session(setup), recording)
+        self._setup, self._ledger = message, Ledger(Session(setup, keeps_hits=True), recording)
         self._incomplete.clear()
         if self._cutter is None or setup.analysis != self._cutter.settings:
             self._cutter = StreamCutter(setup.analysis)
@@ -182,6 +187,43 @@ class EstimatorNode(RigNode):
     def _on_stored(self, received: Received[msg.RecordStored]) -> None:
         if self._ledger is not None and self._ledger.recording:
             self._publish_hits(self._ledger.session, self._ledger.add_stored(received.value))
+
+    def _on_overrule(self, received: Received[Overrule]) -> None:
+        """Follow what persons made of the hits of a replay."""
+        ours = self.membership.identity.campaign_id
+        if self._ledger is None or self.membership.is_joined:
+            return
+        if received.identity.campaign_id == ours:
+            self._ledger.session.overrule(received.value, is_asked=False)
+
+    def _on_overrule_hit(
+        self, request: OverruleHit.Request, response: OverruleHit.Response
+    ) -> OverruleHit.Response:
+        """Judge a hit as a person wishes, and let the recording know."""
+        identity, asked = self.membership.identity, request.overrule
+        try:
+            if self._ledger is None or id_from_msg(asked.campaign_id) != identity.campaign_id:
+                raise ParameterError("the estimator has no such campaign: it may be over")
+            session, overrule = self._ledger.session, overrule_from_msg(asked)
+            hit = session.overrule(overrule)
+        except RigError as error:
+            response.message = str(error)
+            return response
+        self._overrule.publish(
+            overrule_to_msg(overrule, identity, self.get_clock().now().to_msg())
+        )
+        if hit is not None:
+            self._publish_verdict(session, hit)
+        response.success = True
+        return response
+
+    def _publish_verdict(self, session: Session, hit: JudgedHit) -> None:
+        """Publish a hit again, and what is estimated of its sample without or with it."""
+        self._impact.publish(hit_to_msg(hit, self.membership.identity))
+        is_control = session.is_control(hit.label.sample)
+        self._publish_estimate(session, session.estimate_numbers(hit.label.sample))
+        self._incomplete |= dict.fromkeys(session.names if is_control else [hit.label.sample])
+        self._quiet.reset()
 
     def _publish_hits(self, session: Session, hits: tuple[JudgedHit, ...]) -> None:
         for hit in hits:

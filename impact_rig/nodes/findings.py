@@ -15,8 +15,11 @@ from impact_rig.recordings.messages import (
     label_from_msg,
     origin_from_msg,
 )
+from impact_rig.recordings.overrules import overrule_from_msg
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import AlignedHit, JudgedTraces, ModelTraces, SampleTraces
+
+__all__ = ["overrule_from_msg"]
 
 
 def hit_results_from_msg(message: msg.Impact) -> HitResults:

@@ -21,6 +21,7 @@ from impact_rig_msgs.msg import (
     Impact,
     ImpactTrace,
     ModelComparison,
+    Overrule,
     RecorderState,
     RecordStored,
     ReplayerState,
@@ -131,6 +132,8 @@ STREAM = Topic("acceleration/stream", StreamBlock, make_qos(STREAM_DEPTH, latche
 RELEASE = Topic("release", HammerRelease, _RESULT, _inward("check_release"))
 VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _RESULT, _inward("faults_from_msg"))
 IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"))
+OVERRULE = Topic("overrule", Overrule, _RESULT, _finding("overrule_from_msg"))
+"""What persons make of hits; the newest of a hit counts."""
 IMPACT_TRACE = Topic(
     "impact/trace", ImpactTrace, make_qos(64, latched=True), _finding("judged_traces_from_msg")
 )
@@ -170,6 +173,7 @@ RECORDED_TOPICS = (
     VIRTUAL_IMPACT,
     IMPACT,
     IMPACT_TRACE,
+    OVERRULE,
     ESTIMATE,
     HAMMER_ESTIMATE,
     COMPARISON,
@@ -209,6 +213,7 @@ HAMMER_ACTS = {
 """What a person can ask of the hammer, and by which service."""
 CONFIRM_SAMPLE = "campaign/confirm_sample"
 GET_RESULTS = "estimator/get_results"
+OVERRULE_HIT = "estimator/overrule"
 PAUSE_CAMPAIGN = "campaign/pause"
 """The campaign stands, and the hammer is disarmed."""
 RESUME_CAMPAIGN = "campaign/resume"

@@ -7,11 +7,12 @@ from pathlib import Path
 from impact_rig_msgs.msg import AccelerationBlock, RecordStored
 
 from impact_rig.core.errors import RigError
-from impact_rig.core.hits import JudgedHit
+from impact_rig.core.hits import NO_OVERRULES, JudgedHit, Overrules
 from impact_rig.core.records import Block
 from impact_rig.core.session import Session
 from impact_rig.nodes.identity import id_from_msg
 from impact_rig.recordings.messages import BLOCK_TYPE, block_from_msg
+from impact_rig.recordings.overrules import read_overrules
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import decode_message
 from impact_rig.recordings.source import list_parts
@@ -97,10 +98,10 @@ class Ledger:
             Why not all could be read; None: it was, or the recordings are on another computer.
         """
         self._clear()
-        problem = None
+        problem = self._read_overrules(campaign_id, namespace)
         record: list[Block] = []
         key: Key | None = None
-        for path in filter(Path.exists, list_parts(Path(self.recording))):
+        for path in self._list_parts():
             try:
                 for found, block in _read_blocks(path, campaign_id, namespace):
                     if found in self._known:
@@ -119,8 +120,30 @@ class Ledger:
             self._waiting[key], self._cut = record, key
         return problem
 
+    def _list_parts(self) -> list[Path]:
+        return [path for path in list_parts(Path(self.recording)) if path.exists()]
+
+    def _read_overrules(self, campaign_id: bytes, namespace: str) -> str | None:
+        """Take in what persons made of the hits; return why not all could be read."""
+        prefix = namespace.rstrip("/") + "/"
+        newer = self.session.overrules.recorded
+        try:
+            recorded = read_overrules(
+                map(Scan, self._list_parts()),
+                lambda channel: channel.topic.startswith(prefix),
+                lambda raw, convert: convert(decode_message(raw)),
+            )
+        except RigError as error:
+            return str(error)
+        ours = recorded.get(campaign_id, NO_OVERRULES).recorded
+        overrules = Overrules(recorded={**ours, **newer})
+        self.session = Session(self.session.setup, overrules, keeps_hits=True)
+        return None
+
     def _clear(self) -> None:
-        self.session = Session(self.session.setup)
+        # A replay that begins again says again what persons made of its hits.
+        overrules = self.session.overrules if self.recording else NO_OVERRULES
+        self.session = Session(self.session.setup, overrules, keeps_hits=True)
         for memory in (self._known, self._waiting, self._stored):
             memory.clear()
         self.newest_record, self._cut = 0, None

@@ -13,19 +13,21 @@ from typing import Any
 
 from action_msgs.srv import CancelGoal
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.srv import ConfirmSample
+from impact_rig_msgs.srv import ConfirmSample, OverruleHit
 from rclpy.action import ActionClient
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.processes import Notice, notify
 from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.hits import Overrule, Verdict
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_feed import CampaignFeed
-from impact_rig.nodes.identity import id_to_msg, make_id
+from impact_rig.nodes.identity import Identity, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
+from impact_rig.nodes.result_messages import overrule_to_msg
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.page.server import Act, Address, Answer, Form, PageServer
 from impact_rig.page.states import NodeHealth
@@ -37,6 +39,7 @@ from impact_rig.results.traces import JudgedTraces
 
 SHOW_PERIOD = 0.05
 """Between two views at least [s]: a person sees no more."""
+LARGEST_RECORD = 2**32 - 1
 TRIGGERS = {
     **interfaces.HAMMER_ACTS,
     "pause": interfaces.PAUSE_CAMPAIGN,
@@ -55,7 +58,7 @@ class PageNode(RigNode):
         self.declare("certificate", "", "path of the server's TLS certificate; empty: no TLS")
         self.declare("key", "", "path of the certificate's key; empty: it is in the same file")
         self._status = RigStatus(self.get_namespace())
-        feed = CampaignFeed(self._on_campaign, self._on_finding)
+        self._feed = feed = CampaignFeed(self._on_campaign, self._on_finding)
         self._server: PageServer | None = None
         self._is_shown = True
         self._traced = ""  # sample of the newest trace
@@ -74,6 +77,9 @@ class PageNode(RigNode):
             CancelGoal, f"{interfaces.RUN_CAMPAIGN}/_action/cancel_goal",
             lambda _: CancelGoal.Request(), "end",
         )  # fmt: skip
+        self._acts["overrule"] = self._ask(
+            OverruleHit, interfaces.OVERRULE_HIT, self._make_overrule, "overrule"
+        )
         self._acts |= {"start": self._start, "note": self._note}
         self.offer_to_join()
         for topic, callback in (
@@ -194,6 +200,20 @@ class PageNode(RigNode):
             return answer
 
         return call
+
+    def _make_overrule(self, form: Form) -> OverruleHit.Request:
+        """Return what a person makes of a hit; raises `ParameterError` if it cannot be meant."""
+        record, verdict = form["record"], form["verdict"]
+        names = [item.name.lower() for item in Verdict]
+        if not record.isdecimal() or verdict not in names:
+            raise ParameterError(
+                f"record {record!r} is {verdict!r}: write a number, and one of {', '.join(names)}"
+            )
+        # A number that no message holds is that of no hit.
+        number = min(int(record), LARGEST_RECORD)
+        overrule = Overrule(number, Verdict[verdict.upper()], form["reason"], form.who)
+        identity, stamp = Identity(self._feed.campaign_id), self.get_clock().now().to_msg()
+        return OverruleHit.Request(overrule=overrule_to_msg(overrule, identity, stamp))
 
     def _write_down(self, form: Form, what: str) -> None:
         """Let the recording know what was done at the page, and by whom."""

@@ -15,7 +15,7 @@ from impact_rig.nodes.client import RigClient
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.identity import NO_IDENTITY, make_id
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
-from impact_rig.nodes.result_messages import results_from_msg
+from impact_rig.nodes.result_messages import overrule_to_msg, results_from_msg
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import Report
 from impact_rig.results.campaign import Results
@@ -42,7 +42,7 @@ class ReplayClient(RigClient):
         self._executor.add_node(self._estimator)
         self._outputs = {
             topic.name: self.advertise(topic)
-            for topic in (interfaces.SETUP, interfaces.ACCELERATION)
+            for topic in (interfaces.SETUP, interfaces.ACCELERATION, interfaces.OVERRULE)
         }
         self._sent = 0
 
@@ -86,6 +86,9 @@ class ReplayClient(RigClient):
                 yield from self._collect(faults)
             faults = None
             self._send(interfaces.SETUP, setup_to_msg(event, stamp))
+            for overrule in run.overrules.recorded.values():
+                message = overrule_to_msg(overrule, NO_IDENTITY, stamp)
+                self._send(interfaces.OVERRULE, message)
         if faults is not None:
             yield from self._collect(faults)
 

@@ -27,6 +27,7 @@ INPUTS = (
     interfaces.ACCELERATION,
     interfaces.RELEASE,
     interfaces.VIRTUAL_IMPACT,
+    interfaces.OVERRULE,
 )
 """What is replayed: all else in a recording are results and states."""
 

@@ -12,7 +12,7 @@ from builtin_interfaces.msg import Time
 from impact_rig_msgs import msg
 
 from impact_rig.core.comparison import ModelComparison
-from impact_rig.core.hits import JudgedHit
+from impact_rig.core.hits import JudgedHit, Overrule
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.records import FloatArray
 from impact_rig.core.sample import SampleEstimate
@@ -45,10 +45,18 @@ def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
         hammer_peak=judged.hammer_peak,
         specimen_peak=judged.specimen_peak,
         sample_mass=judged.sample_mass,
-        findings=list(map(str, judged.findings)),
+        findings=list(map(str, judged.findings + judged.overruled)),
     )
     fill_message(message.origin, judged.origin)
     return identity.fill(message, stamp_to_msg(judged.stamp))
+
+
+def overrule_to_msg(overrule: Overrule, identity: Identity, stamp: Time) -> msg.Overrule:
+    """Return a person's verdict as a message."""
+    message = fill_message(msg.Overrule(), overrule)
+    message.header.stamp = stamp
+    identity.fill(message)
+    return message
 
 
 def trace_to_msg(

@@ -51,13 +51,12 @@ class RigStatus:
     stopped_by: str = ""  # who pressed STOP at a page last; empty: it is not known
     hits: dict[int, HitResults] = field(default_factory=dict)  # by record, in order of arrival
     estimates: dict[str, SampleEstimate] = field(default_factory=dict)
-    overruled: dict[int, str] = field(default_factory=dict)  # by whom and why, by record
     _health: dict[str, tuple[NodeHealth, float]] = field(default_factory=dict)
 
     def begin(self, setup: RigSetup | None) -> None:
         """Begin afresh with the set-up of another campaign."""
         self.setup = setup
-        self.hits, self.estimates, self.overruled = {}, {}, {}
+        self.hits, self.estimates = {}, {}
 
     def keep(
         self, status: CampaignStatus | HammerStatus | RecorderStatus | AcquisitionStatus

@@ -212,6 +212,12 @@ def _say_verdict(hit: HitResults) -> str:
     return "The last one was good." if hit.accepted else f"The last one: {_advise(hit)}."
 
 
+def _say_by_hand(hit: HitResults) -> str:
+    """Return what a person made of a hit, who and why; empty: nobody did."""
+    told = (*hit.reasons, *hit.findings)
+    return "; ".join(item.explanation for item in told if item.reason is Reason.OPERATOR)
+
+
 def _is_other_sample(hit: HitResults) -> bool:
     return any(item.reason is Reason.OTHER_SAMPLE for item in hit.findings)
 
@@ -268,7 +274,7 @@ def _show_hit(status: RigStatus, hit: HitResults) -> ShownHit:
         peak=_with_unit(hit.hammer_peak, 1, "m/s²"),
         contact_time=_with_unit(hit.contact_time * MICRO, 2, "µs"),
         numbers=list_numbers(status, hit),
-        overruled=status.overruled.get(hit.record, ""),
+        overruled=_say_by_hand(hit),
     )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from impact_rig.core.errors import FileError, RigError
+from impact_rig.core.hits import NO_OVERRULES
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.stream import StreamCutter
@@ -16,9 +17,11 @@ from impact_rig.recordings.messages import (
     STREAM_TYPE,
     VIRTUAL_IMPACT_TYPE,
     block_from_msg,
+    campaign_id_from_msg,
     faults_from_msg,
     setup_from_msg,
 )
+from impact_rig.recordings.overrules import OVERRULE_TYPE, read_overrules
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.scan import Report, Scan
 from impact_rig.recordings.schemas import decode_message
@@ -63,6 +66,7 @@ class Run:
         # Injected by the virtual rig into the hits of the campaign that `events` has come to, each
         # with a mapping of its own; empty: a good hit.
         self.faults: dict[HitLabel, tuple[str, ...]] = {}
+        self.overrules = NO_OVERRULES  # by persons, of the same campaign
         # The rig that was chosen; None: the only one.
         self.wanted = None if namespace is None else "/" + namespace.strip("/")
         self._repeated = 0  # messages that the last reading met a second time
@@ -124,8 +128,13 @@ class Run:
     @cached_property
     def setup(self) -> RigSetup:
         """The first set-up."""
+        return self._first[0]
+
+    @cached_property
+    def _first(self) -> tuple[RigSetup, bytes]:
+        """The first set-up, and the id of its campaign."""
         for raw in self.read_messages({SETUP_TYPE}):
-            return self.convert(raw, setup_from_msg)
+            return self.convert(raw, _read_setup)
         raise FileError(
             f"{self.path} holds no set-up of a rig (topic 'setup', {SETUP_TYPE}): without masses"
             " and settings its blocks cannot be evaluated"
@@ -151,7 +160,11 @@ class Run:
         FileError
             Also if a message does not have the fields of this version.
         """
-        setup, self.faults = self.setup, {}
+        overrules = read_overrules(
+            self.scans, partial(self.is_wanted, {OVERRULE_TYPE}), self.convert
+        )
+        (setup, campaign), self.faults = self._first, {}
+        self.overrules = overrules.get(campaign, NO_OVERRULES)
         yield setup
         is_first = True
         for scan, messages in self.read_files(_choose_event_types, report):
@@ -162,7 +175,8 @@ class Run:
                     self.faults[label] = faults
                 elif raw.channel.type_name == SETUP_TYPE:
                     if not is_first:
-                        setup, self.faults = self.convert(raw, setup_from_msg), {}
+                        (setup, campaign), self.faults = self.convert(raw, _read_setup), {}
+                        self.overrules = overrules.get(campaign, NO_OVERRULES)
                         yield setup
                         if cutter is not None:
                             cutter = StreamCutter(setup.analysis)
@@ -244,6 +258,10 @@ class Run:
                 f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has a field of"
                 f" another kind than in this version: {error}"
             ) from None
+
+
+def _read_setup(message: Any) -> tuple[RigSetup, bytes]:
+    return setup_from_msg(message), campaign_id_from_msg(message)
 
 
 def _choose_event_types(file: Scan) -> Collection[str]:

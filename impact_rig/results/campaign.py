@@ -147,7 +147,7 @@ def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) ->
         hammer_peak=hit.hammer_peak,
         specimen_peak=hit.specimen_peak,
         sample_mass=hit.sample_mass,
-        findings=hit.findings,
+        findings=hit.findings + hit.overruled,
         injected_faults=injected_faults,
         origin=hit.origin,
     )

@@ -283,7 +283,7 @@ def tabulate_accepted(results: Results) -> list[Table]:
         read_column("τp [µs]", hits, "contact_time", 2, is_optional=True),
         _make_hammer_column(hits, results.setup),
         read_column("Sample peak [m/s²]", hits, "specimen_peak", 1, is_optional=True),
-        make_text_column("By hand", [_list_reasons(hit) for hit in hits]),
+        make_text_column("By hand", [_list_by_hand(hit) for hit in hits]),
         *_make_origin_columns(hits),
     ]
     note = "τp: of this hit alone. Peaks: largest value after the low-pass, either sign."
@@ -307,6 +307,10 @@ def _make_origin_columns(hits: Sequence[HitResults]) -> list[Column]:
         make_text_column("File", [PurePath(origin.file).name for origin in origins]),
         make_text_column("Place", [origin.place for origin in origins]),
     ]
+
+
+def _list_by_hand(hit: HitResults) -> str:
+    return "\n".join(item.explanation for item in hit.findings if item.reason is Reason.OPERATOR)
 
 
 def _list_reasons(hit: HitResults | FileResults) -> str:

@@ -10,7 +10,7 @@ import pytest
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.findings import Note, Reason, Subject
-from impact_rig.core.hits import JudgedHit, Overrules
+from impact_rig.core.hits import JudgedHit, Overrule, Overrules, Verdict
 from impact_rig.core.quantity import drop_internals
 from impact_rig.core.records import (
     MEASURED,
@@ -21,6 +21,8 @@ from impact_rig.core.records import (
     Origin,
 )
 from impact_rig.core.session import Session
+from impact_rig.results.campaign import results_from_session
+from impact_rig.results.wire import to_json
 
 from .blocks import FULL_SCALE, RATE, SETUP, strike, strike_series
 from .struck import DURATION, Impact
@@ -301,3 +303,76 @@ def test_the_control_samples_stiffness_knows_of_the_hammers():
     k2, k1 = session.estimate_sample("alike").paper.stiffness, session.estimate_hammer().stiffness
     assert k2.value == pytest.approx(k1.value, rel=1e-12)
     assert k2.standard == pytest.approx(k1.standard, rel=1e-9)
+
+
+def overrule(session, *verdicts):
+    for record, verdict in verdicts:
+        session.overrule(Overrule(record, verdict, "loose cable", "Ann"))
+
+
+@pytest.mark.parametrize(
+    "verdicts",
+    [
+        [(2, Verdict.REJECT)],
+        # The weak one, and the first, which says what all are.
+        [(4, Verdict.ACCEPT), (1, Verdict.REJECT)],
+        [(1, Verdict.REJECT), (2, Verdict.REJECT), (1, Verdict.UNDO)],
+    ],
+)
+def test_what_a_person_makes_of_a_hit_later_counts_as_if_it_had_been_known(verdicts):
+    heights, later = [900.0, 890.0, 910.0, 100.0], Session(SETUP, keeps_hits=True)
+    strike_series(later, heights)
+    as_judged = later.estimate_all()
+    overrule(later, *verdicts)
+    known = Overrules()
+    for record, verdict in verdicts:
+        known = known.add(Overrule(record, verdict, "loose cable", "Ann"))
+    before = Session(SETUP, known)
+    strike_series(before, heights)
+    assert write(later) == write(before) != write_results(as_judged)
+    assert later.count_hits() == before.count_hits()
+    overrule(later, *((record, Verdict.UNDO) for record in later.overrules.recorded))
+    assert write(later) == write_results(as_judged)
+
+
+def write(session):
+    return write_results(session.estimate_all())
+
+
+def write_results(results):
+    return to_json(results_from_session(results, {}))
+
+
+def test_results_say_who_left_a_hit_out_or_took_it_in_and_why():
+    session = Session(SETUP, keeps_hits=True)
+    strike_series(session, [900.0, 890.0, 910.0, 100.0])
+    overrule(session, (2, Verdict.REJECT), (4, Verdict.ACCEPT))
+    _, rejected, _, taken = results_from_session(session.estimate_all(), {}).hits
+    assert str(rejected.reasons[-1]) == "operator: left out by hand, by Ann: loose cable"
+    assert str(taken.findings[-1]) == "operator: accepted by hand, by Ann: loose cable"
+
+
+@pytest.mark.parametrize(
+    ("record", "verdict", "told"),
+    [
+        (9, Verdict.REJECT, "has no hit of record 9"),
+        (1, Verdict.UNDO, "record 1 is as the analysis judges it: nothing to undo"),
+        (4, Verdict.ACCEPT, "a mean of both would be of neither"),
+    ],
+)
+def test_a_verdict_that_cannot_be_is_refused_and_nothing_changes(record, verdict, told):
+    session = Session(SETUP, keeps_hits=True)
+    strike_series(session, [900.0, 890.0, 910.0])
+    session.feed(replace(make_block(4), origin=SIMULATED_ORIGIN))
+    before = write(session)
+    with pytest.raises(ParameterError, match=told):
+        overrule(session, (record, verdict))
+    assert write(session) == before
+
+
+def test_what_another_analysis_cannot_accept_is_as_it_judges_it():
+    recorded = Overrules().add(Overrule(4, Verdict.ACCEPT))
+    session = Session(SETUP, recorded)
+    strike_series(session, [900.0, 890.0, 910.0])
+    (hit,) = session.feed(replace(make_block(4), origin=SIMULATED_ORIGIN))
+    assert [item.reason for item in hit.rejections] == [Reason.OTHER_KIND]

@@ -6,17 +6,21 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from impact_rig_msgs.msg import RecordStored
 from rclpy.serialization import serialize_message
 
+from impact_rig.core.errors import ParameterError
+from impact_rig.core.hits import NO_OVERRULES, Overrule, Overrules, Verdict
 from impact_rig.core.records import SIMULATED, Block, ChannelBlock, HitLabel, Origin
 from impact_rig.core.session import Session
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.ledger import Ledger
 from impact_rig.nodes.messages import block_to_msg
+from impact_rig.nodes.result_messages import overrule_to_msg
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.writer import RecordingWriter
 from impact_rig.results.campaign import results_from_session
@@ -75,6 +79,7 @@ class Rig:
     folder: Path
     record: int = 0
     blocks: list[Block] = field(default_factory=list)  # in the order of recording
+    overrules: Overrules = NO_OVERRULES
 
     def __post_init__(self) -> None:
         self.parts = 0
@@ -88,7 +93,9 @@ class Rig:
         topic = interfaces.ACCELERATION
         definition = find_message_definition(topic.type_name)
         self.channel = self.writer.add_channel(f"/{topic.name}", definition, ())
-        self.ledger = Ledger(Session(SETUP), str(self.folder / name))
+        definition = find_message_definition(interfaces.OVERRULE.type_name)
+        self.verdicts = self.writer.add_channel("/overrule", definition, ())
+        self.ledger = Ledger(Session(SETUP, keeps_hits=True), str(self.folder / name))
         self.read()
 
     def read(self) -> None:
@@ -113,10 +120,21 @@ class Rig:
         if self.ledger.is_behind:
             self.read()
 
-    def follow(self, action: Strike | str) -> None:
+    def overrule(self, overrule: Overrule) -> None:
+        try:
+            self.ledger.session.overrule(overrule)
+        except ParameterError:
+            return
+        self.overrules = self.overrules.add(overrule)
+        data = serialize_message(overrule_to_msg(overrule, OURS, Time()))
+        self.writer.add_message(self.verdicts, data, 1, 1)
+
+    def follow(self, action: Strike | Overrule | str) -> None:
         session = self.ledger.session
         if isinstance(action, Strike):
             self.strike(action)
+        elif isinstance(action, Overrule):
+            self.overrule(action)
         elif action == PAUSE:
             for name in session.names:
                 session.estimate_sample(name)
@@ -142,18 +160,23 @@ def write_results(session: Session) -> str:
     return json.dumps(to_json(results_from_session(session.estimate_all(), {})))
 
 
-def analyze(blocks: list[Block]) -> str:
-    session = Session(SETUP)
+def analyze(blocks: list[Block], overrules: Overrules) -> str:
+    session = Session(SETUP, overrules)
     for block in blocks:
         session.feed(block)
     return write_results(session)
+
+
+OVERRULES = st.builds(Overrule, st.integers(1, 8), st.sampled_from(Verdict), st.just("loose"))
 
 
 # A sequence is short enough to be read: to make it shorter takes minutes.
 @settings(max_examples=20, phases=(Phase.generate,))
 @given(
     st.lists(
-        st.one_of(STRIKES, STRIKES, STRIKES, st.sampled_from([PAUSE, QUESTION, RESTART])),
+        st.one_of(
+            STRIKES, STRIKES, STRIKES, OVERRULES, st.sampled_from([PAUSE, QUESTION, RESTART])
+        ),
         min_size=3,
         max_size=12,
     )
@@ -165,5 +188,5 @@ def test_the_same_hits_give_the_same_bytes(tmp_path_factory, actions):
     check_counts(rig.ledger.session)
     live = write_results(rig.ledger.session)
     rig.follow(RESTART)
-    assert live == analyze(rig.blocks) == write_results(rig.ledger.session)
+    assert live == analyze(rig.blocks, rig.overrules) == write_results(rig.ledger.session)
     rig.writer.close()

@@ -1,0 +1,105 @@
+"""A person's verdict on a hit: struck again at once, in the recording, and the same ever after."""
+
+import pytest
+from impact_rig_msgs.msg import Overrule
+from impact_rig_msgs.srv import GetResults, OverruleHit
+from unique_identifier_msgs.msg import UUID
+
+from impact_rig.analysis.analyze import analyze
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.replay_client import ReplayClient
+from impact_rig.nodes.result_messages import results_from_msg
+from impact_rig.recordings.run import Run
+from impact_rig.results.results_file import format_json, results_to_json
+
+from .campaigns import begin, run, start_rig
+
+NAME = "steel small"
+
+
+@pytest.fixture
+def ask(harness):
+    """Return a function that overrules a hit and returns the answer."""
+
+    def call(campaign_id, record, verdict, reason="loose cable"):
+        asked = Overrule(
+            campaign_id=campaign_id, record=record, verdict=verdict, reason=reason, who="Ann"
+        )
+        request = OverruleHit.Request(overrule=asked)
+        return harness.call(OverruleHit, interfaces.OVERRULE_HIT, request)
+
+    return call
+
+
+def write(results):
+    return format_json(results_to_json(results))
+
+
+def get_results(harness):
+    return harness.call(GetResults, interfaces.GET_RESULTS)
+
+
+def find_results(harness):
+    return write(results_from_msg(get_results(harness), {}))
+
+
+def analyze_again(harness):
+    return write(analyze(Run(harness.recording)).campaigns[-1].results)
+
+
+def test_a_hit_left_out_by_hand_is_struck_again_and_every_reader_says_the_same(harness, ask):
+    client = start_rig(harness)
+    verdicts = harness.listen(interfaces.IMPACT)
+    handle, _ = begin(harness, client, samples=[NAME], impacts=3)
+    verdicts.wait(lambda got: got)
+    campaign = verdicts.messages[0].campaign_id
+    answer = ask(campaign, 1, Overrule.REJECT)
+    assert answer.success, answer.message
+    result = harness.wait(handle.get_result_async()).result
+    assert result.success, result.message
+    assert [hit.record for hit in result.accepted] == [2, 3, 4]
+    (rejected,) = result.rejected
+    assert rejected.reasons == ["operator: left out by hand, by Ann: loose cable"]
+    # The second verdict on the hit is the person's.
+    verdicts.wait_for_count(5)
+    assert [hit.accepted for hit in verdicts.messages if hit.record == 1] == [True, False]
+
+    live = find_results(harness)
+    assert '"accepted": false' in live
+    assert analyze_again(harness) == live
+    with ReplayClient() as replay:
+        (replayed,) = replay.estimate(Run(harness.recording), lambda _: None)
+    assert write(replayed) == live
+
+    # Undone, and whoever goes on with the run knows of both.
+    assert ask(campaign, 1, Overrule.UNDO).success
+    assert [hit.record for hit in get_results(harness).accepted] == [1, 2, 3, 4]
+
+
+def test_what_cannot_be_is_refused_in_a_sentence(harness, ask):
+    client = start_rig(harness)
+    result = run(harness, client, samples=[NAME], impacts=1)
+    campaign = result.result.setup.campaign_id
+    for number, record, verdict, told in (
+        (campaign, 9, Overrule.REJECT, "the campaign has no hit of record 9"),
+        (campaign, 1, Overrule.UNDO, "record 1 is as the analysis judges it: nothing to undo"),
+        (campaign, 1, 7, "verdict is 7: it must be one of 0 (undo), 1 (accept), 2 (reject)"),
+        (UUID(), 1, Overrule.REJECT, "the estimator has no such campaign: it may be over"),
+    ):
+        answer = ask(number, record, verdict)
+        assert (answer.success, answer.message) == (False, told)
+
+
+def test_a_run_that_is_resumed_keeps_what_a_person_made_of_its_hits(harness, ask):
+    client = start_rig(harness)
+    first = run(harness, client, samples=[NAME], impacts=2).result
+    assert ask(first.setup.campaign_id, 2, Overrule.REJECT).success
+    # Another estimator knows of it from the recording alone.
+    harness.change_state("estimator", "deactivate", "activate")
+    handle, _ = begin(harness, client, resumed=first.setup)
+    second = harness.wait(handle.get_result_async()).result
+    assert second.success, second.message
+    assert [hit.record for hit in second.accepted] == [1, 3]
+    assert second.rejected[0].reasons == ["operator: left out by hand, by Ann: loose cable"]
+    live = find_results(harness)
+    assert analyze_again(harness) == live
