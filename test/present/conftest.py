@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from impact_rig.analysis.analyze import analyze
+from impact_rig.core.hits import NO_OVERRULES
 from impact_rig.core.records import HitLabel
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.choices import Plant
@@ -40,6 +41,7 @@ def trace_campaign(
         has_scale=True,
         hammer_unit=None,
         faults={label: tuple(fault.value for fault in struck[label].faults) for label in labels},
+        overrules=NO_OVERRULES,
         events=lambda _: iter([setup, *blocks]),
     )
     (campaign,) = analyze(source, keep_traces=True, with_models=with_models).campaigns
