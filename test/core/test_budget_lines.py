@@ -83,8 +83,8 @@ def test_a_line_is_needed(lab, name, source):
         (replace(HELD, air=1000.0), "ζ falls as the motion dies, as by air, from 0.011 in"),
         (replace(HELD, friction=2.0), "ζ rises as the motion dies, as by dry friction"),
         (replace(HELD, window=700.0), "a window of an analyser is in it"),
-        (UNSTATED, "assumed: the gains of hammer and specimen within 3 %, standard"),
-        (WEIGHED, "assumed: the mass of the hammer and struck within 0.5 %, standard"),
+        (UNSTATED, "the gains of hammer and specimen within 3 %, standard"),
+        (WEIGHED, "the mass of the hammer and struck within 0.5 %, standard"),
     ],
 )
 def test_what_is_assumed_and_what_changes_is_named(lab, told):

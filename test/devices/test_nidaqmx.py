@@ -28,8 +28,8 @@ from impact_rig.testing import (
     HammerHolderContract,
     HolderBench,
     SourceBench,
-    check_sentence,
 )
+from impact_rig.testing.drivers import check_sentence
 
 SENSITIVITIES = (0.010 / STANDARD_GRAVITY, -0.005 / STANDARD_GRAVITY)
 """[V per m/s^2]; the sample's sensor looks the other way."""
