@@ -96,9 +96,10 @@ def _find_motion(
     """Return x and x' from the energy left, r^2 / 2 = x'^2 / 2 + x^(n+1) / (n+1)."""
     power = exponent + 1.0
     sine, cosine = np.sin(angle), np.cos(angle)
-    x = (power / 2.0 * np.exp(2.0 * log_radius)) ** (1.0 / power) * np.maximum(sine, 0.0)
-    left = -np.expm1(power * np.log(np.maximum(sine, 1e-300)))
-    return np.maximum(x, 1e-30), np.exp(log_radius) * np.sign(cosine) * np.sqrt(left)
+    with np.errstate(invalid="ignore"):  # a search that leaves the family finds nothing there
+        x = (power / 2.0 * np.exp(2.0 * log_radius)) ** (1.0 / power) * np.maximum(sine, 0.0)
+        left = -np.expm1(power * np.log(np.maximum(sine, 1e-300)))
+        return np.maximum(x, 1e-30), np.exp(log_radius) * np.sign(cosine) * np.sqrt(left)
 
 
 def _differentiate(

@@ -305,6 +305,8 @@ class HammerNode(DeviceNode):
             if refusal := self._run_guarded(lambda: self._hammer.release(obstacle)):
                 self.get_logger().warning(f"release refused: {refusal}")
                 response.message = refusal
+                # Who asked may believe another sender of this state.
+                self._publish_condition(self._hammer.condition)
                 return response
             self._begin_swing(request, stamp)
         response.success = True

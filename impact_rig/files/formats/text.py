@@ -51,8 +51,12 @@ FORMULA_MARKS = ("=", "+", "-", "@", "\t", "\r", "'")
 goes when they are read."""
 MINUS, INFINITY = "\N{MINUS SIGN}", "∞"
 """A minus of typesetters; what PicoScope writes where a channel is beyond its range."""
-STATEMENT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d]*(?:/s)?)$")
-"""A value with its unit, at the end of `Analog:1e-8` or `20 kHz`."""
+STATEMENT = re.compile(
+    r"(?<![\d.,'])(?<!\d )([+-]?(?:\d+(?:\.\d*|,(?!\d{3}\b)\d+)?|\.\d+)(?:[eE][+-]?\d+)?)"
+    r"\s*([^\W\d]*(?:/s)?)$"
+)
+"""A value with its unit, at the end of `Analog:1e-8` or `25,6 kHz`; what may be thousands, as
+`51,200`, is none."""
 HORIZONTAL, VERTICAL = "horizontal units", "vertical units"
 RATE, START, TIME = "sampling rate [Hz]", "start [s]", "time"
 """What files written here state above the numbers, since times as printed may not tell."""
@@ -234,7 +238,11 @@ def _find_rate(statements: dict[str, list[str]]) -> tuple[float, str]:
     steps: tuple[float, str] = (math.nan, "s")
     for name, values in statements.items():
         match = STATEMENT.search(values[0].strip())
-        rate = compute_stated_rate(name, float(match[1]), match[2]) if match else math.nan
+        rate = (
+            compute_stated_rate(name, float(match[1].replace(",", ".")), match[2])
+            if match
+            else math.nan
+        )
         if rate > 0 and not is_step_name(name):
             return rate, "s"
         if rate > 0 and math.isnan(steps[0]):
@@ -247,7 +255,7 @@ def _find_start(statements: dict[str, list[str]]) -> float:
     for name in STARTS & statements.keys():
         match = STATEMENT.search(statements[name][0].strip())
         if match:
-            return float(match[1])
+            return float(match[1].replace(",", "."))
     return 0.0
 
 

@@ -203,3 +203,23 @@ def test_a_channel_beyond_its_range_is_infinite(tmp_path):
     file = read_measurement(save(tmp_path, "picoscope.csv", iter(lines)))
     with pytest.raises(SignalError, match=r"hammer is -inf at point 147"):
         map_channels(file, ChannelPlan(SENSOR))
+
+
+@pytest.mark.parametrize(
+    ("stated", "rate"),
+    [
+        ("Abtastrate: 25,6 kHz", 25.6e3),
+        ("Sampling rate [kS/s];51,2", 51.2e3),
+        ("dt;1,953125E-05", 51.2e3),
+        ("Sample rate;51200,0 Hz", 51.2e3),
+        # Thousands or decimals: it is asked.
+        ("Sample rate: 51,200 Hz", None),
+        ("Sample rate: 51 200 Hz", None),
+    ],
+)
+def test_a_stated_rate_is_read_whole_or_asked_for(tmp_path, stated, rate):
+    path = tmp_path / "hit.csv"
+    rows = [f"{number % 7},5;{number % 5},25" for number in range(60)]
+    path.write_text("\n".join([stated, "Kraft [N];Beschl [g]", *rows]))
+    (first, *_) = read_measurement(path).channels
+    assert first.sampling_rate == pytest.approx(rate or np.nan, nan_ok=True)
