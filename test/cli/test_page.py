@@ -183,6 +183,24 @@ def test_a_pause_disarms_and_the_campaign_goes_on(page):
     say(page, "DONE")
 
 
+def test_a_hit_is_rejected_by_hand_struck_again_and_the_verdict_undone(page):
+    start(page, "steel small", STRANGE)
+    page.get_by_role("button", name="steel small is mounted").click()
+    say(page, f"MOUNT {STRANGE}")
+    hits = page.locator("#hits tbody tr")
+    hits.last.locator("summary").click()
+    hits.last.get_by_label("reason").fill("the wax was loose")
+    hits.last.get_by_role("button", name="Reject it").click()
+    sync_api.expect(hits.last).to_contain_text("left out by hand")
+    sync_api.expect(hits.last).to_contain_text("the wax was loose")
+    page.get_by_role("button", name="is mounted").click()
+    # The first sample lacks a hit again.
+    say(page, "MOUNT steel small")
+    hits.last.locator("details").evaluate("item => { item.open = true }")
+    hits.last.get_by_role("button", name="Undo").click()
+    sync_api.expect(hits.last.locator("td").nth(2)).to_have_text("accepted")
+
+
 def test_a_name_and_a_note_stand_in_the_recording(page, rig):
     page.locator("input[name=who]").fill("Anna <b>")
     page.get_by_role("button", name="Keep it").click()
