@@ -67,6 +67,7 @@ def assign_roles(questions: Questions, plan: ChannelPlan) -> list[Roles]:
     if plan.columns is not None:
         return _assign_columns(measurement, plan.columns)
     time = find_clock(measurement.channels)
+    _check_clocks(measurement)
     named = _find_by_name(measurement, plan.specimen.channel) if plan.specimen.channel else []
     if plan.hammer.channel:
         hammers = _find_by_name(measurement, plan.hammer.channel)
@@ -112,6 +113,23 @@ def find_clock(channels: Channels) -> MeasuredChannel | None:
     if not found and len(channels) > 1 and _is_constant(channels[0]):  # times to too few digits
         return channels[0]
     return channels[min(found)[1]] if found else None
+
+
+def _check_clocks(measurement: Measurement) -> None:
+    """Raise `SignalError` if there are two columns of times that differ: each has its channels."""
+    clocks = [
+        channel
+        for channel in measurement.channels
+        if find_axis(channel.name, channel.unit) is Axis.TIME and is_clock(channel.values)
+    ]
+    for other in clocks[1:]:
+        spans = [float(channel.values[-1] - channel.values[0]) for channel in (clocks[0], other)]
+        # In other units they may be the same times.
+        if other.unit == clocks[0].unit and not math.isclose(*spans, rel_tol=1e-3):
+            raise SignalError(
+                f"{measurement.path} has times in {clocks[0].name!r} and others in {other.name!r}:"
+                " make a file of each with the channels that go with it"
+            )
 
 
 def _is_constant(channel: MeasuredChannel) -> bool:
