@@ -108,7 +108,7 @@ def check_numbers(samples, virtual):
     assert {sample["name"] for sample in samples} == set(SAMPLES)
     for sample in samples:
         for name, unit in QUANTITIES.items():
-            quantity = getattr(expected[sample["name"]], name)
+            quantity = getattr(expected[sample["name"]].paper, name)
             found, spread = sample[f"{name}_{unit}"], sample[f"{name}_expanded_{unit}"]
             limit = math.hypot(quantity.expanded, spread)
             assert abs(found - quantity.value) <= limit, (sample["name"], name)

@@ -9,6 +9,7 @@ from impact_rig.analysis.analyze import analyze
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.replay_client import ReplayClient
 from impact_rig.nodes.result_messages import results_from_msg
+from impact_rig.recordings.overrules import OVERRULE_TYPE
 from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import format_json, results_to_json
 
@@ -94,6 +95,7 @@ def test_a_run_that_is_resumed_keeps_what_a_person_made_of_its_hits(harness, ask
     client = start_rig(harness)
     first = run(harness, client, samples=[NAME], impacts=2).result
     assert ask(first.setup.campaign_id, 2, Overrule.REJECT).success
+    harness.wait_until(lambda: any(Run(harness.recording).read_messages({OVERRULE_TYPE})))
     # Another estimator knows of it from the recording alone.
     harness.change_state("estimator", "deactivate", "activate")
     handle, _ = begin(harness, client, resumed=first.setup)
