@@ -95,6 +95,7 @@ class View:
     sentence: Sentence
     stopped: str  # beside STOP, once it was pressed
     samples: tuple[ShownSample, ...]
+    choices: tuple[str, ...]  # samples that a campaign may have
     to_mount: str
     hit: ShownHit | None
     hits: tuple[ShownHit, ...]  # the newest first
@@ -130,6 +131,7 @@ def make_view(status: RigStatus, disk: str = "") -> View:
         sentence=make_sentence(status),
         stopped=_describe_stop(status),
         samples=_show_samples(status),
+        choices=status.setup.samples.names if status.setup else (),
         to_mount=campaign.sample if campaign.task is Task.MOUNT else "",
         hit=None if last is None else _show_hit(status, last),
         hits=tuple(_show_hit(status, hit) for hit in hits),
