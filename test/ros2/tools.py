@@ -46,18 +46,22 @@ class Tools:
         self.folder = folder
 
     def run(self, *words: Any, code: int | None = 0) -> str:
-        """Run a command to its end; return what it printed."""
-        done = subprocess.run(
-            list(map(str, words)),
-            env=self.environment,
-            cwd=self.folder,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=PATIENCE,
-            check=False,
-        )
+        """Run a command to its end, again while it has not discovered its node; return its text."""
+        deadline = time.monotonic() + PATIENCE
+        while True:
+            done = subprocess.run(
+                list(map(str, words)),
+                env=self.environment,
+                cwd=self.folder,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                timeout=PATIENCE,
+                check=False,
+            )
+            if "Node not found" not in done.stdout or time.monotonic() > deadline:
+                break
         assert code is None or done.returncode == code, (
             f"{words}: {done.returncode}\n{done.stdout}"
         )
