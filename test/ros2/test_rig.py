@@ -19,7 +19,7 @@ def list_until(tools, wanted: str, kind: str) -> list[str]:
 
 
 def test_every_node_has_a_life_cycle_and_is_active(rig, tools):
-    found = tools.run_until(lambda text: NODES <= set(text.split()), "ros2", "lifecycle", "nodes")
+    found = tools.run_until(lambda text: set(text.split()) >= NODES, "ros2", "lifecycle", "nodes")
     assert {name for name in found.split() if not name.startswith(OTHERS)} == NODES
     assert tools.run("ros2", "lifecycle", "get", "/bench/estimator").startswith("active")
 

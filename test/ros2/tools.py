@@ -46,7 +46,7 @@ class Tools:
         self.folder = folder
 
     def run(self, *words: Any, code: int | None = 0) -> str:
-        """Run a command to its end, again while it has not discovered its node; return its text."""
+        """Run a command, again while it has not discovered its node; return what it printed."""
         deadline = time.monotonic() + PATIENCE
         while True:
             done = subprocess.run(
