@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from impact_rig.configuration.processes import CONTINUOUS
+from impact_rig.configuration.parameters import CONTINUOUS
 from impact_rig.configuration.rig_file import RigFile, load_rig_file
 from impact_rig.configuration.toml_table import parse_toml_table, read_toml_file
 from impact_rig.core.errors import FileError, ParameterError

@@ -139,7 +139,7 @@ def run(
             analysis = analyze(run, settings, accept, reject, report=follow)
         show(run.name, [campaign.results for campaign in analysis.campaigns], analysis.warnings)
         if not as_json:
-            print_places(recording=run.files[0])
+            print_places(recording=run.name)
     elif others:
         if workers is not None or scheduler is not None:
             raise ParameterError("--workers and --scheduler are for recordings")

@@ -21,6 +21,7 @@ from impact_rig.page.states import CampaignStatus
 from impact_rig.page.status import RigStatus
 from impact_rig.page.view import list_numbers
 from impact_rig.present.console import ALARM
+from impact_rig.recordings.source import list_parts
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.results_file import write_results
 
@@ -139,6 +140,8 @@ def report_outcome(
         write_results(path, outcome.results)
         show_results(path, [outcome.results], is_full=is_full, as_json=as_json)
         recording = Path(outcome.recording) if outcome.recording else None
+        if recording is not None and len(list_parts(recording)) > 1:
+            recording = recording.parent  # the run was resumed
         print_places(results=path, recording=recording)
     if not outcome.success:
         raise RigError(

@@ -50,7 +50,7 @@ def run_rig(processes: Sequence[NodeProcess], log: Path) -> Iterator[Callable[[]
     """
     check_free(join_names("", (process.name for process in processes)))
     with log.open("w", encoding="utf-8") as output:
-        nodes = RunningNodes(output, _show_page)
+        nodes = RunningNodes(output, on_page=_show_page)
         failures: list[RigError] = []
 
         def follow() -> None:

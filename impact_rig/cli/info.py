@@ -33,7 +33,7 @@ from impact_rig.recordings.contents import (
     extract_attachments,
     inspect_run,
 )
-from impact_rig.recordings.hits import HitState
+from impact_rig.recordings.hits import HitState, RecordedHit
 from impact_rig.recordings.messages import setup_from_msg
 from impact_rig.recordings.provenance import PROVENANCE_RECORD
 from impact_rig.recordings.run import Run
@@ -75,14 +75,25 @@ def describe_hits(contents: Contents) -> str:
         return f"{format_count(contents.messages, 'message')}, no hit"
     saved = [hit for hit in contents.hits if hit.state is HitState.SAVED]
     samples = {hit.label.sample for hit in saved if hit.label is not None}
-    verdicts = Counter(hit.is_accepted for hit in saved)
+    outcomes = Counter(map(find_outcome, contents.hits))
     parts = [format_count(len(samples), "sample")]
-    if verdicts[True] or verdicts[False]:
-        parts += [f"{format_count(verdicts[True], 'hit')} accepted", f"{verdicts[False]} rejected"]
-    if verdicts[None]:
-        parts.append(f"{format_count(verdicts[None], 'hit')} without a verdict")
-    others = Counter(hit.state for hit in contents.hits if hit.state is not HitState.SAVED)
-    return ", ".join([*parts, *(f"{number} {state.value}" for state, number in others.items())])
+    if outcomes[ACCEPTED] or outcomes[REJECTED]:
+        parts.append(f"{format_count(outcomes[ACCEPTED], 'hit')} {ACCEPTED}")
+        parts.append(f"{outcomes[REJECTED]} {REJECTED}")
+    if outcomes[OPEN]:
+        parts.append(f"{format_count(outcomes[OPEN], 'hit')} {OPEN}")
+    states = (state.value for state in HitState if state is not HitState.SAVED)
+    return ", ".join([*parts, *(f"{outcomes[it]} {it}" for it in states if outcomes[it])])
+
+
+ACCEPTED, REJECTED, OPEN = "accepted", "rejected", "without a verdict"
+
+
+def find_outcome(hit: RecordedHit) -> str:
+    """Return what became of a hit: how it was lost or, of one that is saved, its verdict."""
+    if hit.state is not HitState.SAVED:
+        return hit.state.value
+    return {True: ACCEPTED, False: REJECTED, None: OPEN}[hit.is_accepted]
 
 
 def describe_losses(contents: Contents) -> str:
@@ -235,22 +246,27 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
 
 
 def _print_samples(console: Console, contents: Contents) -> None:
-    hits = [(hit.label.sample, hit) for hit in contents.hits if hit.label is not None]
+    hits = [(hit.label.sample, find_outcome(hit)) for hit in contents.hits if hit.label]
     names = list(dict.fromkeys(name for name, _ in hits))
     if not names:
         return
-    verdicts = Counter((name, hit.is_accepted) for name, hit in hits)
+    outcomes = Counter(hits)
     # A hit may have several reasons.
     reasons = Counter(code for hit in contents.hits for code in hit.codes)
     given = ", ".join(f"{reason} ({number})" for reason, number in reasons.most_common())
     columns = [
         make_text_column("Sample", names),
         Column("Hits", [str(sum(item == name for item, _ in hits)) for name in names]),
-        Column("Accepted", [str(verdicts[name, True]) for name in names]),
-        Column("Rejected", [str(verdicts[name, False]) for name in names]),
+        Column("Accepted", [str(outcomes[name, ACCEPTED]) for name in names]),
+        Column("Rejected", [str(outcomes[name, REJECTED]) for name in names]),
+        *(
+            make_optional(outcome.capitalize(), [str(outcomes[name, outcome]) for name in names])
+            for outcome in dict.fromkeys(outcome for _, outcome in hits)
+            if outcome not in (ACCEPTED, REJECTED)
+        ),
     ]
     notes = [f"Rejected for {given}."] if given else []
-    marked = [place for place, name in enumerate(names) if verdicts[name, False]]
+    marked = [place for place, name in enumerate(names) if outcomes[name, REJECTED]]
     print_table(console, make_table(f"Samples: {len(names)}", columns, notes, marked))
 
 

@@ -128,8 +128,8 @@ def print_places(**places: Path | None) -> None:
             click.echo(f"{name + ':':10} {shorten_path(path)}", err=True)
     source = places.get("recording") or places.get("results")
     if source is not None:
-        report = source.parent / REPORT_NAME
         run = source.parent if source.name == RECORDING_NAME else source
+        report = (run if run.is_dir() else run.parent) / REPORT_NAME
         command = f"impact-rig report {shorten_path(run)}"
         click.echo(f"report:    {shorten_path(report) if report.exists() else command}", err=True)
 

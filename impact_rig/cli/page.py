@@ -26,7 +26,7 @@ def run(
     given = {name: str(path.resolve()) for name, path in paths.items() if path is not None}
     page = NodeProcess("page", {"address": address, "port": port, **given})
     check_free(join_names(namespace, (page.name,)))
-    nodes = RunningNodes(sys.stdout, lambda _, link: click.echo(f"the page is at {link}"))
+    nodes = RunningNodes(sys.stdout, on_page=lambda _, link: click.echo(f"the page is at {link}"))
     nodes.stop_by_signals()
     if nodes.run((page,), namespace, "the page is up; Ctrl-C ends it, not the rig"):
         raise RigError("the page has ended: see above")

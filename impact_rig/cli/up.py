@@ -21,6 +21,7 @@ from impact_rig.cli import options
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     LAUNCHER,
+    LOG_NAME,
     MEASURING,
     NOTICES,
     RECORDING_NAME,
@@ -73,16 +74,16 @@ class RunningNodes:
 
     Parameters
     ----------
-    output : IO of str
-        Gets each line of a node, with time and node in front.
+    outputs : IO of str
+        Get each line of a node, with time and node in front.
     on_page : callable, optional
         Gets the name of a node that serves a web page, and its address.
     """
 
     def __init__(
-        self, output: IO[str], on_page: Callable[[str, str], None] = lambda *_: None
+        self, *outputs: IO[str], on_page: Callable[[str, str], None] = lambda *_: None
     ) -> None:
-        self._output = output
+        self._outputs = outputs
         self._on_page = on_page
         self._nodes: dict[str, subprocess.Popen[bytes]] = {}  # those that have not ended
         self._colours: dict[str, str] = {}
@@ -187,12 +188,13 @@ class RunningNodes:
 
     def _print(self, name: str, text: str) -> None:
         prefix = f"{time.strftime('%H:%M:%S')} {name:{max(map(len, self._colours))}} | "
-        try:
-            click.echo(click.style(prefix, self._colours.get(name)) + text, self._output)
-        except OSError as error:
-            # The nodes run on, and what follows goes nowhere: this error comes once.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), self._output.fileno())
-            print_warning(f"the nodes' output is lost: {error.strerror}")
+        for output in self._outputs:
+            try:
+                click.echo(click.style(prefix, self._colours.get(name)) + text, output)
+            except OSError as error:
+                # The nodes run on, and what follows goes nowhere: this error comes once.
+                os.dup2(os.open(os.devnull, os.O_WRONLY), output.fileno())
+                print_warning(f"the nodes' output is lost: {error.strerror}")
 
 
 def run(
@@ -228,12 +230,17 @@ def run(
     )
     names = {process.name for process in processes}
     check_free(join_names(namespace, names))
-    if names & {"recorder", "visualizer"} and resume is None:
-        make_run_folder(folder)
-    recorded = folder / RECORDING_NAME if "recorder" in names else None
-    nodes = RunningNodes(sys.stdout)
-    nodes.stop_by_signals()
-    code = nodes.run(processes, namespace, describe_ready(rig, recorded, namespace))
+    log = Path(os.devnull)
+    if names & {"recorder", "visualizer"}:
+        log = folder / LOG_NAME
+        if resume is None:
+            make_run_folder(folder)
+    # A run that goes on has several recordings.
+    recorded = resume or folder / RECORDING_NAME if "recorder" in names else None
+    with log.open("a", encoding="utf-8") as written:
+        nodes = RunningNodes(sys.stdout, written)
+        nodes.stop_by_signals()
+        code = nodes.run(processes, namespace, describe_ready(rig, recorded, namespace))
     if recorded and recorded.exists():
         click.echo(f"recording: {recorded}")
     if code:

@@ -1,44 +1,193 @@
-"""Which parameters the nodes have: a name that none has is refused wherever it is given.
+"""The parameters of the nodes: what each means and may be, read wherever one is given.
 
-It may be about safety, and ROS 2 takes any name and says nothing.
+A name that no node has, or a value that cannot be meant, is refused before anything starts: it may
+be about safety, and ROS 2 takes any name and says nothing.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from impact_rig.core.errors import ParameterError
 
-_COMMON = ("autostart", "start_type_description_service", "use_sim_time")
-_DEVICE = ("rig_file", "reconnect_period")
-PARAMETERS: Mapping[str, tuple[str, ...]] = {
-    "accelerometer": (*_DEVICE, "mode", "stream_block_size", "trigger_timeout", "source"),
-    "campaign": ("rig_file", "verdict_timeout", "pause_timeout"),
-    "estimator": (),
-    "hammer": (*_DEVICE, "swing_time", "return_time", "confirm_return"),
-    "page": ("address", "port", "certificate", "key"),
-    "recorder": ("output", "compression", "record_stream", "notes", "attachments"),
-    "replayer": (
-        "file", "rate", "loop", "rig_namespace", "required_subscribers", "exit_when_done",
-    ),
-    "visualizer": ("output", "connect", "spawn", "web"),
-}  # fmt: skip
-"""Those of each node, besides those that all have."""
+CONTINUOUS = "continuous"
+"""Mode of accelerometers that stream all the time."""
+TRIGGERED = "triggered"
+KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a node."""
+
+    default: bool | int | float | str
+    description: str
+    low: float = -math.inf
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
+    is_live: bool = False  # it takes effect at once; others are read when the node is configured
+    is_read_only: bool = False  # set when the node starts
+
+    def convert(self, name: str, value: Any) -> Any:
+        """Return a value that is given; raises `ParameterError` if it cannot be meant."""
+        kind = type(self.default)
+        if kind is float and type(value) is int:
+            value = float(value)
+        wanted, is_good = KINDS[kind], type(value) is kind
+        if math.isfinite(self.high):
+            wanted += f" from {self.low:g} to {self.high:g}"
+            is_good = is_good and self.low <= value <= self.high
+        if self.choices:
+            wanted, is_good = f"one of {', '.join(self.choices)}", value in self.choices
+        if not is_good:
+            raise ParameterError(f"{name} is {value!r}: it must be {wanted}")
+        return value
+
+
+COMMON: Mapping[str, Parameter] = {
+    "autostart": Parameter(
+        default=True, description="configure and activate at start-up, without a lifecycle manager"
+    )
+}
+"""Those that all nodes have."""
+OF_ROS = ("start_type_description_service", "use_sim_time")
+"""Those that ROS 2 gives to all nodes."""
 OF_RCL = "qos_overrides."
 """Begins parameters of the middleware's client library."""
+_RIG_FILE = Parameter("", "path of the rig file; empty: the paper's rig, virtual")
+_DEVICE = {
+    "rig_file": _RIG_FILE,
+    "reconnect_period": Parameter(
+        1.0,
+        "how often a missing device is looked for [s]; 0: only when the node is configured again",
+        low=0.0, high=3600.0, is_live=True,
+    ),
+}  # fmt: skip
+PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
+    "accelerometer": {
+        **_DEVICE,
+        "source": Parameter(
+            "", "lines of TOML that go before the rig file's table [source]: seed = 7"
+        ),
+        "mode": Parameter(
+            TRIGGERED,
+            f"{TRIGGERED}: blocks of each hit, on `acceleration`; {CONTINUOUS}: blocks of all that"
+            " comes, on `acceleration/stream`, in which the estimator finds the impacts",
+            choices=(TRIGGERED, CONTINUOUS), is_read_only=True,
+        ),
+        "stream_block_size": Parameter(
+            25_000, "points per block of the running stream [-]", low=1, high=10_000_000
+        ),
+        "trigger_timeout": Parameter(
+            0.5,
+            "how long after the latest contact a trigger may come, and how long the rest of a"
+            " record may take from block to block [s]",
+            low=0.0, high=60.0,
+        ),
+    },
+    "campaign": {
+        "rig_file": _RIG_FILE,
+        "verdict_timeout": Parameter(
+            5.0, "longest time from the latest contact to the verdict [s]",
+            low=0.1, high=3600.0, is_live=True,
+        ),
+        "pause_timeout": Parameter(
+            0.0, "how long a campaign may stand still [s]; 0: for ever",
+            low=0.0, high=1e6, is_live=True,
+        ),
+    },
+    "estimator": {},
+    "hammer": {
+        **_DEVICE,
+        "swing_time": Parameter(
+            0.207, "time from release to contact [s]; the paper's 0.207",
+            low=0.0, high=60.0, is_live=True,
+        ),
+        "return_time": Parameter(
+            0.0, "from contact back into the holder [s]", low=0.0, high=60.0, is_live=True
+        ),
+        "confirm_return": Parameter(
+            default=False,
+            description="after each swing, wait until somebody calls hammer/confirm_held",
+            is_live=True,
+        ),
+    },
+    "page": {
+        "address": Parameter("127.0.0.1", "where the page is served; elsewhere with a token"),
+        "port": Parameter(8000, "of the page; 0: any that is free", low=0, high=65535),
+        "certificate": Parameter("", "path of the server's TLS certificate; empty: no TLS"),
+        "key": Parameter("", "path of the certificate's key; empty: it is in the same file"),
+    },
+    "recorder": {
+        "output": Parameter(
+            "", "the new recording, an .mcap file; empty: runs/<time>/session.mcap under the"
+            " working directory",
+        ),
+        "compression": Parameter("zstd", "of chunks", choices=("zstd", "lz4", "none")),
+        "record_stream": Parameter(
+            default=False,
+            description="in continuous mode, whether the running stream of the accelerometers is"
+            " recorded as a whole, beside the hits that are found in it; 72 GB an hour at"
+            " 2.5 MS/s, uncompressed",
+        ),
+        "notes": Parameter("", "in the operator's words; they go into the recording"),
+        "attachments": Parameter("", "files, by commas, that go into the recording"),
+    },
+    "replayer": {
+        "file": Parameter("", "path of the recording: an .mcap file, or the folder of a run"),
+        "rig_namespace": Parameter(
+            "", "of the rig to replay, where the recording holds several"
+        ),
+        "rate": Parameter(
+            1.0,
+            "speed, part of the original's [-]; may be changed at any time; what comes faster than"
+            " the subscribers take it is lost",
+            low=0.001, high=1000.0, is_live=True,
+        ),
+        "loop": Parameter(1, "how often [-]; 0: without end", low=0, high=1_000_000, is_live=True),
+        "required_subscribers": Parameter(
+            "estimator",
+            "nodes of this namespace, by commas, that must be connected before the start",
+            is_live=True,
+        ),
+        "exit_when_done": Parameter(
+            default=False, description="end the process at the end of the recording", is_live=True
+        ),
+    },
+    "visualizer": {
+        "output": Parameter("", "path of the .rrd file to be written; empty: none"),
+        "connect": Parameter(
+            "", "address of a viewer elsewhere that is there already, rerun+http://HOST:9876/proxy;"
+            " empty: none",
+        ),
+        "spawn": Parameter(default=False, description="open a viewer on this host"),
+        "web": Parameter(
+            default=False, description="serve a web page for this host; the log says where"
+        ),
+    },
+}  # fmt: skip
+"""Those of each node, besides those that all have."""
 
 
-def check_parameters(names: Iterable[str], node: str = "") -> None:
-    """Raise a `ParameterError` for a name that a node has not; without a node: that none has."""
-    nodes = [node] if node else [*PARAMETERS]
-    known = sorted({*_COMMON, *(name for each in nodes for name in PARAMETERS[each])})
-    for name in names:
+def check_parameters(values: Mapping[str, Any], node: str = "") -> None:
+    """Raise a `ParameterError` for a name that a node has not, or a value that cannot be meant.
+
+    Without a node it may be any of the rig's.
+    """
+    nodes = [PARAMETERS[node]] if node else [*PARAMETERS.values()]
+    known = sorted({*COMMON, *OF_ROS, *(name for each in nodes for name in each)})
+    for name, value in values.items():
         if name not in known and not name.startswith(OF_RCL):
             near = get_close_matches(name, known, 1)
             hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}"
             who = f"the node {node} has no" if node else "no node of the rig has a"
             raise ParameterError(f"{who} parameter {name!r}: {hint}")
+        for parameters in (COMMON, *nodes):
+            if name in parameters:
+                parameters[name].convert(name, value)
 
 
 def check_parameter_file(path: Path) -> None:
@@ -52,14 +201,14 @@ def check_parameter_file(path: Path) -> None:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ParameterError(f"params_file {path} is not YAML: {error}") from None
     try:
-        for node, names in _find_sections("", content):
-            check_parameters(names, node)
+        for node, values in _find_sections("", content):
+            check_parameters(values, node)
     except ParameterError as error:
         raise ParameterError(f"params_file {path}: {error}") from None
 
 
-def _find_sections(name: str, content: Any) -> Iterator[tuple[str, Iterable[str]]]:
-    """Yield the sections of a file: the node, empty if any node of a name is meant, and names."""
+def _find_sections(name: str, content: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the sections of a file: the node, empty if any node of a name is meant, and values."""
     if not isinstance(content, dict):
         raise ParameterError("it must have sections NODE: {ros__parameters: {NAME: VALUE}}")
     for key, value in content.items():
@@ -69,12 +218,12 @@ def _find_sections(name: str, content: Any) -> Iterator[tuple[str, Iterable[str]
         node = name.rpartition("/")[2]
         if node not in (*PARAMETERS, "*", "**"):
             raise ParameterError(f"the rig has no node {node!r}: it has {', '.join(PARAMETERS)}")
-        yield ("" if "*" in node else node), _list_names("", value or {})
+        yield ("" if "*" in node else node), dict(_list_values("", value or {}))
 
 
-def _list_names(prefix: str, values: Mapping[str, Any]) -> Iterator[str]:
+def _list_values(prefix: str, values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     for name, value in values.items():
         if isinstance(value, dict):
-            yield from _list_names(f"{prefix}{name}.", value)
+            yield from _list_values(f"{prefix}{name}.", value)
         else:
-            yield f"{prefix}{name}"
+            yield f"{prefix}{name}", value

@@ -11,7 +11,7 @@ from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from impact_rig.configuration.parameters import check_parameters
+from impact_rig.configuration.parameters import CONTINUOUS, check_parameters
 from impact_rig.core.errors import FileError, ParameterError
 
 if TYPE_CHECKING:
@@ -110,9 +110,6 @@ def read_notice(line: str) -> tuple[Notice, str] | None:
     name, _, value = line[1:].partition(" ")
     return Notice(name), value
 
-
-CONTINUOUS = "continuous"
-"""Mode of accelerometers that stream all the time."""
 
 WINDOW = "spawn"
 PAGE = "web"
@@ -216,7 +213,7 @@ def list_rig_processes(
     }
     nodes["hammer"] |= rig.hammer if rig else {}
     for name in nodes:
-        check_parameters(further.get(name, ()), name)
+        check_parameters(further.get(name, {}), name)
         nodes[name] |= further.get(name, {})
     if record_stream and nodes["accelerometer"].get("mode") != CONTINUOUS:
         raise ParameterError("there is no running stream to record: choose continuous mode, too")
@@ -290,7 +287,6 @@ def parse_parameters(settings: tuple[str, ...]) -> dict[str, dict[str, Any]]:
         If a text has another form, or the rig has no such node.
     """
     nodes = [process.name for process in list_rig_processes("", page=True)]
-    known = [*nodes, SOURCE]
     parsed: dict[str, dict[str, Any]] = {}
     for text in settings:
         place, equals, value = text.partition("=")
@@ -299,12 +295,13 @@ def parse_parameters(settings: tuple[str, ...]) -> dict[str, dict[str, Any]]:
             raise ParameterError(
                 f"--set {text!r}: write NODE.PARAMETER=VALUE, for example hammer.swing_time=0.3"
             )
-        if node not in known:
+        if node not in (*nodes, SOURCE):
             raise ParameterError(f"--set {text!r}: the rig has no node {node!r}, it has {nodes}")
+        of_node = parsed.setdefault(node, {})
         try:
-            parsed.setdefault(node, {})[parameter] = json.loads(value)
+            of_node[parameter] = json.loads(value)
         except json.JSONDecodeError:
-            parsed.setdefault(node, {})[parameter] = value
+            of_node[parameter] = value
     return parsed
 
 

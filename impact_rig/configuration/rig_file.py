@@ -8,6 +8,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from impact_rig.configuration.parameters import PARAMETERS
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
 from impact_rig.configuration.units import (
     Given,
@@ -340,8 +341,9 @@ def _parse_angles(hammer: TomlTable, setup: RigSetup) -> tuple[float, ...]:
 
 def _parse_swing(holder: TomlTable) -> dict[str, Any]:
     """Return the hammer's parameters in the table [holder]."""
+    known = PARAMETERS["hammer"]
     parameters: dict[str, Any] = {
-        key: holder.take_quantity(key, "s", "207 ms", low=0.0, high=60.0)
+        key: holder.take_quantity(key, "s", "207 ms", low=known[key].low, high=known[key].high)
         for key in ("swing_time", "return_time")
         if key in holder
     }

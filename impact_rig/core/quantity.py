@@ -45,11 +45,13 @@ LARGEST = 1e30
 largest is k of a contact law of high exponent, 1e27 N/m^n; squares and ratios stay finite."""
 POSITIVE = 1.0 / LARGEST
 """Least of what is above 0."""
-LEAST = {
-    "s": POSITIVE, "N/m": POSITIVE, "N/m^n": POSITIVE, "m/s": POSITIVE,
-    "N s": POSITIVE, "N s/m": 0.0, "Hz": 0.0, "m/s^2": 0.0, "N": 0.0, "m": 0.0, "kg": 0.0,
+LIMITS = {
+    "s": (POSITIVE, 1e4), "N/m": (POSITIVE, 1e15), "N/m^n": (POSITIVE, LARGEST),
+    "m/s": (POSITIVE, 1e5), "N s": (POSITIVE, 1e9), "N s/m": (0.0, 1e12), "Hz": (0.0, 1e12),
+    "m/s^2": (0.0, 1e12), "N": (0.0, 1e12), "m": (0.0, 1e3), "kg": (0.0, 1e9),
 }  # fmt: skip
-"""What numbers of a unit are at least, where their field says nothing else."""
+"""What numbers of a unit are at least and at most, where their field says nothing else. Our
+choice: a thousand times what bodies on earth have, such as 1e12 N/m of a metre of diamond."""
 
 
 @dataclass(frozen=True)
@@ -86,11 +88,11 @@ def describe(
     shown: str = "",
     written: str = "",
     least: float | None = None,
-    most: float = LARGEST,
+    most: float | None = None,
 ) -> Mapping[str, Description]:
-    """Return the metadata of a dataclass field, see `Description`; `least` goes by the unit."""
-    if least is None:
-        least = LEAST.get(unit, -LARGEST)
+    """Return the metadata of a dataclass field, see `Description`; its limits go by the unit."""
+    low, high = LIMITS.get(unit, (-LARGEST, LARGEST))
+    least, most = low if least is None else least, high if most is None else most
     return {_KEY: Description(unit, symbol, label, shown, written, least=least, most=most)}
 
 

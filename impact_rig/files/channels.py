@@ -51,6 +51,7 @@ from impact_rig.files.times import (
     LARGEST_TIME_ERROR,
     PIECE,
     RATE_DIGITS,
+    RATE_MISMATCH,
     TIME_UNITS,
     Clock,
     find_axis,
@@ -68,8 +69,6 @@ LONGEST_CONTACT = 0.2
 on anything so long."""
 LARGEST_RANGE = 1e12
 """Largest value over the unit, and over the pulse that is in it [-]: no instrument has more."""
-RATE_MISMATCH = 0.01
-"""How far a given rate may be from that of the file [-]."""
 MINIMUM_POINTS = 16  # of a trace: a pulse and some baseline
 
 NO_SPECIMEN = ChannelBlock(np.empty(0), 1.0, 0.0, 0.0)

@@ -83,7 +83,7 @@ def assign_roles(questions: Questions, plan: ChannelPlan) -> list[Roles]:
         raise _refuse_nothing(measurement, time)
     hammers = _choose_hammers(candidates)
     if not hammers:
-        questions.missing.append(_ask_for_hammer(measurement))
+        questions.missing.append(_ask_for_hammer(measurement, candidates))
         return [Roles(candidates[0], time=time)]
     if named:
         return _pair(measurement, plan, hammers, named, time)
@@ -227,15 +227,27 @@ def _get_kind(channel: MeasuredChannel) -> Kind:
     return find_kind(channel.name, channel.unit or find_unit(channel.name))
 
 
-def _ask_for_hammer(measurement: Measurement) -> Missing:
+def _ask_for_hammer(measurement: Measurement, candidates: Channels) -> Missing:
     channels = measurement.channels
+    likely = max(candidates, key=_rank_as_hammer)
+    is_alone = [channel.name for channel in channels].count(likely.name) == 1
+    number = next(place for place, channel in enumerate(channels, 1) if channel is likely)
+    advice = f"{HAMMER_OPTION} {likely.name if is_alone else str(number)!r}"
     roles = json.dumps(guess_roles(channels))
     what = (
         f"neither names nor units say which of its {len(channels)} channels is the hammer's:"
         f" {list_channels(measurement)}. If several are, each is a hit: columns = {roles} gives"
         f" the role of each ({', '.join(ROLES)})"
     )
-    return Missing(what, CHOICE, "hammer", f"{HAMMER_OPTION} {channels[-1].name!r}")
+    return Missing(what, CHOICE, "hammer", advice)
+
+
+def _rank_as_hammer(channel: MeasuredChannel) -> int:
+    """Return how likely a channel is the hammer's, by its name and unit."""
+    kind = _get_kind(channel)
+    if says_sample(channel.name) or kind is Kind.OTHER:
+        return 0
+    return 1 + (kind is Kind.FORCE) + says_hammer(channel.name)
 
 
 def ask_for_specimen(roles: Roles) -> Missing:

@@ -39,6 +39,8 @@ TIE = 1.0 + 1e-6
 RATE_DIGITS = 9
 """Digits that a sampling rate found in a time column is rounded to, our choice: files of one
 series get the same rate, whatever the last bits of their times."""
+RATE_MISMATCH = 0.01
+"""How far two statements of one rate may be apart [-]: rounding makes some of it."""
 LARGEST_TIME_ERROR = 0.05
 """How far a point may lie from an even time grid, part of the step [-]. Our choice: above what
 rounding to the printed digits makes of even steps, far below a point that is missing."""

@@ -7,7 +7,7 @@ from impact_rig_msgs.msg import HammerRelease
 from impact_rig_msgs.srv import Arm, JoinCampaign
 from std_srvs.srv import Trigger
 
-from impact_rig.configuration.processes import CONTINUOUS
+from impact_rig.configuration.parameters import CONTINUOUS
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.setup import RigSetup
@@ -24,8 +24,6 @@ from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
 from impact_rig.page.states import HammerPlace, HammerStatus, Phase
 from impact_rig.recordings.messages import NO_ID
-
-TRIGGERED = "triggered"
 
 
 class AccelerometerNode(DeviceNode):
@@ -44,24 +42,6 @@ class AccelerometerNode(DeviceNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("accelerometer", **options)
-        self.declare(
-            "source", "", "lines of TOML that go before the rig file's table [source]: seed = 7"
-        )
-        self.declare(
-            "mode", TRIGGERED,
-            f"{TRIGGERED}: blocks of each hit, on `acceleration`; {CONTINUOUS}: blocks of all that"
-            " comes, on `acceleration/stream`, in which the estimator finds the impacts",
-            choices=(TRIGGERED, CONTINUOUS), read_only=True,
-        )  # fmt: skip
-        self.declare(
-            "stream_block_size", 25_000, "points per block of the running stream [-]",
-            low=1, high=10_000_000,
-        )  # fmt: skip
-        self.declare(
-            "trigger_timeout", 0.5,
-            "how long after the latest contact a trigger may come, and how long the rest of a"
-            " record may take from block to block [s]", low=0.0, high=60.0,
-        )  # fmt: skip
         self._setup: RigSetup | None = None
         self._open: OpenSource | None = None
         self._thread: SourceThread | None = None

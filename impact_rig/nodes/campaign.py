@@ -57,15 +57,6 @@ class CampaignNode(RigNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("campaign", **options)
-        self.declare("rig_file", "", "path of the rig file; empty: the paper's rig and samples")
-        self.declare(
-            "verdict_timeout", 5.0, "longest time from the latest contact to the verdict [s]",
-            low=0.1, high=3600.0, live=True,
-        )  # fmt: skip
-        self.declare(
-            "pause_timeout", 0.0, "how long a campaign may stand still [s]; 0: for ever",
-            low=0.0, high=1e6, live=True,
-        )  # fmt: skip
         self._setup_of_rig: RigSetup = PAPER_SETUP
         self._angles: tuple[float, ...] = ()
         self._campaign: Campaign | None = None
@@ -146,7 +137,8 @@ class CampaignNode(RigNode):
     def _check_end(self, campaign: Campaign) -> None:
         """Raise `EndError` if the client, this node's end or a long pause ends the campaign."""
         if campaign.is_cancelled:
-            raise EndError("cancelled by the operator")
+            pause = campaign.state.message
+            raise EndError(f"cancelled in a pause: {pause}" if pause else "cancelled by a client")
         if campaign.is_superseded:
             raise EndError("another client goes on with it")
         if self.stop_requested.done():

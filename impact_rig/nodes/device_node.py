@@ -5,6 +5,7 @@ from typing import Any
 
 from rclpy.lifecycle import TransitionCallbackReturn
 
+from impact_rig.configuration.parameters import Parameter
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.nodes.rig_node import RigNode
 
@@ -24,13 +25,7 @@ class DeviceNode(RigNode):
 
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, **options)
-        self.declare("rig_file", "", "path of the rig file; empty: the paper's rig, virtual")
-        self.declare(
-            "reconnect_period", 1.0,
-            "how often a missing device is looked for [s]; 0: only when the node is"
-            " configured again", low=0.0, high=3600.0, live=True,
-        )  # fmt: skip
-        self._fixed.add("use_sim_time")
+        self._known["use_sim_time"] = Parameter(default=False, description="")  # fixed, too
         self._reconnection = self.create_timer(1.0, self._reconnect)
         self._reconnection.cancel()
 

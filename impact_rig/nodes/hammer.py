@@ -36,18 +36,6 @@ class HammerNode(DeviceNode):
     def __init__(self, **options: Any) -> None:
         self._last_seen, self._is_caught_up_at = _read_clock(), 0.0
         super().__init__("hammer", **options)
-        self.declare(
-            "swing_time", 0.207, "time from release to contact [s]; the paper's 0.207",
-            low=0.0, high=60.0, live=True,
-        )  # fmt: skip
-        self.declare(
-            "return_time", 0.0, "from contact back into the holder [s]",
-            low=0.0, high=60.0, live=True,
-        )  # fmt: skip
-        self.declare(
-            "confirm_return", False,
-            "after each swing, wait until somebody calls hammer/confirm_held", live=True,
-        )  # fmt: skip
         self._patience = 0.0  # [s], within which an operator releases by hand; 0: a device does
         self._holder = ""
         self._released: Release.Request | None = None

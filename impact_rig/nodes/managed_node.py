@@ -29,9 +29,6 @@ class ManagedNode(ParameterNode):
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, **options)
         self.fault = ""  # what the diagnostics call an error
-        self.declare(
-            "autostart", True, "configure and activate at start-up, without a lifecycle manager"
-        )
 
     def configure(self) -> None:
         """Read the parameters and open what is needed."""

@@ -53,10 +53,6 @@ class PageNode(RigNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("page", **options)
-        self.declare("address", "127.0.0.1", "where the page is served; elsewhere with a token")
-        self.declare("port", 8000, "of the page; 0: any that is free", low=0, high=65535)
-        self.declare("certificate", "", "path of the server's TLS certificate; empty: no TLS")
-        self.declare("key", "", "path of the certificate's key; empty: it is in the same file")
         self._status = RigStatus(self.get_namespace())
         self._feed = feed = CampaignFeed(self._on_campaign, self._on_finding)
         self._server: PageServer | None = None

@@ -68,7 +68,6 @@ def _run(make_node: Callable[[], RigNode], argv: Sequence[str] | None) -> int:
             rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
             executor = make_executor()
             node = make_node()
-        node.check_overrides()
         claim = claim_node(node.get_fully_qualified_name())
         executor.add_node(node)
         _stop_on_signals(node)

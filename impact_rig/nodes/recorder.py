@@ -47,7 +47,7 @@ from impact_rig.recordings.provenance import (
 from impact_rig.recordings.records import INFINITE, Attachment, OfferedQos
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.source import SUFFIX
-from impact_rig.recordings.writer import COMPRESSIONS, HEALTH_RECORD, RecordingWriter
+from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 
 QUEUE_DEPTH = 2000
 """Depth of the queue of a topic [messages]: almost a second of blocks of 1000 points
@@ -109,20 +109,6 @@ class RecorderNode(RigNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("recorder", **options)
-        self.declare(
-            "output", "",
-            f"the new recording, an {SUFFIX} file; empty: runs/<time>/{RECORDING_NAME} under the"
-            " working directory",
-        )  # fmt: skip
-        self.declare("compression", "zstd", "of chunks", choices=COMPRESSIONS)
-        self.declare(
-            "record_stream", False,
-            "in continuous mode, whether the running stream of the accelerometers is recorded as"
-            " a whole, beside the hits that are found in it; 72 GB an hour at 2.5 MS/s,"
-            " uncompressed",
-        )  # fmt: skip
-        self.declare("notes", "", "in the operator's words; they go into the recording")
-        self.declare("attachments", "", "files, by commas, that go into the recording")
         self._writer: RecordingWriter | None = None  # of the newest recording
         self._message = ""
         self._prefix = self.get_namespace().rstrip("/") + "/"

@@ -97,25 +97,6 @@ class ReplayerNode(RigNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("replayer", **options)
-        self.declare("file", "", "path of the recording: an .mcap file, or the folder of a run")
-        self.declare(
-            "rig_namespace", "", "of the rig to replay, where the recording holds several"
-        )
-        self.declare(
-            "rate", 1.0,
-            "speed, part of the original's [-]; may be changed at any time; what comes faster than"
-            " the subscribers take it is lost",
-            low=0.001, high=1000.0, live=True,
-        )  # fmt: skip
-        self.declare("loop", 1, "how often [-]; 0: without end", low=0, high=1_000_000, live=True)
-        self.declare(
-            "required_subscribers", "estimator",
-            "nodes of this namespace, by commas, that must be connected before the start",
-            live=True,
-        )  # fmt: skip
-        self.declare(
-            "exit_when_done", False, "end the process at the end of the recording", live=True
-        )
         self._recording: RunToReplay | None = None
         self._outputs: dict[str, Any] = {}
         self._timer: Any = None

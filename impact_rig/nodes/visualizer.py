@@ -137,15 +137,6 @@ class VisualizerNode(RigNode):
     def __init__(self, **options: Any) -> None:
         super().__init__("visualizer", **options)
         self.offer_to_join()
-        self.declare("output", "", "path of the .rrd file to be written; empty: none")
-        self.declare(
-            "connect",
-            "",
-            "address of a viewer elsewhere that is there already, rerun+http://HOST:9876/proxy;"
-            " empty: none",
-        )
-        self.declare("spawn", False, "open a viewer on this host")
-        self.declare("web", False, "serve a web page for this host; the log says where")
         self._view: LiveView | None = None
         self._latest: dict[Hashable, Work] = {}  # to be logged at the next refresh
         self._refreshing: Any = None

@@ -11,8 +11,6 @@ from impact_rig.recordings.new_file import DiskFile, make_folders
 from impact_rig.recordings.records import RECORDER, Channel, OfferedQos, format_offered_qos
 from impact_rig.recordings.schemas import MessageDefinition
 
-COMPRESSIONS = ("zstd", "lz4", "none")
-"""How chunks may be compressed."""
 DEFAULT_CHUNK_SIZE = 1 << 20
 """Uncompressed size at which a chunk is finished [byte]; what other MCAP writers use."""
 MESSAGE_OVERHEAD = 64
@@ -32,7 +30,7 @@ class RecordingWriter:
     path : Path
         Of the new file; it must not exist, its folder is made.
     compression : str
-        One of `COMPRESSIONS`.
+        Of chunks: zstd, lz4 or none.
     chunk_size : int
         Uncompressed size at which a chunk is finished [byte].
     library : str

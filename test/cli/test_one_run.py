@@ -63,6 +63,15 @@ def test_a_file_of_a_resumed_run_says_that_all_of_it_is_read(run, recorded, tmp_
         assert told in " ".join((outcome.stdout + outcome.stderr).split())
 
 
+def test_where_the_run_is_and_how_to_report_it_names_its_folder(run, recorded):
+    _, folder = recorded
+    told = run("analyze", folder / "session-2.mcap").stderr
+    assert told.splitlines()[-2:] == [
+        f"recording: {folder}",
+        f"report:    impact-rig report {folder}",
+    ]
+
+
 def test_the_recordings_of_a_run_named_one_by_one_are_one_run(run, recorded):
     _, folder = recorded
     named = run("analyze", *sorted(folder.glob("*.mcap")), "--json")

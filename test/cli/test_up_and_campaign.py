@@ -91,6 +91,15 @@ def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
     assert json.loads((start.folder / "run" / "results.json").read_text("utf-8")) == results
     notes = inspect_run(Run(start.folder / RECORDING)).notes
     assert [note.text for note in notes] == ["21 °C"]
+    assert (start.folder / "run" / "nodes.log").read_text("utf-8").count(ACTIVE) == 5
+
+
+def test_a_setting_that_cannot_be_meant_is_refused_before_anything_starts(run, tmp_path):
+    folder = tmp_path / "run"
+    done = run("up", "--output", folder, "--set", "hammer.swing_time=abc")
+    assert done.exit_code == 2
+    assert "swing_time is 'abc': it must be a number from 0 to 60" in done.stderr
+    assert not folder.exists()
 
 
 def test_the_line_that_ends_the_start_says_which_rig_it_is_and_what_to_call():

@@ -1,10 +1,14 @@
-"""A parameter that no node has is refused by name, in a file and elsewhere."""
+"""What no node has, and what a parameter cannot mean, is refused by name before a node starts."""
 
 import re
 
 import pytest
 
-from impact_rig.configuration.parameters import check_parameter_file, check_parameters
+from impact_rig.configuration.parameters import (
+    PARAMETERS,
+    check_parameter_file,
+    check_parameters,
+)
 from impact_rig.configuration.processes import list_rig_processes
 from impact_rig.core.errors import ParameterError
 
@@ -30,6 +34,7 @@ def test_the_parameters_of_all_nodes_are_taken(tmp_path):
         ("estimator: {ros__parameters: {swing_time: 0.3}}", "the node estimator has no parameter"),
         ("/b/hamer: {ros__parameters: {swing_time: 0.3}}", "the rig has no node 'hamer'"),
         ("hammer: {ros__parameters: {swing: {time: 0.3}}}", "'swing.time'"),
+        ("/**: {ros__parameters: {swing_time: -1}}", "swing_time is -1.0: it must be a number"),
         ("swing_time: 0.3", "it must have sections"),
         ("", "it must have sections"),
         ("a: [", "is not YAML"),
@@ -51,4 +56,28 @@ def test_a_file_that_does_not_exist_is_refused(tmp_path):
 def test_a_setting_of_the_command_line_is_refused_too():
     with pytest.raises(ParameterError, match="did you mean swing_time"):
         list_rig_processes("", overrides={"hammer": {"swing_tme": 0.3}})
-    check_parameters(["swing_time"], "hammer")
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "wanted"),
+    [
+        ("hammer.swing_time", "abc", "a number from 0 to 60"),
+        ("hammer.swing_time", -1, "a number from 0 to 60"),
+        ("hammer.swing_time", True, "a number from 0 to 60"),
+        ("hammer.confirm_return", 1, "true or false"),
+        ("accelerometer.stream_block_size", 0, r"a whole number from 1 to 1e\+07"),
+        ("accelerometer.stream_block_size", 2.5, "a whole number"),
+        ("accelerometer.mode", "always", "one of triggered, continuous"),
+        ("recorder.notes", 5, "a text"),
+        ("estimator.autostart", "no", "true or false"),
+    ],
+)
+def test_what_a_parameter_cannot_mean_is_refused(place, value, wanted):
+    node, _, name = place.partition(".")
+    with pytest.raises(ParameterError, match=f"{name} is .*: it must be {wanted}"):
+        list_rig_processes("", overrides={node: {name: value}})
+
+
+def test_a_whole_number_is_a_number():
+    check_parameters({"swing_time": 1}, "hammer")
+    assert PARAMETERS["hammer"]["swing_time"].convert("swing_time", 1) == 1.0

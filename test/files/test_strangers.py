@@ -264,6 +264,66 @@ def test_a_rate_may_be_stated_in_any_words_and_units(tmp_path, stated):
     assert read(tmp_path / "hit.txt")[0] == pytest.approx([RIGHT], rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("stated", "told"),
+    [
+        ("Rate: 51200 Hz\ndt,1e-5 s", "51200 Hz by 'rate' and 100000 Hz by 'dt'"),
+        ("dt,1e-5 s\nRate: 51200 Hz", "51200 Hz by 'rate' and 100000 Hz by 'dt'"),
+        ("fs = 51.2 kHz\nfs = 25.6 kHz", "51200 Hz by 'fs' and 25600 Hz by 'fs'"),
+        ("fs = 51.2 kHz\nfs = 51200 Hz\nSample Interval,0.0195 ms", ""),  # as rounded
+        ("fs = 51.2 kHz\ndt,0.0195", ""),  # in what unit is not stated
+    ],
+)
+def test_a_file_that_states_two_rates_is_refused_until_one_is_given(tmp_path, stated, told):
+    path = tmp_path / "hit.txt"
+    write_text(path, f"{stated}\nForce (N)", FORCE.tolist())
+    if told:
+        with pytest.raises(ValueError, match=f"two sampling rates, {told}: give --rate"):
+            read(path)
+    assert read(path, rate=RATE * bool(told) or None)[0] == pytest.approx([RIGHT], rel=1e-3)
+
+
+def test_the_step_of_a_waveform_may_be_in_any_unit_of_time(tmp_path):
+    path = tmp_path / "hit.tdms"
+    write_tdms(path, ("hammer", "N", FORCE), wf_increment=1e3 / RATE, wf_xunit_string="ms")
+    assert read(path)[0] == pytest.approx([RIGHT], rel=1e-3)
+    write_tdms(path, ("hammer", "N", FORCE), wf_xunit_string="Hz")
+    with pytest.raises(ValueError, match="the steps of 'hammer' are in 'Hz', no unit of time"):
+        read(path)
+    assert read(path, rate=RATE)[0] == pytest.approx([RIGHT], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        {"sampling_rate": RATE / 1e3, "sampling_rate_unit": "kHz"},
+        {"fs": RATE, "fs_unit": "Hz"},
+        {"dt": 1e3 / RATE, "dt_unit": "ms"},
+    ],
+)
+def test_an_attribute_may_say_the_unit_of_a_rate(tmp_path, stated):
+    with h5py.File(tmp_path / "hit.h5", "w") as file:
+        file["hammer"] = FORCE
+        file["hammer"].attrs.update(stated)
+    assert read(tmp_path / "hit.h5")[0] == pytest.approx([RIGHT], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("heading", "advice"),
+    [
+        ("time (s),acc1 (g),acc2 (g),acc3 (g)", "'acc1'"),
+        ("time (s),response (g),x (V),temp (C)", "'x'"),
+        ("time (s),x (V),F1 (N),F2 (N)", "'F1'"),
+        ("time (s),x,x,x", "'2'"),
+    ],
+)
+def test_what_is_asked_for_the_hammer_s_channel_can_be_it(tmp_path, heading, advice):
+    columns = [FORCE.tolist(), MOVED.tolist(), FORCE.tolist()]
+    write_text(tmp_path / "hit.csv", heading, TIME.tolist(), *columns)
+    with pytest.raises(ValueError, match=f"give --hammer-channel {advice}"):
+        read(tmp_path / "hit.csv")
+
+
 @pytest.mark.parametrize("text", ["51.2kS/s", "51.2 kSa/s", "0.0512 MS/s", "51200 S/s"])
 def test_samples_per_second_are_hertz_on_the_command_line_too(text):
     assert parse_quantity("--rate", text, "Hz", "25.6 kHz") == pytest.approx(RATE)

@@ -90,6 +90,7 @@ def test_where_nobody_is_there_a_pause_that_a_person_would_end_is_an_end(
     harness, ros_domain, monkeypatch
 ):
     start_rig(harness, campaign=SOON)
+    states = harness.listen(interfaces.CAMPAIGN_STATE)
     monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
 
     def disarm(rig):
@@ -104,6 +105,8 @@ def test_where_nobody_is_there_a_pause_that_a_person_would_end_is_an_end(
         outcome = client.run(goal, Onlooker(disarm), longest_pause=1.0)
     assert not outcome.success
     assert outcome.message.startswith("nobody is there to end this pause: the hammer is not armed")
+    told = states.wait(lambda got: got[-1].state == CampaignState.ENDED)[-1].message
+    assert told.startswith("cancelled in a pause: the hammer is not armed")
     assert [hit.impact for hit in outcome.results.hits if hit.accepted][:1] == [1]
 
 

@@ -47,7 +47,7 @@ def test_every_parameter_of_a_node_is_on_the_page_and_no_other(harness):
         # What is refused elsewhere.
         assert set(PARAMETERS[name]) == own
         with pytest.raises(ParameterError):
-            check_parameters(["swing_tme"], name)
+            check_parameters({"swing_tme": 1.0}, name)
 
 
 def test_every_topic_service_and_action_is_on_the_page():

@@ -13,17 +13,18 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 
+from impact_rig.configuration.parameters import PARAMETERS
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.provenance import ATTACHMENT_LIMIT, read_attached_file
 from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import find_message_definition
-from impact_rig.recordings.writer import COMPRESSIONS, RecordingWriter
+from impact_rig.recordings.writer import RecordingWriter
 
 LATCHED = OfferedQos("reliable", "transient_local", "keep_last", 16)
 
 
-@pytest.fixture(params=COMPRESSIONS)
+@pytest.fixture(params=PARAMETERS["recorder"]["compression"].choices)
 def recording(request, make_recording) -> Path:
     """Return a recording of 41 messages on three topics in several chunks."""
     maker = make_recording(compression=request.param, chunk_size=4000)

@@ -26,8 +26,17 @@ from impact_rig.files.measurement import ORIGIN, Measurement, make_unique
 
 START_NAMES = {"start", "start s", "t0", "x0"}
 """Names of attributes, in small letters, underscores as blanks."""
+UNIT_OF_RATE = " unit"
+"""What follows the name of a rate in that of its unit, as `sampling_rate_unit`."""
+
+
+def _says_rate(name: str) -> bool:
+    name = name.removesuffix(UNIT_OF_RATE)
+    return is_rate_name(name) or is_step_name(name)
+
+
 FAMILIES = (
-    lambda name: is_rate_name(name) or is_step_name(name),
+    _says_rate,
     UNIT_NAMES.__contains__,
     START_NAMES.__contains__,
 )
@@ -99,11 +108,7 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
     name = item.name.strip("/")
     if item.size and not item.id.get_storage_size():
         raise FileError(f"{path}: {name} should have {item.size} numbers, the file has none")
-    rates = {name: _read_number(stated, {name}) for name in stated}
-    rates = {name: compute_stated_rate(name, value) for name, value in rates.items()}
-    name_of_rate, rate = next(
-        ((name, rate) for name, rate in rates.items() if rate > 0), ("", math.nan)
-    )
+    rate, has_unit = _find_rate(stated)
     units = [stated[key] for key in stated if key in UNIT_NAMES]
     recorded_at = item.attrs.get(RECORDED_AT)
     return NamedArray(
@@ -115,10 +120,20 @@ def _read_array(path: Path, item: Any, stated: dict[str, Any]) -> NamedArray:
             "start": _read_number(stated, START_NAMES, 0.0),
             "recorded_at": int(recorded_at) if isinstance(recorded_at, np.integer) else 0,
             ORIGIN: str(item.attrs.get(ORIGIN, "")),
-            "time_unit": "s" if states_unit(name_of_rate) else "",
+            "time_unit": "s" if has_unit else "",
         },
         is_channel=NAME in item.attrs and len(item.shape) == 1,
     )
+
+
+def _find_rate(stated: dict[str, Any]) -> tuple[float, bool]:
+    """Return the sampling rate that is stated [Hz], NaN for none, and whether its unit is, too."""
+    for name in stated:
+        unit = str(stated.get(name + UNIT_OF_RATE, ""))
+        rate = compute_stated_rate(name, _read_number(stated, {name}), unit)
+        if rate > 0:
+            return rate, states_unit(name, unit)
+    return math.nan, False
 
 
 def _inherit(stated: dict[str, Any], item: Any) -> dict[str, Any]:

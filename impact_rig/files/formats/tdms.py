@@ -19,9 +19,10 @@ from impact_rig.files.measurement import (
     Measurement,
     make_unique,
 )
-from impact_rig.files.times import round_rate
+from impact_rig.files.times import TIME_UNITS, normalize_time_unit, round_rate
 
 STEP, START, UNIT = "wf_increment", "wf_start_offset", "unit_string"
+STEP_UNIT = "wf_xunit_string"
 RECORDED_AT = "wf_start_time"
 """National Instruments' names of what belongs to a waveform."""
 RATE, NAME = "sampling_rate", "name"
@@ -61,6 +62,7 @@ def read_tdms(path: Path) -> Measurement:
         check_size(path, sum(8 * len(item) for group in groups for item in group.channels()))
         arrays = [
             _read_channel(
+                path,
                 channel,
                 f"{group.name}/" if len(groups) > 1 else "",
                 tdms.properties | group.properties | channel.properties,
@@ -71,19 +73,25 @@ def read_tdms(path: Path) -> Measurement:
     return replace(make_measurement(path, arrays), remarks=tuple(remarks))
 
 
-def _read_channel(channel: Any, group: str, properties: dict[str, Any]) -> NamedArray:
-    step = _read_number(properties, STEP)
-    rate = _read_number(properties, RATE, round_rate(step))
+def _read_channel(path: Path, channel: Any, group: str, properties: dict[str, Any]) -> NamedArray:
+    name = str(properties.get(NAME, group + channel.name))
+    unit = str(properties.get(STEP_UNIT, ""))
+    scale = TIME_UNITS.get(normalize_time_unit(unit or "s"), math.nan)
+    rate = _read_number(properties, RATE, round_rate(scale * _read_number(properties, STEP)))
     if math.isnan(rate):  # not written as a waveform: some say it in their own words
         stated = [NamedArray(name, np.asarray(value)) for name, value in properties.items()]
         rate = next((rate for rate in map(read_stated_rate, stated) if rate > 0), math.nan)
     return NamedArray(
-        name=str(properties.get(NAME, group + channel.name)),
+        name=name,
         values=np.asarray(channel[:]) if len(channel) else np.empty(0),
         stated={
             "sampling_rate": rate,
             "unit": str(properties.get(UNIT, "")),
-            "start": _read_number(properties, START, 0.0),
+            "start": scale * _read_number(properties, START, 0.0) if scale > 0 else 0.0,
+            "time_flaw": ""
+            if scale > 0
+            else f"{path}: the steps of {name!r} are in {unit!r}, no unit of time: if it is a"
+            " trace over time, give --rate",
             "recorded_at": _read_time(properties),
             ORIGIN: str(properties.get(ORIGIN, "")),
         },

@@ -22,10 +22,16 @@ import numpy as np
 
 from impact_rig.core.errors import FileError
 from impact_rig.core.records import FloatArray
-from impact_rig.files.formats.rates import compute_stated_rate, is_step_name, states_unit
+from impact_rig.files.formats.rates import (
+    compute_stated_rate,
+    is_rate_name,
+    is_step_name,
+    states_unit,
+)
 from impact_rig.files.measurement import ORIGIN, MeasuredChannel, Measurement
 from impact_rig.files.names import is_unit, split_name
 from impact_rig.files.times import (
+    RATE_MISMATCH,
     SAMPLES,
     find_time_unit,
     is_clock,
@@ -202,7 +208,7 @@ def read_table(path: Path, pieces: Iterator[str]) -> Measurement:
             zip(table.columns, columns, strict=True), 1
         )
     ]
-    return Measurement(path, _set_clock(channels, statements))
+    return Measurement(path, _set_clock(path, channels, statements))
 
 
 def _read_word(cell: str) -> str:
@@ -211,14 +217,14 @@ def _read_word(cell: str) -> str:
 
 
 def _set_clock(
-    channels: list[MeasuredChannel], statements: dict[str, list[str]]
+    path: Path, channels: list[MeasuredChannel], statements: dict[str, list[str]]
 ) -> tuple[MeasuredChannel, ...]:
     """Return channels with the rate that their file states, where its times do not tell it."""
-    rate, unit = _find_rate(statements)
+    rate, unit, flaw = _find_rate(path, statements)
     start = _find_start(statements)
     first = channels[0]
     if math.isnan(rate):
-        return tuple(channels)
+        return tuple(replace(channel, time_flaw=flaw) for channel in channels)
     if RATE in statements and first.name == TIME and len(channels) > 1:
         del channels[0]
     elif any(is_clock(channel.values) for channel in channels):
@@ -231,23 +237,48 @@ def _set_clock(
     )
 
 
-def _find_rate(statements: dict[str, list[str]]) -> tuple[float, str]:
-    """Return the rate that a file states [Hz], NaN for none, and the unit of its times."""
-    if RATE in statements:
-        return float(statements[RATE][0]), "s"
-    steps: tuple[float, str] = (math.nan, "s")
+class StatedRate(NamedTuple):
+    """A sampling rate, or a step, as a file states it above its numbers."""
+
+    name: str
+    rate: float  # [Hz]; of a step without a unit as of seconds
+    has_unit: bool
+
+    def contradicts(self, other: "StatedRate") -> bool:
+        """Return whether both cannot be of one file."""
+        is_sure = self.has_unit and other.has_unit
+        return is_sure and not math.isclose(self.rate, other.rate, rel_tol=RATE_MISMATCH)
+
+
+def _list_rates(statements: dict[str, list[str]]) -> list[StatedRate]:
+    """Return the rates that a file states, then its steps."""
+    found: list[StatedRate] = []
     for name, values in statements.items():
         match = STATEMENT.search(values[0].strip())
-        rate = (
-            compute_stated_rate(name, float(match[1].replace(",", ".")), match[2])
-            if match
-            else math.nan
-        )
-        if rate > 0 and not is_step_name(name):
-            return rate, "s"
-        if rate > 0 and math.isnan(steps[0]):
-            steps = rate, "s" if match and states_unit(name, match[2]) else ""
-    return steps
+        if match is None:
+            continue
+        rate = compute_stated_rate(name, float(match[1].replace(",", ".")), match[2])
+        if rate > 0:
+            found.append(StatedRate(name.strip(), rate, states_unit(name, match[2])))
+    return sorted(found, key=lambda item: is_step_name(item.name))
+
+
+def _find_rate(path: Path, statements: dict[str, list[str]]) -> tuple[float, str, str]:
+    """Return the rate that a file states [Hz], the unit of its times, and why it is no sound one.
+
+    It is NaN where the file states none, or two that differ.
+    """
+    if RATE in statements:
+        return float(statements[RATE][0]), "s", ""
+    found = _list_rates(statements)
+    if not found:
+        return math.nan, "s", ""
+    first = found[0]
+    for other in found[1:]:
+        if first.contradicts(other):
+            told = f"{first.rate:g} Hz by {first.name!r} and {other.rate:g} Hz by {other.name!r}"
+            return math.nan, "s", f"{path} states two sampling rates, {told}: give --rate"
+    return first.rate, "s" if first.has_unit else "", ""
 
 
 def _find_start(statements: dict[str, list[str]]) -> float:
@@ -608,9 +639,10 @@ def _collect_statements(above: Sequence[str], style: Style) -> dict[str, list[st
 def _add_statement(statements: dict[str, list[str]], cells: Sequence[str]) -> None:
     name, *values = [cell.strip() for cell in cells] or [""]
     if name and any(values):
-        statements.setdefault(
-            name if name in (RATE, START) else name.lower(), [v for v in values if v]
-        )
+        key = name if name in (RATE, START) else name.lower()
+        if key in statements and (is_rate_name(key) or is_step_name(key)):
+            key += " "  # it may state another rate than before
+        statements.setdefault(key, [value for value in values if value])
 
 
 def write_text(path: Path, measurement: Measurement) -> None:
