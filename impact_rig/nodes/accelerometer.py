@@ -5,7 +5,6 @@ from typing import Any
 
 from impact_rig_msgs.msg import HammerRelease
 from impact_rig_msgs.srv import Arm, JoinCampaign
-from std_srvs.srv import Trigger
 
 from impact_rig.configuration.parameters import CONTINUOUS
 from impact_rig.core.errors import DeviceError, RigError
@@ -22,6 +21,7 @@ from impact_rig.nodes.accelerometer_source import (
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
+from impact_rig.nodes.rig_node import Answer
 from impact_rig.page.states import HammerPlace, HammerStatus, Phase
 from impact_rig.recordings.messages import NO_ID
 
@@ -61,7 +61,7 @@ class AccelerometerNode(DeviceNode):
         self.listen(interfaces.RELEASE, self._on_release)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
         self.create_service(Arm, interfaces.ARM_ACCELEROMETER, self._on_arm)
-        self.create_service(Trigger, interfaces.DISARM_ACCELEROMETER, self._on_disarm)
+        self.offer(interfaces.DISARM_ACCELEROMETER, self._disarm)
         self.offer_to_join()
 
     # Lifecycle.
@@ -262,12 +262,11 @@ class AccelerometerNode(DeviceNode):
             self._arming = None
             self._publish(Phase.IDLE, why)
 
-    def _on_disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _disarm(self) -> Answer:
         self._end_arming()
         if self.is_active:
             self._publish(Phase.IDLE, "disarmed by the operator")
-        response.success, response.message = True, "disarmed"
-        return response
+        return True, "disarmed"
 
     def _end_arming(self, *, is_judged: bool = False) -> None:
         arming, self._arming = self._arming, None

@@ -34,7 +34,7 @@ from impact_rig.nodes.campaign_state import (
 )
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg
 from impact_rig.nodes.intake import Received
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.rig_node import Answer, RigNode
 from impact_rig.page.states import Disarming, HammerPlace, HammerStatus, Step, Task
 from impact_rig.recordings.messages import NO_ID
 
@@ -65,8 +65,8 @@ class CampaignNode(RigNode):
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
         self.listen(interfaces.IMPACT.unread, self._on_impact)
         self._publish_state = self.advertise_state(interfaces.CAMPAIGN_STATE)
-        self.create_service(Trigger, interfaces.PAUSE_CAMPAIGN, self._on_pause)
-        self.create_service(Trigger, interfaces.RESUME_CAMPAIGN, self._on_resume)
+        self.offer(interfaces.PAUSE_CAMPAIGN, self._hold)
+        self.offer(interfaces.RESUME_CAMPAIGN, self._go_on)
         self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._on_confirm_sample)
         names = ("recorder", "accelerometer", "estimator", "hammer", "visualizer")
         self._joins = {
@@ -429,30 +429,25 @@ class CampaignNode(RigNode):
         self.wake_waiters()
         return response
 
-    def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _hold(self) -> Answer:
         """Let the campaign stand until a person resumes it; the hammer is disarmed at once."""
         if self._campaign is None:
-            response.message = "no campaign is running"
-            return response
+            return False, "no campaign is running"
         self._campaign.is_held = True
         self._disarm_hammer.call_async(Trigger.Request())
-        response.success = True
-        response.message = "the campaign pauses, the hammer is disarmed: campaign/resume goes on"
         self.wake_waiters()
-        return response
+        return True, "the campaign pauses, the hammer is disarmed: campaign/resume goes on"
 
-    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _go_on(self) -> Answer:
         """Let the campaign go on as it began: it arms the hammer, once."""
         campaign = self._campaign
         if campaign is None or not campaign.is_held:
-            response.message = "no campaign is paused by a person"
-        elif self._hammer.is_stopped:
-            response.message = "an emergency stop lasts: call hammer/reset first"
-        else:
-            campaign.is_held = campaign.has_armed = False
-            response.success, response.message = True, "the campaign arms the hammer and goes on"
-            self.wake_waiters()
-        return response
+            return False, "no campaign is paused by a person"
+        if self._hammer.is_stopped:
+            return False, "an emergency stop lasts: call hammer/reset first"
+        campaign.is_held = campaign.has_armed = False
+        self.wake_waiters()
+        return True, "the campaign arms the hammer and goes on"
 
     # The goal and its result.
 

@@ -1,4 +1,4 @@
-"""Set-ups, blocks, releases and states that come in, as one of our types.
+"""Releases, states and health that come in, as one of our types.
 
 Findings are in `impact_rig.nodes.findings`: here no physics is loaded.
 """
@@ -10,40 +10,14 @@ from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs import msg
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.page.states import (
-    AcquisitionStatus,
-    CampaignStatus,
-    HammerStatus,
-    Level,
-    NodeHealth,
-    RecorderStatus,
-)
-from impact_rig.recordings.messages import (
-    NANOSECONDS,
-    block_from_msg,
-    faults_from_msg,
-    from_message,
-    setup_from_msg,
-    stamp_from_msg,
-)
-
-__all__ = ["block_from_msg", "faults_from_msg", "setup_from_msg"]
+from impact_rig.page.states import CampaignStatus, HammerStatus, Level, NodeHealth
+from impact_rig.recordings.messages import NANOSECONDS, from_message, stamp_from_msg
 
 
 def hammer_from_msg(message: msg.HammerState) -> HammerStatus:
     """Return what the hammer says of itself."""
     status = from_message(HammerStatus, message)
     return replace(status, since=stamp_from_msg(message.header.stamp) / NANOSECONDS)
-
-
-def acquisition_from_msg(message: msg.AcquisitionState) -> AcquisitionStatus:
-    """Return what the accelerometers say of themselves."""
-    return from_message(AcquisitionStatus, message)
-
-
-def recorder_from_msg(message: msg.RecorderState) -> RecorderStatus:
-    """Return what the recorder says of itself."""
-    return from_message(RecorderStatus, message)
 
 
 def campaign_from_msg(message: msg.CampaignState) -> CampaignStatus:

@@ -8,18 +8,13 @@ from impact_rig_msgs import msg
 from numpy.typing import NDArray
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.sample import SampleEstimate
 from impact_rig.recordings.messages import (
     from_message,
     label_from_msg,
     origin_from_msg,
 )
-from impact_rig.recordings.overrules import overrule_from_msg
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import AlignedHit, JudgedTraces, ModelTraces, SampleTraces
-
-__all__ = ["overrule_from_msg"]
 
 
 def hit_results_from_msg(message: msg.Impact) -> HitResults:
@@ -31,16 +26,6 @@ def hit_results_from_msg(message: msg.Impact) -> HitResults:
         If a number or a reason cannot be meant.
     """
     return from_message(HitResults, message, injected_faults=(), origin=origin_from_msg(message))
-
-
-def estimate_from_msg(message: msg.SampleEstimate) -> SampleEstimate:
-    """Return what is known of one sample."""
-    return from_message(SampleEstimate, message)
-
-
-def hammer_estimate_from_msg(message: msg.HammerEstimate) -> HammerEstimate:
-    """Return what the control experiment says of the hammer."""
-    return from_message(HammerEstimate, message)
 
 
 def traces_from_msg(message: msg.ModelComparison) -> SampleTraces:

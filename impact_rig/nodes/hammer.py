@@ -3,12 +3,12 @@
 import functools
 import time
 from collections.abc import Callable
-from typing import Any, TypeVar
+from dataclasses import asdict
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from impact_rig_msgs.msg import HammerRelease
 from impact_rig_msgs.srv import Release, SetAngle
-from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
@@ -17,11 +17,11 @@ from impact_rig.devices.drivers import HOLDERS, make_device
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.guarded_hammer import GuardedHammer
-from impact_rig.nodes.identity import id_from_msg
+from impact_rig.nodes.identity import id_from_msg, identity_from_msg
 from impact_rig.nodes.rig_member import RigMember
+from impact_rig.nodes.rig_node import Answer
 from impact_rig.page.states import HammerPlace, HammerStatus, Phase
-
-Answer = TypeVar("Answer", Trigger.Response, SetAngle.Response)
+from impact_rig.recordings.messages import label_from_msg
 
 
 class HammerNode(DeviceNode):
@@ -49,14 +49,11 @@ class HammerNode(DeviceNode):
             self, "accelerometer", interfaces.ACQUISITION_STATE, self._on_acquisition_state
         )
         self._recorder = RigMember(self, "recorder", interfaces.RECORDER_STATE, self._check_rig)
-        for name, callback in (
-            (interfaces.ARM_HAMMER, self._on_arm),
-            (interfaces.DISARM_HAMMER, self._on_disarm),
-            (interfaces.CONFIRM_HELD, self._on_confirm_held),
-            (interfaces.EMERGENCY_STOP, self._on_emergency_stop),
-            (interfaces.RESET_HAMMER, self._on_reset),
-        ):
-            self.create_service(Trigger, name, callback)
+        self.offer(interfaces.ARM_HAMMER, self._arm)
+        self.offer(interfaces.DISARM_HAMMER, self._disarm)
+        self.offer(interfaces.CONFIRM_HELD, self._confirm_held)
+        self.offer(interfaces.EMERGENCY_STOP, self._stop)
+        self.offer(interfaces.RESET_HAMMER, self._reset)
         self.create_service(SetAngle, interfaces.SET_ANGLE, self._on_set_angle)
         self.create_service(Release, interfaces.RELEASE_HAMMER, self._on_release)
         self.offer_to_join(self._check_rig)
@@ -228,19 +225,19 @@ class HammerNode(DeviceNode):
             self.lose_device(error)
             return str(error)
 
-    def _on_arm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _arm(self) -> Answer:
         state = self._hammer.condition
         is_sound = state.state is not HammerPlace.FAULT and not self._hammer.is_stopped
         if is_sound and not self.is_active:
-            return _answer(response, "the hammer node is not active: activate it first")
-        return _answer(response, self._describe_loss() or self._hammer.arm(), "armed")
+            return False, "the hammer node is not active: activate it first"
+        return _answer(self._describe_loss() or self._hammer.arm(), "armed")
 
-    def _on_disarm(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _disarm(self) -> Answer:
         self._hammer.disarm("disarmed by hammer/disarm")
-        return _answer(response, None, "disarmed")
+        return True, "disarmed"
 
-    def _on_confirm_held(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return _answer(response, self._run_guarded(self._hammer.confirm_held), "held")
+    def _confirm_held(self) -> Answer:
+        return _answer(self._run_guarded(self._hammer.confirm_held), "held")
 
     def _on_set_angle(
         self, request: SetAngle.Request, response: SetAngle.Response
@@ -248,27 +245,26 @@ class HammerNode(DeviceNode):
         try:
             check_release_angles([request.angle])
         except ParameterError as error:
-            return _answer(response, str(error))
+            response.message = str(error)
+            return response
         reason = self._run_guarded(lambda: self._hammer.set_angle(request.angle))
         response.later = self._hammer.is_turning
-        return _answer(response, reason, "there")
+        response.success, response.message = _answer(reason, "there")
+        return response
 
-    def _on_emergency_stop(
-        self, _: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
+    def _stop(self) -> Answer:
         self.get_logger().warning("emergency stop")
         fault = self._run_guarded(self._hammer.stop)
-        done = "stopped: hammer/reset ends it"
-        return _answer(
-            response, None, f"stopped, but the holder is lost: {fault}" if fault else done
-        )
+        if fault:
+            return True, f"stopped, but the holder is lost: {fault}"
+        return True, "stopped: hammer/reset ends it"
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _reset(self) -> Answer:
         was_stopped = self._hammer.is_stopped
         self._hammer.reset()
         done = "the emergency stop is ended" if was_stopped else "there was no emergency stop"
         obstacle = self._hammer.describe_obstacle()
-        return _answer(response, None, f"{done}; {obstacle or 'the hammer is armed'}")
+        return True, f"{done}; {obstacle or 'the hammer is armed'}"
 
     def _on_release(
         self, request: Release.Request, response: Release.Response
@@ -305,17 +301,11 @@ class HammerNode(DeviceNode):
     def _begin_swing(self, request: Release.Request, stamp: Time) -> None:
         """Publish that the hammer goes, and when its swing ends."""
         release = HammerRelease(
-            campaign_id=request.campaign_id,
-            stream_id=request.stream_id,
-            record=request.record,
-            sample=request.sample,
-            impact=request.impact,
-            attempt=request.attempt,
+            **asdict(label_from_msg(request)),
             swing_time=float(self.get_value("swing_time")),
             latest_contact=self._compute_latest_contact(),
         )
-        release.header.stamp = stamp
-        self._release.publish(release)
+        self._release.publish(identity_from_msg(request).fill(release, stamp))
         self._released = request
         duration = self._compute_latest_contact() + float(self.get_value("return_time"))
         self._swing.timer_period_ns = round(duration * 1e9)
@@ -340,7 +330,6 @@ def _read_clock() -> float:
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
-def _answer(response: Answer, reason: str | None, done: str = "") -> Answer:
-    """Fill in an answer: why not, or what was done."""
-    response.success, response.message = not reason, reason or done
-    return response
+def _answer(reason: str | None, done: str) -> Answer:
+    """Return an answer: why not, or what was done."""
+    return not reason, reason or done

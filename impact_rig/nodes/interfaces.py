@@ -40,6 +40,8 @@ from rclpy.qos import (
 )
 from std_msgs.msg import String
 
+from impact_rig.recordings.messages import from_message
+
 RESULT_DEPTH = 256
 """How many results are kept for who comes late [messages]: two of the paper's campaigns."""
 STREAM_DEPTH = 500
@@ -69,13 +71,14 @@ def keep(message: Any) -> Any:
 
 
 def _by(module: str, name: str) -> Callable[[Any], Any]:
-    """Return a conversion of messages out of a module of this room.
+    """Return a conversion of messages, or the record that they hold, out of a module.
 
     It is imported when the first message comes: who stops the hammer waits for none of it.
     """
 
     def convert(message: Any) -> Any:
-        return getattr(import_module(f"impact_rig.nodes.{module}"), name)(message)
+        found = getattr(import_module(f"impact_rig.{module}"), name)
+        return from_message(found, message) if isinstance(found, type) else found(message)
 
     return convert
 
@@ -119,28 +122,30 @@ class Topic:
         return replace(self, qos=qos)
 
 
-_inward = partial(_by, "conversions")
-_finding = partial(_by, "findings")
-_BLOCK = _inward("block_from_msg")
+_inward = partial(_by, "nodes.conversions")
+_finding = partial(_by, "nodes.findings")
+_recorded = partial(_by, "recordings.messages")
+_state = partial(_by, "page.states")
+_BLOCK = _recorded("block_from_msg")
 _RESULT = make_qos(RESULT_DEPTH, latched=True)
 _LATEST = make_qos(1, latched=True)
 
-SETUP = Topic("setup", RigSetup, _LATEST, _inward("setup_from_msg"), LEASE)
+SETUP = Topic("setup", RigSetup, _LATEST, _recorded("setup_from_msg"), LEASE)
 ACCELERATION = Topic("acceleration", AccelerationBlock, make_qos(200, latched=False), _BLOCK)
 STREAM = Topic("acceleration/stream", StreamBlock, make_qos(STREAM_DEPTH, latched=False), _BLOCK)
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
 RELEASE = Topic("release", HammerRelease, _RESULT, _inward("check_release"))
-VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _RESULT, _inward("faults_from_msg"))
+VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _RESULT, _recorded("faults_from_msg"))
 IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"))
-OVERRULE = Topic("overrule", Overrule, _RESULT, _finding("overrule_from_msg"))
+OVERRULE = Topic("overrule", Overrule, _RESULT, _by("recordings.overrules", "overrule_from_msg"))
 """What persons make of hits; the newest of a hit counts."""
 IMPACT_TRACE = Topic(
     "impact/trace", ImpactTrace, make_qos(64, latched=True), _finding("judged_traces_from_msg")
 )
 """Traces as judged, 60 kB each."""
-ESTIMATE = Topic("estimate", SampleEstimate, _RESULT, _finding("estimate_from_msg"))
+ESTIMATE = Topic("estimate", SampleEstimate, _RESULT, _by("core.sample", "SampleEstimate"))
 HAMMER_ESTIMATE = Topic(
-    "hammer_estimate", HammerEstimate, _LATEST, _finding("hammer_estimate_from_msg")
+    "hammer_estimate", HammerEstimate, _LATEST, _by("core.paper_method", "HammerEstimate")
 )
 COMPARISON = Topic(
     "comparison", ModelComparison, make_qos(64, latched=True), _finding("traces_from_msg")
@@ -148,11 +153,9 @@ COMPARISON = Topic(
 """Measured and model traces, 80 kB each."""
 HAMMER_STATE = Topic("hammer/state", HammerState, _LATEST, _inward("hammer_from_msg"))
 ACQUISITION_STATE = Topic(
-    "accelerometer/state", AcquisitionState, _LATEST, _inward("acquisition_from_msg"), LEASE
+    "accelerometer/state", AcquisitionState, _LATEST, _state("AcquisitionStatus"), LEASE
 )
-RECORDER_STATE = Topic(
-    "recorder/state", RecorderState, _LATEST, _inward("recorder_from_msg"), LEASE
-)
+RECORDER_STATE = Topic("recorder/state", RecorderState, _LATEST, _state("RecorderStatus"), LEASE)
 CAMPAIGN_STATE = Topic(
     "campaign/state", CampaignState, _LATEST, _inward("campaign_from_msg"), LEASE
 )

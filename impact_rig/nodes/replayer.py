@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 from impact_rig_msgs.msg import ReplayerState
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
 
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import split_names
@@ -16,7 +15,7 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.process import run_node
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.rig_node import Answer, RigNode
 from impact_rig.recordings.messages import NANOSECONDS
 from impact_rig.recordings.records import Channel
 from impact_rig.recordings.run import Run
@@ -110,8 +109,8 @@ class ReplayerNode(RigNode):
         self._message = "no recording"
         self._publish = self.advertise_state(interfaces.REPLAYER_STATE)
         self.create_timer(1.0 / self.pace, self._publish_state)
-        self.create_service(Trigger, interfaces.PAUSE_REPLAYER, self._on_pause)
-        self.create_service(Trigger, interfaces.RESUME_REPLAYER, self._on_resume)
+        self.offer(interfaces.PAUSE_REPLAYER, self._pause)
+        self.offer(interfaces.RESUME_REPLAYER, self._resume)
 
     def configure(self) -> None:
         """Open the recording and announce its topics, where no rig is up."""
@@ -230,21 +229,18 @@ class ReplayerNode(RigNode):
         if problem:
             self.report_fault(problem)
 
-    def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._switch(response, ReplayerState.PLAYING, ReplayerState.PAUSED, "paused")
+    def _pause(self) -> Answer:
+        return self._switch(ReplayerState.PLAYING, ReplayerState.PAUSED, "paused")
 
-    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._switch(response, ReplayerState.PAUSED, ReplayerState.PLAYING, "replaying")
+    def _resume(self) -> Answer:
+        return self._switch(ReplayerState.PAUSED, ReplayerState.PLAYING, "replaying")
 
-    def _switch(
-        self, response: Trigger.Response, before: int, after: int, message: str
-    ) -> Trigger.Response:
-        response.success = self._phase in (before, after)
-        if not response.success:
-            response.message = f"nothing is being replayed: {self._message}"
-        elif self._phase == before:
+    def _switch(self, before: int, after: int, message: str) -> Answer:
+        if self._phase not in (before, after):
+            return False, f"nothing is being replayed: {self._message}"
+        if self._phase == before:
             self._set_state(after, message)
-        return response
+        return True, message
 
     def _set_state(self, state: int, message: str) -> None:
         if (state, message) != (self._phase, self._message):

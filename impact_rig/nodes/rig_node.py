@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 from impact_rig_msgs.srv import JoinCampaign
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
+from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import RigError
 from impact_rig.core.setup import RigSetup
@@ -18,6 +19,8 @@ from impact_rig.nodes.interfaces import Topic, make_join_name
 from impact_rig.nodes.managed_node import ManagedNode
 from impact_rig.nodes.rig_member import RigMember
 
+Answer: TypeAlias = tuple[bool, str]
+"""Whether something was done, and what was done, or why not."""
 _NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 """rclpy's own callbacks warn of a QoS that does not fit, as the subscriber's do; each callback
 adds to the cost of every message."""
@@ -120,7 +123,16 @@ class RigNode(ManagedNode):
         self._states.append((publisher, lambda: publish() if newest else None))
         return publish
 
-    # Campaigns.
+    # Services and campaigns.
+
+    def offer(self, name: str, act: Callable[[], Answer]) -> None:
+        """Offer a service that asks for nothing but that something is done."""
+
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            response.success, response.message = act()
+            return response
+
+        self.create_service(Trigger, name, answer)
 
     def offer_to_join(self, on_change: Callable[[], None] = lambda: None) -> None:
         """Offer the service by which a campaign asks this node to take part.
