@@ -240,5 +240,5 @@ def _list_results(kind: type) -> Iterator[tuple[str, object]]:
         hint = get_type_hints(kind)[item.name]
         yield item.name, hint
         for inner in get_args(hint) or (hint,):
-            if is_dataclass(inner) and inner not in (Finding, Note):
+            if is_dataclass(inner) and inner not in (Finding, Note, kind):
                 yield from _list_results(inner)

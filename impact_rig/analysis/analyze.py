@@ -125,7 +125,6 @@ def analyze(
     reject: Sequence[str] = (),
     *,
     keep_traces: bool = False,
-    with_models: bool = True,
     report: Report = lambda *_: None,
 ) -> Analysis:
     """Judge every hit, as the estimator does live, and estimate.
@@ -139,8 +138,6 @@ def analyze(
         the file that they were imported from.
     keep_traces : bool
         Whether the traces are wanted as well.
-    with_models : bool
-        Fit the model as well, which takes a tenth of a second for each sample.
 
     Raises
     ------
@@ -169,9 +166,7 @@ def analyze(
         if keep_traces and (joined := assembler.feed(block)) is not None:
             campaign.traces.append(joined)
     campaigns = tuple(
-        _finish(campaign, source, report, with_models=with_models)
-        for campaign in judged
-        if campaign.session.names
+        _finish(campaign, source, report) for campaign in judged if campaign.session.names
     )
     if not campaigns:
         raise FileError(f"{source.path} holds no complete hit")
@@ -245,14 +240,12 @@ def _finish(
     campaign: _JudgedCampaign,
     source: HitSource,
     report: Report,
-    *,
-    with_models: bool,
 ) -> TracedCampaign:
     session = campaign.session
     faults = {label.record: names for label, names in campaign.faults.items()}
     tell = _bind(report, "estimating", len(session.names))
     tell(0)
-    found = session.estimate_all(tell, with_models=with_models)
+    found = session.estimate_all(tell)
     judged = {hit.label: hit for hit in (*found.accepted, *found.rejected)}
     means = [(estimate, session.compute_mean(estimate.name)) for estimate in found.samples]
     samples = [

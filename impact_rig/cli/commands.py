@@ -450,7 +450,6 @@ def export() -> None:
     "--web", is_flag=True, help="Serve a page for browsers of this computer, until Ctrl-C."
 )
 @options.recorded_rig_option
-@click.option("--fit", is_flag=True, help="Fit the model too: 0.1 s for each sample.")
 def view() -> None:
     """See model and measurement in Rerun.
 

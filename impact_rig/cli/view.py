@@ -30,7 +30,7 @@ from impact_rig.results.traces import TracedCampaign
 VIEW_SUFFIX = ".rrd"  # of Rerun's files
 
 
-def read_campaigns(path: Path, namespace: str | None, *, fit: bool) -> tuple[TracedCampaign, ...]:
+def read_campaigns(path: Path, namespace: str | None) -> tuple[TracedCampaign, ...]:
     """Return the campaigns of a recording, results or the folder of a run.
 
     Warnings go to standard error.
@@ -45,20 +45,18 @@ def read_campaigns(path: Path, namespace: str | None, *, fit: bool) -> tuple[Tra
         print_warning(f"{path}: results hold no traces: only tables and figures are shown")
         return (TracedCampaign(read_results(source.results)),)
     with show_progress() as follow:
-        traced = analyze(source.run, keep_traces=True, with_models=fit, report=follow)
+        traced = analyze(source.run, keep_traces=True, report=follow)
     for warning in traced.warnings:
         print_warning(f"{path}: {warning}")
     return traced.campaigns
 
 
-def run(
-    paths: tuple[Path, ...], output: Path | None, web: bool, fit: bool, namespace: str | None
-) -> None:
+def run(paths: tuple[Path, ...], output: Path | None, web: bool, namespace: str | None) -> None:
     """Run the command; its options are declared in `commands.py`."""
     _check_place(output, web=web)
     # Half a second to load, in which the recording is read.
     threading.Thread(target=_load_rerun, daemon=True).start()
-    found, errors = process_each(paths, lambda path: read_campaigns(path, namespace, fit=fit))
+    found, errors = process_each(paths, lambda path: read_campaigns(path, namespace))
     with tempfile.TemporaryDirectory(prefix="impact-rig-view-") as folder:
         files: list[Path] = []
         for campaign in itertools.chain.from_iterable(found):

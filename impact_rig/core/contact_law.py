@@ -10,7 +10,6 @@ from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.filtering import Chain
 from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import MeanHit
-from impact_rig.core.identification import compute_raw_noise
 from impact_rig.core.law_fit import (
     COUNT,
     EXPONENT,
@@ -243,7 +242,7 @@ def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
     window = cut_window(mean.traces[0], pulse, chain, LIMITS.margins)
     correlation = chain.correlate_noise(window.step)
     correlation = correlation[correlation.size // 2 :]
-    noise = float(compute_raw_noise(mean)[0]) * math.sqrt(correlation[0]) / peak
+    noise = float(mean.compute_raw_noise()[0]) * math.sqrt(correlation[0]) / peak
     correlation = correlation / correlation[0]
     losses = list_losses(fit_forms(window, exponent))
     before = np.array([_guess(loss) for loss in losses])

@@ -52,7 +52,6 @@ class Subject(Enum):
     PULSE_SHAPE = "pulse shape"
     CONTACT_LAW = "contact law"
     FREE_DECAY = "free decay"
-    IDENTIFICATION = "identification"
     MOMENTA = "momenta"
     MASS = "mass"
     IMPACT_SPEED = "impact speed"

@@ -275,6 +275,11 @@ class MeanHit:
     square_steps: FloatArray  # sum of the squares of these accelerations
     zero_uncertainty: FloatArray  # (2,), of the zeros under the pulse by corrections, standard
 
+    def compute_raw_noise(self) -> FloatArray:
+        """Return the mean's raw noise [m/s^2], at least that of the converters' steps, (2,)."""
+        steps = np.sqrt(self.square_steps / 12.0)
+        return np.asarray(np.maximum(self.raw_noise, steps / self.count))
+
     def cut_hits(self) -> Iterator[FloatArray]:
         """Yield each of `hits` over the mean's window, of shape (channels, n)."""
         for hit in self.hits:

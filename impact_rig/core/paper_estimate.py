@@ -154,8 +154,7 @@ def _find_time(mean: MeanHit, index: int) -> float:
 STEPS = Note(
     Subject.CONVERTER,
     "the noise is smaller than the converter's steps and does not average them out: the"
-    " uncertainties of free decay and identification leave that out; amplify the signals, or use"
-    " more bits",
+    " uncertainty of the free decay leaves that out; amplify the signals, or use more bits",
 )
 
 

@@ -49,6 +49,7 @@ from impact_rig.core.uncertainty import (
     PULSE_SHAPE,
     Known,
     RigNumbers,
+    derive,
     make_ensemble,
     make_input,
     make_rig_numbers,
@@ -390,9 +391,9 @@ def _find_equivalent(series: MeanReading, setup: RigSetup, sample: str) -> Known
     """Return k_eq [N/m]; None: a mass is not known."""
     if setup.find_unknown_masses(sample):
         return None
-    mass = estimate_equivalent_mass(series.rig.hammer_mass, series.rig.moving_mass)
-    stiffness = estimate_equivalent_stiffness(mass, series.contact_time.number)
-    return replace(series.contact_time, number=stiffness)
+    masses = Known(series.rig.hammer_mass), Known(series.rig.moving_mass)
+    mass = derive(estimate_equivalent_mass, *masses)
+    return derive(estimate_equivalent_stiffness, mass, series.contact_time)
 
 
 def _estimate_body(series: MeanReading, channel: int, known: Known | None) -> BodyEstimate:
@@ -402,14 +403,11 @@ def _estimate_body(series: MeanReading, channel: int, known: Known | None) -> Bo
     if channel in series.notes:
         return BodyEstimate(stiffness, notes=(series.notes[channel],), known_stiffness=known)
     peaks, change = series.decrements[channel]
-    ratio = replace(change, number=estimate_damping_ratio(change.number))
+    ratio = derive(estimate_damping_ratio, change)
     coefficient = UNKNOWN
     if known is not None:
-        moving = rig.moving_mass if channel else rig.hammer_mass
-        coefficient = Known(
-            estimate_damping_coefficient(ratio.number, known.number, moving),
-            ratio.reasons or known.reasons,
-        ).state(rig.notes)
+        moving = Known(rig.moving_mass if channel else rig.hammer_mass)
+        coefficient = derive(estimate_damping_coefficient, ratio, known, moving).state(rig.notes)
     return BodyEstimate(
         stiffness,
         ratio.state(),
@@ -429,7 +427,7 @@ def estimate_hammer(control: MeanReading, setup: RigSetup) -> HammerEstimate:
     known = _find_equivalent(control, setup, sample)
     if known is not None:
         reasons = tuple(Note(Subject.K1, str(reason)) for reason in known.reasons)
-        known = Known(estimate_hammer_stiffness(known.number), reasons)
+        known = replace(derive(estimate_hammer_stiffness, known), reasons=reasons)
     return HammerEstimate(**vars(_estimate_body(control, 0, known)), control_sample=sample)
 
 
@@ -453,10 +451,7 @@ def estimate_body(
             hammer.stiffness.notes,
         )
         try:
-            known = Known(
-                estimate_sample_stiffness(equivalent.number, k1.number),
-                equivalent.reasons or k1.reasons,
-            )
+            known = derive(estimate_sample_stiffness, equivalent, k1)
         except NotDeterminedError as error:
             notes += (Note(Subject.K2, str(error)),)
     body = _estimate_body(series, 1, known)

@@ -129,6 +129,10 @@ def _list_fields(kind: Any) -> tuple[StoredField, ...]:
 list_fields: Callable[[Any], tuple[StoredField, ...]] = cache(_list_fields)
 
 
+END = describe(least=-2.0 * LARGEST, most=2.0 * LARGEST)
+"""Metadata of an interval's end: a value and an uncertainty added."""
+
+
 @dataclass(frozen=True)
 class BudgetLine:
     """What one input contributes to an uncertainty."""
@@ -150,6 +154,10 @@ class Quantity(Comparable):
     standard: float = field(default=math.nan, metadata=describe(least=0.0))
     # U = k u, for a coverage of 95 %, k from Student's t (GUM G.4)
     expanded: float = field(default=math.nan, metadata=describe(least=0.0))
+    # Ends of the 95 % interval: value -+ U, or what a formula makes of its inputs at their ends
+    # where U is above 10 % of the value. An upper end of NaN beside a lower one: there is none.
+    lower: float = field(default=math.nan, metadata=END)
+    upper: float = field(default=math.nan, metadata=END)
     # effective ones by Welch and Satterthwaite [-]; infinite where type B alone counts
     degrees_of_freedom: float = field(
         default=math.nan, metadata=describe(least=0.0, most=math.inf)
@@ -158,10 +166,28 @@ class Quantity(Comparable):
     # why the uncertainty is not determined, or what it leaves out
     notes: tuple[Note, ...] = field(default=(), metadata=INTERNAL)
 
+    def __post_init__(self) -> None:
+        """Set the ends where none are given."""
+        if math.isnan(self.lower) and math.isnan(self.upper):
+            object.__setattr__(self, "lower", self.value - self.expanded)
+            object.__setattr__(self, "upper", self.value + self.expanded)
+
     @property
     def is_known(self) -> bool:
         """Whether there is a value."""
         return math.isfinite(self.value)
+
+    @property
+    def is_even(self) -> bool:
+        """Whether the interval reaches as far to both sides, or is not known."""
+        return math.isnan(self.lower) or self.upper == self.value + self.expanded
+
+    def compute_half_width(self, other: float) -> float:
+        """Return how far the interval reaches towards another value; infinite: it is open."""
+        if self.is_even:
+            return self.expanded
+        width = self.value - self.lower if other < self.value else self.upper - self.value
+        return math.inf if math.isnan(width) else width
 
 
 UNKNOWN = Quantity()

@@ -11,10 +11,8 @@ from impact_rig.core.comparison import ModelComparison, compare_with_model
 from impact_rig.core.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.errors import RigError
 from impact_rig.core.findings import Note, Subject
-from impact_rig.core.fitted_model import FittedModel, find_frequency, fit_model
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.model import Body, ImpactModel, ModelVariant
-from impact_rig.core.momenta import Hold
 from impact_rig.core.paper_estimate import MOMENT, NO_NUMBERS, PaperEstimate
 from impact_rig.core.paper_method import NAN, BodyEstimate, HammerPulse, look_at_pulse
 from impact_rig.core.pulse_shape import NO_SHAPE, PulseShapeEstimate
@@ -24,7 +22,6 @@ from impact_rig.core.ringing import (
     NO_DECAY,
     FreeDecayEstimate,
     estimate_decay,
-    explain_ringing,
     find_shared_ringing,
     is_same,
 )
@@ -126,15 +123,9 @@ class SampleEstimate(Comparable):
     contact_law: ContactLaw = NO_LAW  # of hammer and sample as free bodies
     checks: Checks = NO_CHECKS
     free_decay: FreeDecayEstimate = NO_DECAY
-    identifications: tuple[FittedModel, ...] = ()
     warnings: tuple[Note, ...] = ()
     notes: tuple[Note, ...] = ()  # what could not be determined, and why
     comparisons: tuple[ModelComparison, ...] = field(default=(), metadata=INTERNAL)
-
-    @property
-    def identification(self) -> FittedModel | None:
-        """The preferred variant of the model."""
-        return next((item for item in self.identifications if item.is_preferred), None)
 
 
 @dataclass(frozen=True)
@@ -149,10 +140,8 @@ class SampleParts:
     warnings: tuple[Note, ...] = ()  # of the series as a whole
     notes: tuple[Note, ...] = ()
     traces: TraceEstimates | None = None  # None: not looked at yet
-    models: tuple[FittedModel, ...] = ()
-    model_notes: tuple[Note, ...] = ()
 
-    def without_ringing(self, shared: float, setup: RigSetup) -> "SampleParts":
+    def without_ringing(self, shared: float) -> "SampleParts":
         """Return it without what comes from a sensor that rings at a frequency [Hz]."""
         if self.traces is None or not self.traces.free_decay.is_known:
             return self
@@ -160,18 +149,13 @@ class SampleParts:
             f"what rings at {shared * 1e-3:.2g} kHz does so on all samples, though their masses"
             " differ: it is a sensor or its mount, and no sample's k, zeta or c comes from it"
         )
-        paper, models = self.paper, self.models
+        paper = self.paper
         period = paper.second_peak_time - paper.first_peak_time
         if period and is_same(1.0 / period, shared):
             paper = paper.without_damping()
-        if any(
-            model.stiffness.is_known and is_same(find_frequency(model, self.name, setup), shared)
-            for model in models
-        ):
-            models = ()
         notes = (*self.traces.notes, Note(Subject.SENSOR, told))
         traces = replace(self.traces, free_decay=NO_DECAY, notes=notes)
-        return replace(self, paper=paper, models=models, traces=traces)
+        return replace(self, paper=paper, traces=traces)
 
     def assemble(self, setup: RigSetup) -> SampleEstimate:
         """Return the estimate, with every part's warnings and notes."""
@@ -207,9 +191,8 @@ class SampleParts:
             law,
             checks,
             traces.free_decay,
-            self.models,
             tuple(filter(None, warnings)),
-            paper.notes + self.notes + traces.notes + self.model_notes,
+            paper.notes + self.notes + traces.notes,
             comparisons,
         )
 
@@ -219,7 +202,7 @@ def assemble_samples(parts: Sequence[SampleParts], setup: RigSetup) -> tuple[Sam
     decays = {part.name: part.traces.free_decay for part in parts if part.traces is not None}
     shared = find_shared_ringing(decays, setup)
     if shared is not None:
-        parts = [part.without_ringing(shared, setup) for part in parts]
+        parts = [part.without_ringing(shared) for part in parts]
     return tuple(part.assemble(setup.for_series(part.name)) for part in parts)
 
 
@@ -228,26 +211,6 @@ def _add_stiffness(shape: PulseShapeEstimate, paper: PaperEstimate) -> PulseShap
     k2, tau = paper.stiffness.value, paper.contact_time.value
     fits = (replace(fit, stiffness=k2 * (tau / fit.contact_time) ** 2) for fit in shape.fits)
     return replace(shape, fits=tuple(fits))
-
-
-def look_at_model(
-    name: str, mean: MeanHit, setup: RigSetup, hold: str
-) -> tuple[tuple[FittedModel, ...], tuple[Note, ...]]:
-    """Return the model fitted to the mean traces of a sample, and why it says nothing."""
-    if mean.traces.shape[0] <= 1:
-        return (), ()
-    if hold == Hold.FREE.value:
-        why = "not determined, since the sample is free: it is on no spring"
-        return (), (Note(Subject.IDENTIFICATION, why),)
-    try:
-        model = fit_model(mean, setup, name)
-    except RigError as error:
-        return (), (Note(Subject.IDENTIFICATION, str(error)),)
-    if model.stiffness.is_known:
-        ringing = explain_ringing(find_frequency(model, name, setup), setup)
-        if ringing:
-            return (), (Note(Subject.IDENTIFICATION, ringing),)
-    return (model,), model.notes
 
 
 def compare_models(

@@ -43,7 +43,6 @@ from impact_rig.core.sample import (
     TraceEstimates,
     assemble_samples,
     estimate_traces,
-    look_at_model,
 )
 from impact_rig.core.series import HitCount, HitSeries, Selection
 from impact_rig.core.setup import RigSetup
@@ -93,7 +92,7 @@ class Session:
         self._inputs = RigInputs(setup)
         self._readings: dict[str, MeanReading] = {}
         self._hammers: dict[str, tuple[MeanReading, HammerEstimate]] = {}
-        self._modelled: tuple[SampleEstimate, ...] = ()
+        self._estimated: tuple[SampleEstimate, ...] = ()
 
     def feed(self, block: Block) -> tuple[JudgedHit, ...]:
         """Take the next block and return the hits that it completed, judged.
@@ -116,7 +115,7 @@ class Session:
 
         What is accepted here may still turn out an outlier once more hits have come.
         """
-        self._modelled = ()
+        self._estimated = ()
         judged = judge_hit(record, self.setup.analysis, self.setup.responses)
         hit = ask_for_mass(replace(judged, origin=record.origin), self.setup)
         series = self._series.setdefault(hit.label.sample, HitSeries())
@@ -172,7 +171,7 @@ class Session:
             if is_asked and is_meant and (objection := find_objection(checked)) is not None:
                 raise ParameterError(objection)
             series.add(overrule_hit(checked, overrules))
-        self._overrules, self._series[found[0]], self._modelled = overrules, series, ()
+        self._overrules, self._series[found[0]], self._estimated = overrules, series, ()
         selection = series.select()
         hits = selection.kept + selection.left_out
         return next(hit for hit in hits if hit.label.record == record)
@@ -244,8 +243,8 @@ class Session:
         return parts.assemble(self.setup.for_series(name))
 
     def estimate_sample(self, name: str) -> SampleEstimate:
-        """Return the same with what stands beside it, but for the fitted model."""
-        parts = self._find_all_parts(name, with_model=False)
+        """Return the same with what stands beside it."""
+        parts = self._find_all_parts(name)
         if parts is None:
             return self._report_nothing(name)
         return parts.assemble(self.setup.for_series(name))
@@ -287,10 +286,10 @@ class Session:
             notes=notes,
         )
 
-    def _find_all_parts(self, name: str, *, with_model: bool) -> SampleParts | None:
+    def _find_all_parts(self, name: str) -> SampleParts | None:
         """Return the same with what stands beside it."""
-        setup = self.setup.for_series(name)
-        for struck in {name, setup.samples.control_sample}:
+        control = self.setup.for_series(name).samples.control_sample
+        for struck in {name, control}:
             mean, (known, _) = self.compute_mean(struck), self._traces.get(struck, (None, None))
             if mean is not None and mean is not known:
                 self._traces[struck] = (
@@ -300,22 +299,14 @@ class Session:
         parts = self._find_parts(name)
         if parts is None:
             return None
-        parts = replace(parts, traces=self._traces[name][1])
-        if with_model and not self.setup.find_unknown_masses(name):
-            models, notes = look_at_model(
-                name, parts.mean, setup, self._traces[name][1].checks.hold
-            )
-            parts = replace(parts, models=models, model_notes=notes)
-        return parts
+        return replace(parts, traces=self._traces[name][1])
 
     def _get_pulse(self, name: str) -> HammerPulse:
         """Return what was last found in the pulse of a sample: of this mean, or an older one."""
         return self._traces[name][1].pulse if name in self._traces else UNSEEN
 
-    def estimate_all(
-        self, report: Callable[[int], None] | None = None, *, with_models: bool = True
-    ) -> SessionResults:
-        """Return everything found so far, the model fitted to every sample.
+    def estimate_all(self, report: Callable[[int], None] | None = None) -> SessionResults:
+        """Return everything found so far.
 
         Asked again before another hit has come, it costs nothing.
 
@@ -323,20 +314,18 @@ class Session:
         ----------
         report : callable, optional
             Called after each sample with the number of those that are done.
-        with_models : bool
-            False: without the fitted models, which take most of the time.
         """
-        samples = self._modelled
-        if not (with_models and samples):
+        samples = self._estimated
+        if not samples:
             parts: dict[str, SampleParts | None] = {}
             for name in sorted(self.names, key=lambda name: not self.is_control(name)):
-                parts[name] = self._find_all_parts(name, with_model=with_models)
+                parts[name] = self._find_all_parts(name)
                 if report is not None:
                     report(len(parts))
             known = [part for name in self.names if (part := parts[name]) is not None]
             found = {each.name: each for each in assemble_samples(known, self.setup)}
             samples = tuple(found.get(name) or self._report_nothing(name) for name in self.names)
-            self._modelled = samples if with_models else ()
+            self._estimated = samples
         selections = [series.select() for series in self._series.values()]
         return SessionResults(
             setup=self.setup,

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from impact_rig.core.equations import UncertainNumber, estimate_damping_ratio_from_coefficient
-from impact_rig.core.errors import check_not_negative
+from impact_rig.core.equations import UncertainNumber
+from impact_rig.core.errors import RigError, check_not_negative
 from impact_rig.core.findings import Note, Subject
 from impact_rig.core.quantity import BudgetLine, Quantity
 from impact_rig.core.records import FloatArray
@@ -160,12 +160,19 @@ def make_quantity(
     """Return a value whose variance is the sum of independent parts."""
     total = math.fsum(variances.values())
     if total == 0.0:
-        return Quantity(value, 0.0, 0.0, math.inf, (), notes)
+        return Quantity(value, 0.0, 0.0, degrees_of_freedom=math.inf, notes=notes)
     standard = math.sqrt(total)
     freedom = _compute_effective_freedom(variances, total)
     # 95 % is the usual coverage probability (GUM 6.3).
     factor = float(load_gtc().reporting.k_factor(freedom, 95.0))
-    return Quantity(value, standard, factor * standard, freedom, _make_budget(variances), notes)
+    return Quantity(
+        value,
+        standard,
+        factor * standard,
+        degrees_of_freedom=freedom,
+        budget=_make_budget(variances),
+        notes=notes,
+    )
 
 
 def _compute_effective_freedom(variances: dict[Source, float], total: float) -> float:
@@ -331,7 +338,7 @@ def propagate_fit(
     per_hit : ndarray, shape (n_hits, p)
         The parameters of every hit, in any units.
     formula : callable
-        `find_decaying_body` or `find_identified_body`.
+        `find_decaying_body`, for one.
     estimates : sequence of float, length p
         The best estimates, say of the mean trace.
     averaged : int
@@ -371,27 +378,6 @@ def find_decaying_body(
     }
 
 
-def find_identified_body(
-    parameters: Sequence[UncertainNumber], rig: RigNumbers
-) -> dict[str, UncertainNumber]:
-    """Return zeta, c2, k2 and tau_p of identified tau_p [s], k2 [N/m] and c2 [N s/m].
-
-    Traces of accelerations determine k2 / m2 and c2 / m2, so that both go with the mass that was
-    stated; times go with the clock, c2 against it, k2 against its square.
-    """
-    contact_time, stiffness, damping = parameters
-    part = rig.moving_mass / rig.moving_mass.x
-    stiffness = stiffness * part / (rig.clock * rig.clock)
-    damping = damping * part / rig.clock
-    ratio = estimate_damping_ratio_from_coefficient(damping, stiffness, rig.moving_mass)
-    return {
-        "damping_ratio": ratio,
-        "damping_coefficient": damping,
-        "stiffness": stiffness,
-        "contact_time": contact_time * rig.clock,
-    }
-
-
 LEAST_HITS = 2
 """Hits that have a scatter [-]."""
 ONE_HIT = Note(
@@ -400,15 +386,51 @@ ONE_HIT = Note(
 )
 
 
+UNEVEN = 0.1
+"""U over the value [-] above which an interval is given by its ends, our choice: 1 / tau_p^2 is
+then even within a tenth of U."""
+
+
 @dataclass(frozen=True)
 class Known:
     """An uncertain number, and why its uncertainty is not determined, if it is not."""
 
     number: UncertainNumber
     reasons: tuple[Note, ...] = ()
+    formula: Callable[..., Any] | None = None  # that made it; None: it was measured or stated
+    inputs: tuple["Known", ...] = ()  # of the formula
 
     def state(self, notes: tuple[Note, ...] = ()) -> Quantity:
         """Return it with its uncertainty, or with why there is none."""
+        value = float(self.number.x)
         if self.reasons:
-            return Quantity(float(self.number.x), notes=self.reasons)
-        return compute_quantity(float(self.number.x), self.number, notes)
+            return Quantity(value, notes=self.reasons)
+        found = compute_quantity(value, self.number, notes)
+        if self.formula is None or not found.expanded > UNEVEN * abs(value):
+            return found
+        ends = []
+        for wide in (-found.expanded, found.expanded):
+            try:
+                ends.append(self.move(self.number, wide / found.standard**2))
+            except RigError:  # the formula has no value there
+                ends.append(math.nan)
+        return found if math.isnan(ends[0]) else replace(found, lower=ends[0], upper=ends[1])
+
+    def move(self, result: UncertainNumber, factor: float) -> float:
+        """Return the value where `result` is off by `factor` times its variance.
+
+        What was measured moves by its covariance with the result, which is where it then lies on
+        average.
+        """
+        if self.formula is None:
+            return float(self.number.x + factor * load_gtc().get_covariance(self.number, result))
+        return float(self.formula(*(item.move(result, factor) for item in self.inputs)))
+
+
+def derive(formula: Callable[..., Any], *inputs: Known) -> Known:
+    """Return what a formula of floats and uncertain numbers makes of its inputs.
+
+    Where the uncertainty of one is not determined, that of the result is not.
+    """
+    reasons = next((item.reasons for item in inputs if item.reasons), ())
+    return Known(formula(*(item.number for item in inputs)), reasons, formula, inputs)

@@ -305,7 +305,6 @@ class EstimatorNode(RigNode):
         response.samples = [estimate_to_msg(item, stamp, identity) for item in results.samples]
         response.speed_exponents = [record_to_msg(item) for item in results.speed_exponents]
         for estimate, message in zip(results.samples, response.samples, strict=True):
-            # Now with the model fitted, for recorder and view.
             self._estimate.publish(message)
             if estimate.name in self._incomplete:
                 self._publish_comparisons(estimate, stamp)

@@ -3,12 +3,12 @@
 import html
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
 from impact_rig.core.quantity import INTERNAL, BudgetLine, Description, Quantity, list_fields
 from impact_rig.present.console import format_tables
-from impact_rig.results.numbers import SCALES, format_uncertain, show_unit
+from impact_rig.results.numbers import SCALES, format_quantity, show_unit
 from impact_rig.results.tables import Table, make_table, make_text_column, tabulate_budget
 
 SMALL, LARGE = 1e-3, 1e6
@@ -66,8 +66,9 @@ class Budget(Printed, tuple[BudgetLine, ...]):
 class Number(Quantity):
     """A value with its uncertainty, printed with ± and unit.
 
-    `value`, `standard` (u), `expanded` (U, for 95 %) and ``float(number)`` are in SI units; `unit`
-    is what it is printed in. NaN: not determined. `budget` prints itself as a table.
+    `value`, `standard` (u), `expanded` (U, for 95 %), `lower` and `upper` (ends of the interval)
+    and ``float(number)`` are in SI units; `unit` is what it is printed in. NaN: not determined.
+    An uneven interval is printed as ``0.45 +0.44 -0.18``. `budget` prints itself as a table.
 
     Examples
     --------
@@ -96,23 +97,24 @@ class Number(Quantity):
         return self.value
 
     def __format__(self, spec: str) -> str:
-        """Return value, ± and unit; a format of floats, as ``.2f``, is for both numbers.
+        """Return value, ± and unit; a format of floats, as ``.2f``, is for all numbers.
 
         Without one both are rounded to the second digit of the uncertainty.
         """
         if not self.is_known:
             return NOT_DETERMINED
-        value, expanded = self.value * self.scale, self.expanded * self.scale
+        value = self.value * self.scale
         if spec:
-            text = format(value, spec)
-            if math.isfinite(expanded):
-                text += f" ± {expanded:{spec}}"
+            widths = (self.compute_half_width(to) * self.scale for to in (math.inf, -math.inf))
+            above, below = (format(width, spec) for width in widths)
+            text = f" ± {above}" if self.is_even else f" +{above} -{below}"
+            text = format(value, spec) + text * math.isfinite(self.expanded)
             return f"{text} {self.unit}".rstrip()
         power = math.floor(math.log10(abs(value))) if value else 0
         if SMALL <= abs(value) < LARGE or not value:
-            text = format_uncertain(value, expanded, max(DIGITS - 1 - power, 0))
+            text = format_quantity(self, max(DIGITS - 1 - power, 0), self.scale)
             return f"{text} {self.unit}".rstrip()
-        text = format_uncertain(value / 10.0**power, expanded / 10.0**power, DIGITS - 1)
+        text = format_quantity(self, DIGITS - 1, self.scale / 10.0**power)
         return f"({text})e{power} {self.unit}".rstrip()
 
     def __str__(self) -> str:
@@ -125,10 +127,8 @@ class Number(Quantity):
 def make_number(quantity: Quantity, said: Description, name: str) -> Number:
     """Return a quantity as it prints itself, by the description of its field."""
     budget = Budget(quantity.budget)
-    number = Number(
-        quantity.value, quantity.standard, quantity.expanded, quantity.degrees_of_freedom,
-        budget, quantity.notes, said,
-    )  # fmt: skip
+    found = {item.name: getattr(quantity, item.name) for item in fields(Quantity)}
+    number = Number(**{**found, "budget": budget}, said=said)
     caption = f"{name}: {said.symbol or said.label} = {number}"
     budget.table = tabulate_budget(caption, budget, number.unit, number.scale)
     return number

@@ -25,7 +25,6 @@ from impact_rig.results.numbers import (
 from impact_rig.results.palette import BLUE, GREEN, PURPLE, VERMILION, format_hex
 from impact_rig.results.traces import (
     DRIVEN,
-    IDENTIFIED,
     PRINTED,
     AlignedHit,
     LawCurves,
@@ -43,12 +42,10 @@ TITLES = ("a) hammer", "b) sample")
 MODEL_NAMES = {
     DRIVEN: "force-driven model",
     PRINTED: "model as printed",
-    IDENTIFIED: "identified model",
 }
 LOOKS: dict[str, dict[str, Any]] = {
     DRIVEN: {"color": format_hex(VERMILION), "linestyle": (0, (5, 1.5))},
     PRINTED: {"color": format_hex(PURPLE), "linestyle": (0, (5, 1.5, 1, 1.5))},
-    IDENTIFIED: {"color": format_hex(BLUE), "linestyle": (0, (1.5, 1.2))},
 }
 LAW_LOOKS: dict[str, dict[str, Any]] = {
     "law": {"color": format_hex(BLUE)},

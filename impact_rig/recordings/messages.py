@@ -45,7 +45,7 @@ NANOSECONDS = 1_000_000_000
 NO_ID = bytes(16)
 """Of no campaign, and of what was recorded before there were ids: an id like another."""
 
-RENAMED = {"BudgetLine": "UncertaintyContribution", "FittedModel": "Identification"}
+RENAMED = {"BudgetLine": "UncertaintyContribution"}
 """Records in lists whose messages have other names."""
 PLAIN = (float, int, str, bool)
 """Kinds of values that messages have too."""

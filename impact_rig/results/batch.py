@@ -114,7 +114,9 @@ def tabulate_changes(first: BatchCampaign, second: BatchCampaign) -> list[Table]
             if not (old.is_known and new.is_known):
                 continue
             # As if they had nothing in common.
-            expanded = math.hypot(old.expanded, new.expanded)
+            expanded = math.hypot(
+                old.compute_half_width(new.value), new.compute_half_width(old.value)
+            )
             difference = Quantity(new.value - old.value, expanded=expanded)
             is_uncertain = is_beyond_rounding(expanded, new.value)
             ratio = difference.value / expanded if is_uncertain else math.nan

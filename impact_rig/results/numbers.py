@@ -76,16 +76,30 @@ def format_uncertain(value: float, expanded: float, digits: int) -> str:
         return MISSING
     if not (math.isfinite(expanded) and is_beyond_rounding(expanded, value)):
         return format_number(value, digits)
+    return " ± ".join(_round_alike(expanded, value, expanded))
+
+
+def _round_alike(width: float, *numbers: float) -> list[str]:
+    """Return numbers rounded to the second digit of a width."""
     # Python's own rounding says where the second digit of the rounded uncertainty stands.
-    exponent = int(f"{expanded:.{UNCERTAINTY_DIGITS - 1}e}".partition("e")[2])
+    exponent = int(f"{width:.{UNCERTAINTY_DIGITS - 1}e}".partition("e")[2])
     place = UNCERTAINTY_DIGITS - 1 - exponent
-    decimals = max(place, 0)
-    return f"{round(value, place):z.{decimals}f} ± {round(expanded, place):.{decimals}f}"
+    return [f"{round(number, place):z.{max(place, 0)}f}" for number in numbers]
 
 
 def format_quantity(quantity: Quantity, digits: int, scale: float = 1.0) -> str:
-    """Return a value with its uncertainty as `format_uncertain` does, `scale` times both."""
-    return format_uncertain(quantity.value * scale, quantity.expanded * scale, digits)
+    """Return a value with its uncertainty as `format_uncertain` does, `scale` times both.
+
+    An interval that reaches farther to one side is printed by both half-widths: ``0.45 +0.44
+    -0.18``, with ``+∞`` where it is open.
+    """
+    value = quantity.value * scale
+    if quantity.is_even:
+        return format_uncertain(value, quantity.expanded * scale, digits)
+    below, above = (quantity.compute_half_width(to) * scale for to in (-math.inf, math.inf))
+    if math.isinf(above):
+        return "{} +∞ -{}".format(*_round_alike(below, value, below))
+    return "{} +{} -{}".format(*_round_alike(min(below, above), value, above, below))
 
 
 def format_error(value: float) -> str:

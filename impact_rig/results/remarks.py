@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 
 from impact_rig.core.findings import Note, Reason, Subject
-from impact_rig.core.model import ModelVariant
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.records import MIXED, SIMULATED, UNKNOWN_KIND, Origin, join_origins
 from impact_rig.core.sample import SampleEstimate
@@ -64,13 +63,10 @@ UNSTATED_EFFECT = 0.1
 """Effect of what core warns of without a number [-], our choice: a tenth of k or c."""
 FALSE = Reason.SMOOTHED
 """What makes a contact time wrong: as bad as none."""
-LARGEST_IMBALANCE = 0.05
-"""Of the forces on hammer and sample [-], our choice: accelerometers are calibrated to a few per
-cent."""
 FEW_NAMES = 3
 """Samples that a remark names one by one [-], our choice."""
 FURTHER_METHODS = {
-    Subject.CONTACT_LAW, Subject.FREE_DECAY, Subject.IDENTIFICATION, Subject.MOMENTA,
+    Subject.CONTACT_LAW, Subject.FREE_DECAY, Subject.MOMENTA,
     Subject.ASSUMED_GAIN, Subject.ASSUMED_MASS,
 }  # fmt: skip
 """Methods beside the paper's, and what is assumed."""
@@ -99,15 +95,6 @@ def _compare_dampings(sample: SampleEstimate) -> float:
     return difference / decay.value if is_beyond else math.nan
 
 
-def _compare_forces(sample: SampleEstimate) -> float:
-    """Return how much more force than the hammer the sample feels, by the identification."""
-    fitted = sample.identification
-    if fitted is None or fitted.model != ModelVariant.DRIVEN.value:
-        return math.nan
-    excess = fitted.force_balance - 1.0
-    return excess if abs(excess) > LARGEST_IMBALANCE else math.nan
-
-
 CHECKS: dict[Callable[[SampleEstimate], float], str] = {
     _compare_with_law: (
         "the pulse is no versed-sine: k by the contact law differs by {percent} %."
@@ -116,9 +103,6 @@ CHECKS: dict[Callable[[SampleEstimate], float], str] = {
     _compare_dampings: (
         "c by the log decrement differs from the free decay by {percent} %, since the contact"
         " still drives the body at its largest peak. Use the free decay."
-    ),
-    _compare_forces: (
-        "the forces on hammer and sample differ by {percent} %. Check masses and calibrations."
     ),
 }
 """What the numbers of a sample show: its effect on a result [-], NaN for none, and the text, with
@@ -136,14 +120,12 @@ def gather_remarks(results: Results, reading: Iterable[str] = ()) -> list[Remark
     samples = results.samples
     struck = [sample for sample in samples if sample.impacts_accepted]
     warnings = [(sample.name, note) for sample in samples for note in sample.warnings]
-    undetermined = [(item.name, note) for item in samples for note in _list_undetermined(item)]
     remarks = [
         *_list_samples_without_hits(results),
         *_check(struck),
         *_merge([item for item in warnings if item[1].about is FALSE], samples, NO_RESULT),
         *_merge([item for item in warnings if item[1].about is not FALSE], samples),
         *(Remark(text, "file", UNSTATED_EFFECT) for text in dict.fromkeys(reading)),
-        *_merge(undetermined, samples, 0.0),
         *_list_notes(struck, results.hammer, find_plant(results.origin)),
         *_list_rejections(results),
     ]
@@ -157,7 +139,7 @@ def select_attention(remarks: Sequence[Remark]) -> list[Remark]:
 
 def gather_sample_remarks(sample: SampleEstimate) -> list[Remark]:
     """Return what needs attention in one sample, in its own numbers."""
-    notes = [*sample.warnings, *_list_undetermined(sample), *sample.notes]
+    notes = [*sample.warnings, *sample.notes]
     checked = [replace(remark, about="") for remark in _check([sample])]
     return checked + [Remark(str(note)) for note in notes]
 
@@ -226,11 +208,6 @@ def _list_notes(
         *(Remark(str(note), "hammer", effect) for note in hammer.notes if note not in told),
         *_merge(others, samples, 0.0),
     ]
-
-
-def _list_undetermined(sample: SampleEstimate) -> list[Note]:
-    fitted = sample.identification
-    return [Note(Subject.IDENTIFICATION, text) for text in fitted.undetermined] if fitted else []
 
 
 def _list_samples_without_hits(results: Results) -> list[Remark]:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig.core.errors import FileError
-from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.records import Origin
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.speed_exponents import SpeedExponents
@@ -24,7 +23,7 @@ from impact_rig.results.remarks import gather_remarks
 from impact_rig.results.wire import Json, WireError, from_json, to_json, to_row
 
 FORMAT_NAME = "impact-rig results"
-FORMAT_VERSION = 10
+FORMAT_VERSION = 11
 UNSAFE = re.compile("[\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """What JSON may hold as it is, and terminals take for a command or an end of the line."""
 
@@ -141,10 +140,9 @@ def format_results_table(campaigns: Sequence[Results]) -> str:
     -------
     str
         A line of names as in results.json, with their units, then a line for each sample, with the
-        origin of its hits. What is
-        not determined is empty. Numbers are written with the digits that bring them back bit by
-        bit. Contact law, free decay, preferred identification, hammer and speed exponents follow
-        with their names before each column; budgets and other models are in results.json alone.
+        origin of its hits. What is not determined is empty. Numbers are written with the digits
+        that bring them back bit by bit. Contact law, free decay, hammer and speed exponents follow
+        with their names before each column; budgets are in results.json alone.
     """
     rows = [
         {
@@ -174,7 +172,6 @@ def _guard(cell: str) -> str:
 
 
 def _make_row(results: Results, sample: SampleEstimate) -> dict[str, str]:
-    identification = sample.identification or FittedModel("")
     struck = results.setup.samples.find(sample.name)
     exponents = (item for item in results.speed_exponents if item.sample == struck.body)
     return {
@@ -182,7 +179,6 @@ def _make_row(results: Results, sample: SampleEstimate) -> dict[str, str]:
         "best_shape": sample.pulse_shape.best_shape,
         **to_row(sample.contact_law, "contact_law_"),
         **to_row(sample.free_decay, "free_decay_"),
-        **to_row(identification, "identification_"),
         **to_row(results.hammer, "hammer_"),
         "release_angle_rad": to_row(struck)["release_angle_rad"],
         **to_row(next(exponents, SpeedExponents("", 0)), "speed_exponents_"),

@@ -8,13 +8,10 @@ from typing import Any
 
 from impact_rig.core.contact_law import NO_LAW
 from impact_rig.core.findings import Note
-from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.momenta import Hold
-from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import ShapeFit
 from impact_rig.core.quantity import UNKNOWN, BudgetLine, Quantity, list_fields
-from impact_rig.core.ringing import FreeDecayEstimate
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PULSE_NAME
 from impact_rig.core.speed_exponents import (
@@ -197,9 +194,10 @@ class _Row:
     def compute_deviation(self, quantity: Measurand) -> float:
         """Return the difference from the expected value, over the measured uncertainty."""
         found = self.read(quantity)
-        difference = found.value - quantity.read_reference(self.reference)
+        expected = quantity.read_reference(self.reference)
         is_uncertain = is_beyond_rounding(found.expanded, found.value)
-        return difference / found.expanded if is_uncertain else math.nan
+        width = found.compute_half_width(expected) if is_uncertain else math.nan
+        return (found.value - expected) / width
 
 
 def _make_rows(results: Results, *, with_hammer: bool) -> list[_Row]:
@@ -386,13 +384,12 @@ def tabulate_results(results: Results) -> list[Table]:
 
 
 def tabulate_checks(samples: Sequence[SampleEstimate]) -> list[Table]:
-    """Return what stands beside the paper's numbers: shape, law, free decay, identification."""
+    """Return what stands beside the paper's numbers: shape, law, free decay."""
     return [
         *tabulate_pulse_shapes(samples),
         *tabulate_contact_laws(samples),
         *tabulate_momenta(samples),
         *tabulate_free_decays(samples),
-        *tabulate_identifications(samples),
     ]
 
 
@@ -566,39 +563,15 @@ def tabulate_free_decays(samples: Sequence[SampleEstimate]) -> list[Table]:
     return list_table("Damping by free decay", columns, [note])
 
 
-def tabulate_identifications(samples: Sequence[SampleEstimate]) -> list[Table]:
-    """Return the parameters of the preferred model fitted to both traces, beside the paper's."""
-    fitted = [sample for sample in samples if sample.identification is not None]
-    fits = [fit for sample in fitted if (fit := sample.identification) is not None]
-    columns = [make_text_column("Sample", [sample.name for sample in fitted])]
-    for measurand, fit_column in zip(SAMPLE_MEASURANDS, _make_fit_columns(fits), strict=True):
-        header = f"{measurand.sample_symbol}, paper [{measurand.unit}]"
-        found, digits = f"paper.{measurand.field}", measurand.digits
-        columns += [read_column(header, fitted, found, digits, is_optional=True), fit_column]
-    columns += [
-        read_column("Residual/noise", fits, "residual_over_noise", 1, is_optional=True),
-        read_column("Force balance", fits, "force_balance", 3, is_optional=True),
-        make_text_column("Model", [fit.model for fit in fits]),
-    ]
-    note = (
-        "Paper: by the paper's method. Fit: the driven model, by least squares on hammer and"
-        " sample together. Residual/noise: 1 where the model leaves nothing but noise. Force"
-        " balance: force on the sample over that on the hammer, 1 by Newton's third law."
-    )
-    return list_table("Identification of the two-body model", columns, [note])
-
-
 def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
     """Return what each method says of one sample, beside what is expected."""
-    decay, fitted = sample.free_decay, sample.identification or FittedModel("")
-
-    def column(header: str, body: PaperEstimate | FreeDecayEstimate | FittedModel) -> Column:
-        found = [
-            item.format(item.read(body)) if hasattr(body, item.field) else ""
-            for item in SAMPLE_MEASURANDS
-        ]
-        return Column(header, [*found, format_quantity(body.damping_ratio, 3)])
-
+    paper, law, decay = sample.paper, sample.contact_law, sample.free_decay
+    methods = {
+        "paper's method": [paper.contact_time, paper.stiffness, paper.damping_coefficient],
+        "contact law": [law.duration, law.equivalent_stiffness, UNKNOWN],
+        "free decay": [UNKNOWN, decay.stiffness, decay.damping_coefficient],
+    }
+    ratios = {"paper's method": paper.damping_ratio, "free decay": decay.damping_ratio}
     expected = [
         format_number(item.read_reference(reference) * item.scale, item.digits)
         for item in SAMPLE_MEASURANDS
@@ -606,36 +579,20 @@ def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
     names = [f"{item.symbol} [{item.unit}]" for item in SAMPLE_MEASURANDS]
     columns = [
         make_text_column("", [*names, "ζ"]),
-        column("paper's method", sample.paper),
-        column("free decay", decay),
-        column(f"fit ({fitted.model or 'none'})", fitted),
+        *(
+            Column(
+                method,
+                [
+                    *(item.format(it) for item, it in zip(SAMPLE_MEASURANDS, found, strict=True)),
+                    format_quantity(ratios.get(method, UNKNOWN), 3),
+                ],
+            )
+            for method, found in methods.items()
+        ),
         Column("expected", [*expected, ""]),
     ]
-    return make_table("By method", columns)
-
-
-def tabulate_variants(sample: SampleEstimate) -> list[Table]:
-    """Return every variant of the model that was fitted to one sample, and what it leaves."""
-    fits = sample.identifications
-    columns = [
-        make_text_column(
-            "Model", [f"{fit.model}, preferred" if fit.is_preferred else fit.model for fit in fits]
-        ),
-        *_make_fit_columns(fits),
-        read_column("Leaves of hammer [%]", fits, "residual_hammer_percent", 2),
-        read_column("Leaves of sample [%]", fits, "residual_sample_percent", 2),
-        read_column("Residual/noise", fits, "residual_over_noise", 1, is_optional=True),
-    ]
-    notes = [f"{fit.model}: {text}." for fit in fits for text in (*fit.undetermined, *fit.notes)]
-    return list_table("Fitted models", columns, notes)
-
-
-def _make_fit_columns(fits: Sequence[FittedModel]) -> list[Column]:
-    """Return tau_p, k2 and c2 as they were fitted."""
-    return [
-        read_column(f"{item.sample_symbol}, fit [{item.unit}]", fits, item.field, item.digits)
-        for item in SAMPLE_MEASURANDS
-    ]
+    note = "Contact law: k of the linear spring between free bodies with its duration."
+    return make_table("By method", columns, [note] if law.is_known else [])
 
 
 def tabulate_budgets(name: str, body: SampleEstimate | HammerEstimate) -> Iterator[Table]:

@@ -119,8 +119,6 @@ DRIVEN = "driven"
 """Equation (4) on the hammer, the sample driven by F(t) alone, k and c by the paper's method."""
 PRINTED = "printed"
 """Equations (1) and (2) as printed, k and c by the paper's method."""
-IDENTIFIED = "identified"
-"""The variant that was fitted best to both traces."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +150,7 @@ class JudgedTraces:
 class ModelTraces:
     """One model beside a sample's mean hit."""
 
-    model: str  # `DRIVEN`, `PRINTED` or `IDENTIFIED`
+    model: str  # `DRIVEN` or `PRINTED`
     # Shape (2, n): hammer and sample [m/s^2] on the points of the mean. `DRIVEN` and `PRINTED` are
     # scaled to the peaks of the mean and shifted onto it, each channel by itself.
     traces: FloatArray
@@ -233,18 +231,7 @@ def align_hit(label: HitLabel, hit: FilteredHit) -> AlignedHit:
 
 
 def sample_traces_from_estimate(estimate: SampleEstimate, mean: MeanHit) -> SampleTraces | None:
-    """Gather the traces behind the estimate of one sample.
-
-    Parameters
-    ----------
-    estimate : SampleEstimate
-        With or without fitted models.
-
-    Returns
-    -------
-    SampleTraces or None
-        None: the contact was not determined.
-    """
+    """Return the traces behind the estimate of a sample; None: it has no contact time."""
     if not estimate.paper.contact_time.is_known:
         return None
     models = [
@@ -255,14 +242,6 @@ def sample_traces_from_estimate(estimate: SampleEstimate, mean: MeanHit) -> Samp
         )
         for found in estimate.comparisons
     ]
-    fitted = estimate.identification
-    if fitted is not None and fitted.identification is not None:
-        found = fitted.identification
-        hammer, specimen = (
-            100.0 * float(np.mean(np.square((trace - model) / np.abs(trace).max())))
-            for model, trace in zip(found.model, mean.traces, strict=True)
-        )
-        models.append(ModelTraces(IDENTIFIED, found.model, (hammer, specimen)))
     return SampleTraces(
         name=estimate.name,
         sampling_rate=mean.sampling_rate,

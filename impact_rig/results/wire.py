@@ -2,9 +2,10 @@
 
 A record is a frozen dataclass; its fields say what they are (`core.quantity.describe`).
 
-- JSON calls a field by its name and its unit: `half_amplitude_width_s`. A `Quantity` is three
-  numbers, `stiffness_n_per_m`, `stiffness_u_n_per_m` and `stiffness_expanded_n_per_m`; the budgets
-  of all quantities of a record are its list `budget`. What is not determined (NaN) is null.
+- JSON calls a field by its name and its unit: `half_amplitude_width_s`. A `Quantity` is five
+  numbers, `stiffness_n_per_m`, with `_u_`, `_expanded_`, `_lower_` and `_upper_` before the unit:
+  standard uncertainty, U, ends of the 95 % interval; the budgets of all quantities of a record are
+  its list `budget`. What is not determined (NaN) is null.
 - A row of text has what JSON has, without records within records.
 """
 
@@ -27,10 +28,10 @@ from impact_rig.core.quantity import (
 
 Json = dict[str, Any]
 Record = TypeVar("Record")
-NUMBERS = {"": "value", "u": "standard", "expanded": "expanded"}
+NUMBERS = {
+    "": "value", "u": "standard", "expanded": "expanded", "lower": "lower", "upper": "upper",
+}  # fmt: skip
 """Fields of a quantity, by the suffix of the name in JSON."""
-UNCERTAINTY = read_description(Quantity.__dataclass_fields__["standard"])
-"""What an uncertainty may be."""
 BUDGET = "budget"
 WANTED = {int: "a whole number from 0 to below 2^63", str: "text", bool: "true or false"}
 """Kinds of values that are taken as they are, with their names for messages."""
@@ -50,7 +51,7 @@ class WireError(RigError):
 
 
 def _make_key(field: StoredField, kind: str = "") -> str:
-    """Return the name of a field in JSON; `kind` is "u" or "expanded" for an uncertainty."""
+    """Return the name of a field in JSON; `kind` is a key of `NUMBERS`."""
     said = field.description
     unit = (
         said.unit.replace("/", "_per_")
@@ -126,12 +127,13 @@ def from_json(kind: type[Record], content: Any, place: str = "") -> Record:
 
 
 def _read_quantity(field: StoredField, content: Mapping[str, Any], place: str) -> Quantity:
-    value, standard, expanded = (
-        _read_value(float, content, _make_key(field, kind), place) for kind in NUMBERS
-    )
-    for kind, number in (("u", standard), ("expanded", expanded)):
-        if (problem := UNCERTAINTY.explain(number)) is not None:
-            raise WireError(f"{_join(place, _make_key(field, kind))} {problem}")
+    numbers: Json = {}
+    for kind, name in NUMBERS.items():
+        key = _make_key(field, kind)
+        numbers[name] = _read_value(float, content, key, place)
+        said = read_description(Quantity.__dataclass_fields__[name])
+        if (problem := said.explain(numbers[name])) is not None:
+            raise WireError(f"{_join(place, key)} {problem}")
     lines = content.get(BUDGET)
     if not isinstance(lines, list):
         raise WireError(f"{_join(place, BUDGET)} must be a list")
@@ -140,7 +142,7 @@ def _read_quantity(field: StoredField, content: Mapping[str, Any], place: str) -
         for number, line in enumerate(lines)
         if isinstance(line, Mapping) and line.get("quantity") == field.name
     )
-    return Quantity(value, standard, expanded, budget=budget)
+    return Quantity(**numbers, budget=budget)
 
 
 def _read_value(hint: Any, content: Mapping[str, Any], key: str, place: str) -> Any:

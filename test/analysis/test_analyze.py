@@ -42,17 +42,16 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def campaign(path: Path) -> TracedCampaign:
     """Return all that there is to see of it."""
-    (found,) = analyze(Run(path), keep_traces=True, with_models=False).campaigns
+    (found,) = analyze(Run(path), keep_traces=True).campaigns
     return found
 
 
-def test_neither_traces_nor_models_change_what_is_found(path, campaign):
+def test_traces_that_are_kept_do_not_change_what_is_found(path, campaign):
     (analyzed,) = analyze(Run(path)).campaigns
     assert (analyzed.samples, analyzed.hits) == ((), ())
     assert repr(campaign.results.hits) == repr(analyzed.results.hits)
     pairs = zip(campaign.results.samples, analyzed.results.samples, strict=True)
     for sample, other in pairs:
-        assert sample.identifications == ()
         assert repr(sample.paper.stiffness) == repr(other.paper.stiffness)
 
 
@@ -89,7 +88,6 @@ def test_a_person_s_word_and_other_settings_hold(path, campaign):
         changes,
         reject=[str(first.record)],
         keep_traces=True,
-        with_models=False,
     ).campaigns
     assert [hit.result.record for hit in campaign.hits if hit.result.accepted] == [
         first.record,

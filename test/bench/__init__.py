@@ -13,7 +13,6 @@ os.environ["PYTHONPATH"] = os.pathsep.join(path for path in _PATHS if path)
 
 PARTS = {
     "model": ("model", "The model beside an integrator"),
-    "identification": ("model", "An identification of two traces"),
     "law": ("model", "The contact law of one hit"),
     "write": ("recording", "Writing serialised messages, beside mcap.writer"),
     "demo": ("running", "The paper's campaign on the virtual rig, start to tables"),

@@ -1,4 +1,4 @@
-"""The closed form of the model beside an integrator; an identification; a contact law."""
+"""The closed form of the model beside an integrator; a contact law."""
 
 from collections.abc import Callable, Iterator
 
@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 from bench.measure import Bench, Figure, compare_times, divide
 from impact_rig.core.contact_law import look_at_law
 from impact_rig.core.hits import MeanHit
-from impact_rig.core.identification import identify_model
 from impact_rig.core.model import ImpactModel, ModelVariant, simulate_impact
 from impact_rig.core.records import FloatArray, HitLabel
 from impact_rig.core.session import Session
@@ -101,15 +100,6 @@ def strike_once(plant: Plant) -> MeanHit:
     mean = session.compute_mean(SAMPLE)
     assert mean is not None
     return mean
-
-
-def measure_identification(bench: Bench) -> Iterator[Figure]:
-    """Time the fit of the model to one hit."""
-    mean = strike_once(Plant.DYNAMICS)
-    times, _ = compare_times(
-        lambda: identify_model(mean, PAPER_SETUP, SAMPLE), lambda: None, bench.extent.repeats
-    )
-    yield Figure("one identification", (1e3 * time for time in times), "ms", most=60)
 
 
 def measure_law(bench: Bench) -> Iterator[Figure]:

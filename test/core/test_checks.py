@@ -175,12 +175,3 @@ def test_waves_that_go_to_and_fro_in_a_free_bar_are_no_decrement():
     assert not found.paper.damping_ratio.is_known
     assert not found.paper.damping_coefficient.is_known
     assert not found.free_decay.stiffness.is_known
-
-
-def test_no_model_on_a_spring_is_fitted_to_a_free_sample():
-    session = Session(SETUP)
-    for record in range(1, 6):
-        session.feed(CRUSHED.make_block(HitLabel("struck", record, record)))
-    (found,) = session.estimate_all().samples
-    assert found.identifications == ()
-    assert any("the sample is free: it is on no spring" in str(note) for note in found.notes)

@@ -1,6 +1,7 @@
 """Uncertain numbers against the GUM's own examples, closed forms and Monte Carlo."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,15 +9,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from impact_rig.core.equations import UncertainNumber
+from impact_rig.core.equations import (
+    UncertainNumber,
+    estimate_equivalent_mass,
+    estimate_equivalent_stiffness,
+    estimate_sample_stiffness,
+)
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.core.uncertainty import (
     Formula,
+    Known,
     RigInputs,
     compute_quantity,
+    derive,
     find_decaying_body,
-    find_identified_body,
     make_ensemble,
     make_input,
     make_rig_numbers,
@@ -166,27 +173,53 @@ def test_a_free_decay_gives_what_monte_carlo_gives():
         assert uncertainty.expanded == pytest.approx(half, rel=2e-2)
 
 
-def test_identified_parameters_go_with_mass_and_clock():
-    hits = np.array([203.2e-6, 45.29e6, 1170.0]) * (
-        1.0 + np.random.default_rng(8).standard_normal((10, 3)) * [1e-3, 3e-3, 5e-3]
+def stiffen(spread: float, hammer: Known, tau: float = 200e-6) -> Known:
+    """Return k2 of a contact time within `spread` [-] and exact masses of 100 g."""
+    mass = derive(estimate_equivalent_mass, *[Known(make_input("mass", 0.1, 0.0))] * 2)
+    time = Known(make_input("tau", tau, spread * tau))
+    return derive(
+        estimate_sample_stiffness, derive(estimate_equivalent_stiffness, mass, time), hammer
     )
-    found = propagate(hits, find_identified_body)
-    tau, k, c = hits.mean(axis=0)
-    mass = math.hypot(0.29e-3, 0.0029e-3) / 0.16991
-    scatter = np.std(hits, axis=0, ddof=1) / math.sqrt(10)
-    assert found["contact_time"].standard == pytest.approx(math.hypot(scatter[0], 5.8e-5 * tau))
-    assert found["stiffness"].standard == pytest.approx(
-        math.hypot(scatter[1], mass * k, 2 * 5.8e-5 * k)
-    )
-    assert found["damping_coefficient"].standard == pytest.approx(
-        math.hypot(scatter[2], mass * c, 5.8e-5 * c)
-    )
-    # zeta = c / (2 sqrt(k m)): neither mass nor clock is left.
-    assert [line.source for line in found["damping_ratio"].budget] == ["hits"]
-    ratios = hits[:, 2] / (2.0 * np.sqrt(hits[:, 1] * 0.16991))
-    assert found["damping_ratio"].standard == pytest.approx(
-        np.std(ratios, ddof=1) / math.sqrt(10), rel=0.01
-    )
+
+
+def test_what_goes_as_a_power_has_the_ends_that_its_input_gives():
+    time = Known(make_input("tau", 200e-6, 29e-6))
+    mass = Known(make_input("mass", 0.05, 0.0))
+    found = derive(estimate_equivalent_stiffness, mass, time).state()
+    ends = [0.05 * (math.pi / (200e-6 + step * 1.959964 * 29e-6)) ** 2 for step in (1, -1)]
+    assert [found.lower, found.upper] == pytest.approx(ends, rel=1e-6)
+    assert not found.is_even
+    # Within 10 % both sides are alike.
+    narrow = replace(time, number=make_input("tau", 200e-6, 2e-6))
+    found = derive(estimate_equivalent_stiffness, mass, narrow).state()
+    assert found.is_even
+    assert (found.lower, found.upper) == (
+        found.value - found.expanded, found.value + found.expanded,
+    )  # fmt: skip
+
+
+def test_the_ends_of_several_inputs_are_those_of_a_monte_carlo():
+    k1, trials = 40e6, 400_000
+    found = stiffen(0.06, Known(make_input("k1", k1, 0.05 * k1))).state()
+    generator = np.random.default_rng(9)
+    taus = 200e-6 * (1.0 + 0.06 * generator.standard_normal(trials))
+    hammers = k1 * (1.0 + 0.05 * generator.standard_normal(trials))
+    values = 1.0 / (1.0 / (0.05 * (math.pi / taus) ** 2) - 1.0 / hammers)
+    low, high = np.quantile(values, [0.025, 0.975])
+    width = high - low
+    assert found.lower == pytest.approx(low, abs=0.02 * width)
+    assert found.upper == pytest.approx(high, abs=0.02 * width)
+    # An even one is off by more.
+    assert abs(found.value - found.expanded - low) > 0.05 * width
+
+
+def test_where_the_formula_has_no_value_the_interval_is_open():
+    # k_eq = 12.3 MN/m ± 24 % may reach k1: then no k2 solves (6b).
+    found = stiffen(0.06, Known(make_input("k1", 15e6, 0.0))).state()
+    assert found.lower < found.value
+    assert math.isnan(found.upper)
+    assert found.compute_half_width(1e9) == math.inf
+    assert found.compute_half_width(0.0) == found.value - found.lower
 
 
 def test_hits_that_agree_to_the_last_bit_have_no_scatter():

@@ -205,7 +205,7 @@ def test_what_is_a_sensors_is_taken_from_every_part():
     (decay,) = ring([20e3]).values()
     traces = TraceEstimates(UNSEEN, NO_CHECKS, decay, ())
     parts = SampleParts(NAMES[0], 0, mean, paper, HammerEstimate(), traces=traces)
-    found = parts.without_ringing(20e3, PAPER_SETUP)
+    found = parts.without_ringing(20e3)
     assert not found.paper.damping_ratio.is_known
     assert found.traces is not None
     assert not found.traces.free_decay.is_known

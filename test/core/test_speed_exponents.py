@@ -47,9 +47,7 @@ def strike(exponent: float, loss: float) -> tuple[SessionResults, FloatArray]:
             hit = collide(exponent, loss, speed * (1.0 + 0.02 * generator.standard_normal()))
             session.feed(replace(hit, seed=record).make_block(HitLabel(name, record, impact)))
     logarithms = np.log(truth)
-    return session.estimate_all(with_models=False), np.polyfit(
-        logarithms[:, 0], logarithms[:, 1:], 1
-    )[0]
+    return session.estimate_all(), np.polyfit(logarithms[:, 0], logarithms[:, 1:], 1)[0]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from impact_rig_msgs import msg
 
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.findings import Note, Reason, Subject
-from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
 from impact_rig.core.quantity import (
@@ -77,7 +76,6 @@ MESSAGES = {
     AnalysisSettings: msg.AnalysisSettings,
     BudgetLine: msg.UncertaintyContribution,
     ContactLaw: msg.ContactLaw,
-    FittedModel: msg.Identification,
     FreeDecayEstimate: msg.FreeDecay,
     HammerEstimate: msg.HammerEstimate,
     PulseShapeEstimate: msg.PulseShape,

@@ -89,7 +89,7 @@ class Told:
                 for judged in self.session.feed(block):
                     verdict = result_messages.hit_to_msg(judged, NO_IDENTITY)
                     self.verdicts.append(interfaces.IMPACT.convert(verdict))
-        self.found = self.session.estimate_all(with_models=False)
+        self.found = self.session.estimate_all()
 
     def tell(self, campaign):
         for found in (*self.truths, *self.verdicts):

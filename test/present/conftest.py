@@ -24,8 +24,6 @@ def trace_campaign(
     hits: Iterable[tuple[str, int]],
     setup: RigSetup = PAPER_SETUP,
     settings: VirtualRigSettings = SETTINGS,
-    *,
-    with_models: bool = False,
 ) -> TracedCampaign:
     """Strike samples, each hit by its sample and impact, and keep everything there is to see."""
     rig = VirtualRig(setup, settings)
@@ -44,7 +42,7 @@ def trace_campaign(
         overrules=NO_OVERRULES,
         events=lambda _: iter([setup, *blocks]),
     )
-    (campaign,) = analyze(source, keep_traces=True, with_models=with_models).campaigns
+    (campaign,) = analyze(source, keep_traces=True).campaigns
     return campaign
 
 
@@ -63,6 +61,6 @@ def contacts() -> TracedCampaign:
 
 @pytest.fixture(scope="session")
 def struck() -> TracedCampaign:
-    """Return three samples of the paper, three hits each; no model is fitted, which takes long."""
+    """Return three samples of the paper, three hits each."""
     names = ("aluminium large", "steel medium", "brass small")
     return trace_campaign((name, impact) for name in names for impact in (1, 2, 3))

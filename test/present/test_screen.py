@@ -8,7 +8,6 @@ import pytest
 from rich.console import Console
 
 from impact_rig.core.findings import Finding, Note, Reason, Subject
-from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.quantity import Quantity
@@ -51,7 +50,7 @@ def test_eighty_columns_are_enough_and_every_name_keeps_its_line(results):
     text = render(print_full, results)
     assert max(map(len, text.splitlines())) <= 80
     for cell in PAPER_SETUP.samples.samples:
-        # Tables 2 to 4, Fig. 6, shape, free decay, momenta, summary; of some the fitted model.
+        # Tables 2 to 4, Fig. 6, shape, free decay, momenta, summary.
         assert len(re.findall(rf"^{cell.name}(?![,:])", text, re.MULTILINE)) in (8, 9)
 
 
@@ -99,12 +98,10 @@ def test_a_rejected_hit_is_listed_with_its_reasons_and_what_was_injected(results
 def test_names_and_notes_are_shown_as_they_are():
     name = "[red]alloy :bomb:"
     setup = replace(PAPER_SETUP, samples=SampleSet((Sample(name, 0.1),), ""))
-    fitted = FittedModel("driven", True, undetermined=("k2 and c2 only together",))
-    sample = make_sample(name, notes=(Note(Subject.K2, "[bold]no"),), identifications=(fitted,))
+    sample = make_sample(name, notes=(Note(Subject.K2, "[bold]no"),))
     text = render(print_full, Results(setup, NO_HAMMER, (sample,), ()))
     assert name in text
     assert "[bold]no" in text
-    assert f"- {name}: identification: k2 and c2 only together" in text
 
 
 def test_plain_traces_are_shown_hit_by_hit_and_their_mean():

@@ -25,7 +25,17 @@ from impact_rig.results.results_file import format_json, read_results, results_t
 IMPOSSIBLE = (0.0, -1.0, 1e300, 5e-324)
 BY_UNIT = {"_s", "_n_per_m"}
 """Endings of names of what is above 0."""
-SIGNED = ("peak_time", "shift", "spread", "_u_", "_expanded_", "clock", "mass")
+SIGNED = (
+    "peak_time",
+    "shift",
+    "spread",
+    "_u_",
+    "_expanded_",
+    "_lower_",
+    "_upper_",
+    "clock",
+    "mass",
+)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ import pytest
 
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.findings import Finding, Note, Reason, Subject
-from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
@@ -111,14 +110,6 @@ def test_dampings_that_differ_beyond_their_uncertainties_are_named():
     assert tell(near) == []
 
 
-def test_forces_that_do_not_balance_are_named():
-    fits = [FittedModel("driven", is_preferred=True, force_balance=ratio) for ratio in (1.1, 1.01)]
-    wrong, right = (make_sample(identifications=(fit,)) for fit in fits)
-    ((_, text),) = tell(wrong)
-    assert "differ by 10 %" in text
-    assert tell(right) == []
-
-
 def test_what_changes_a_result_most_comes_first_and_further_methods_need_no_attention():
     notes = (
         Note(Subject.STIFFNESS_AND_DAMPING, "no mass"),
@@ -131,8 +122,7 @@ def test_what_changes_a_result_most_comes_first_and_further_methods_need_no_atte
         HitResults("iron", 1, 1, 1, reasons=(Finding(Reason.WEAK, "3 %"),)),
         HitResults("tin", 1, 1, 2, accepted=True),
     )
-    no_model = make_sample("zinc", notes=(Note(Subject.IDENTIFICATION, "no model"),))
-    samples = (make_sample(**CONTACT), bare, lost, no_model)
+    samples = (make_sample(**CONTACT), bare, lost)
     remarks = gather(*samples, hits=hits, reading=["it is cut"])
     assert [(remark.about, remark.text.partition(":")[0]) for remark in remarks] == [
         ("iron", "no hit was accepted"),
@@ -142,7 +132,6 @@ def test_what_changes_a_result_most_comes_first_and_further_methods_need_no_atte
         ("hits", "1 of 2 rejected"),
         ("lead", "free decay"),
         ("lead", "contact law"),
-        ("zinc", "identification"),
     ]
     assert len(select_attention(remarks)) == 5
 
@@ -156,14 +145,12 @@ def test_a_hammer_without_stiffness_needs_attention():
 
 
 def test_a_sample_by_itself_has_its_own_numbers():
-    fit = FittedModel("driven", is_preferred=True, undetermined=("k2 and c2 only together",))
     odd, notes = Note(Subject.HITS, "odd"), (Note(Subject.FREE_DECAY, "none"),)
-    sample = make_sample("tin", odd, identifications=(fit,), notes=notes, **CONTACT)
+    sample = make_sample("tin", odd, notes=notes, **CONTACT)
     law, *others = gather_sample_remarks(sample)
     assert "differs by 21 %" in law.text
     assert others == [
         Remark("hits: odd"),
-        Remark("identification: k2 and c2 only together"),
         Remark("free decay: none"),
     ]
 

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.findings import Finding, Note, Reason, Subject
-from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
@@ -23,7 +22,7 @@ from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
 from impact_rig.results import tables
 from impact_rig.results.campaign import FileResults, HitResults, Results
-from impact_rig.results.numbers import format_uncertain
+from impact_rig.results.numbers import format_quantity, format_uncertain
 from impact_rig.results.references import find_expected
 from impact_rig.results.remarks import tabulate_hits
 from impact_rig.results.results_file import format_results_table
@@ -45,16 +44,6 @@ DECAY = FreeDecayEstimate(
     periods=3.2,
     r_squared=0.99991,
 )
-DRIVEN = FittedModel(
-    "driven",
-    is_preferred=True,
-    contact_time=Quantity(203.21e-6, expanded=0.42e-6),
-    stiffness=Quantity(45.31e6, expanded=0.11e6),
-    damping_coefficient=Quantity(1171.0, expanded=3.4),
-    force_balance=1.002,
-    residual_over_noise=1.0,
-    undetermined=("k2 and c2 only together",),
-)
 BUDGET = (
     BudgetLine("mass of the accelerometer", "B", 0.5e6, 0.8),
     BudgetLine("contact time, hit to hit", "A", 0.25e6, 0.1999),
@@ -67,7 +56,6 @@ SAMPLE = SampleEstimate(
     paper=PaperEstimate(stiffness=Quantity(45.0e6, expanded=1.2e6, budget=BUDGET)),
     pulse_shape=SHAPE,
     free_decay=DECAY,
-    identifications=(replace(DRIVEN, model="printed", is_preferred=False), DRIVEN),
     warnings=(Note(Subject.PULSE_SHAPE, "it is no versed-sine"),),
 )
 
@@ -180,15 +168,11 @@ def test_the_best_shape_stands_beside_what_the_versed_sine_leaves():
     assert find_row(table)["Best shape"] == "half-sine ?"
 
 
-def test_free_decay_and_identification_show_values_with_their_uncertainty():
+def test_a_free_decay_shows_values_with_their_uncertainty():
     (decays,) = tables.tabulate_free_decays([SAMPLE])
     assert find_row(decays)["c2, free decay [N s/m]"] == "1180 ± 25"
     assert find_row(decays)["ζ, free decay"] == "0.2512 ± 0.0023"
     assert find_row(decays)["f [kHz]"] == "2.500"
-    (fits,) = tables.tabulate_identifications([SAMPLE])
-    row = find_row(fits)
-    assert (row["τp, fit [µs]"], row["k2, fit [MN/m]"]) == ("203.21 ± 0.42", "45.31 ± 0.11")
-    assert (row["c2, fit [N s/m]"], row["Model"]) == ("1171.0 ± 3.4", "driven")
 
 
 def test_nothing_known_makes_no_table():
@@ -204,12 +188,15 @@ def test_a_budget_names_each_source_and_sums_up_what_is_small():
 
 @pytest.mark.parametrize(("row", "expected"), [(0, "203.20"), (1, "45.29"), (2, "1170.0")])
 def test_a_sample_by_itself_has_the_values_of_every_method(row, expected):
-    table = tables.tabulate_methods(SAMPLE, find_expected(make_results(SAMPLE), "steel medium"))
+    law = ContactLaw(duration=Quantity(200e-6), equivalent_stiffness=Quantity(46e6))
+    sample = replace(SAMPLE, contact_law=law)
+    table = tables.tabulate_methods(sample, find_expected(make_results(SAMPLE), "steel medium"))
     assert [column.header for column in table.columns] == [
-        "", "paper's method", "free decay", "fit (driven)", "expected",
+        "", "paper's method", "contact law", "free decay", "expected",
     ]  # fmt: skip
     assert table.rows[row][-1] == expected
-    assert table.rows[1][1] == "45.0 ± 1.2"
+    assert table.rows[1][1:3] == ("45.0 ± 1.2", "46.00")
+    assert table.rows[0][2] == "200.00"
 
 
 def test_a_contact_law_stands_with_its_uncertainty_and_what_is_said_of_several_once():
@@ -240,6 +227,30 @@ def test_a_contact_law_stands_with_its_uncertainty_and_what_is_said_of_several_o
 )
 def test_a_value_is_rounded_where_its_uncertainty_is(value, expanded, text):
     assert format_uncertain(value, expanded, 2) == text
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "text"),
+    [
+        (0.27e6, 0.893e6, "0.45 +0.44 -0.18"),
+        (0.27e6, math.nan, "0.45 +∞ -0.18"),
+        # The smaller half-width says how many digits there are.
+        (0.441e6, 0.95e6, "0.4500 +0.5000 -0.0090"),
+    ],
+)
+def test_an_uneven_interval_is_shown_by_both_of_its_half_widths(lower, upper, text):
+    found = Quantity(0.45e6, 0.13e6, 0.26e6, lower, upper)
+    assert format_quantity(found, 2, 1e-6) == text
+
+
+def test_a_deviation_counts_on_the_side_where_the_expected_value_lies():
+    # Expected: 45.29 MN/m.
+    for lower, upper, deviation in ((20e6, 50.58e6, "-0.5"), (20e6, math.nan, "0.0")):
+        paper = PaperEstimate(stiffness=Quantity(40e6, 5e6, 10e6, lower, upper))
+        (table,) = tables.tabulate_stiffness(
+            make_results(SampleEstimate("steel medium", 10, 0, paper=paper))
+        )
+        assert find_row(table)["Δ/U"] == deviation
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-9, 1e9))

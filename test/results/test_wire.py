@@ -1,12 +1,12 @@
 """Records to JSON, messages and rows, and back: nothing is lost, nothing changes its name."""
 
 import json
+import math
 from dataclasses import replace
 
 import pytest
 
 from impact_rig.core.findings import Note, Reason, Subject
-from impact_rig.core.fitted_model import FittedModel
 from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
@@ -25,9 +25,10 @@ ESTIMATE = SampleEstimate(
     paper=PaperEstimate(contact_time=Quantity(2e-4), stiffness=STIFFNESS),
     pulse_shape=PulseShapeEstimate("Hertz", True, 1.1, (ShapeFit("Hertz", 0.2, 2e-4),)),
     free_decay=FreeDecayEstimate(stiffness=STIFFNESS, frequency=2500.0),
-    identifications=(FittedModel("driven", True, stiffness=STIFFNESS, values=(1.0, 2.0)),),
     notes=(Note(Subject.K2, "one: two"), Note(Reason.DRIFT, "two")),
 )
+OPEN = Quantity(3e6, 4e5, 9e5, 2.3e6, math.nan)
+"""Its interval has no upper end."""
 SETUP = replace(
     PAPER_SETUP,
     samples=SampleSet((Sample("tin", 0.01, "metal", 2e-4, 3e6, 4.0, 1e-3),), "tin", 5e-3, 6e-4),
@@ -39,7 +40,7 @@ SETUP = replace(
 )
 
 
-@pytest.mark.parametrize("record", [ESTIMATE, SETUP, HammerEstimate(stiffness=STIFFNESS)])
+@pytest.mark.parametrize("record", [ESTIMATE, SETUP, HammerEstimate(stiffness=OPEN)])
 def test_a_record_comes_back_from_json_as_it_was(record):
     content = json.loads(json.dumps(to_json(record), allow_nan=False))
     assert repr(from_json(type(record), content)) == repr(record)
@@ -50,6 +51,9 @@ def test_json_tells_a_quantity_by_name_and_unit_and_its_budget_beside_it():
     assert content["stiffness_n_per_m"] == 3e6
     assert content["stiffness_u_n_per_m"] == 4e4
     assert content["stiffness_expanded_n_per_m"] == 9e4
+    assert (content["stiffness_lower_n_per_m"], content["stiffness_upper_n_per_m"]) == (
+        2.91e6, 3.09e6,
+    )  # fmt: skip
     assert content["budget"] == [
         {"quantity": "stiffness", "source": "mass", "kind": "B", "contribution": 4e4, "share": 1.0}
     ]

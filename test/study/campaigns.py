@@ -38,7 +38,6 @@ CHANCE = 1e-3
 ESTIMATES: Mapping[str, Callable[[SampleEstimate], object]] = {
     "paper": attrgetter("paper"),
     "free decay": attrgetter("free_decay"),
-    "identification": attrgetter("identification"),
     "contact law": attrgetter("contact_law"),
 }
 """Where the results hold what each method says."""
@@ -67,11 +66,10 @@ PAPER_STIFFNESS = "paper stiffness"
 TAU, K2, C2, ZETA2 = "contact_time", "stiffness", "damping_coefficient", "damping_ratio"
 PAPER = (Asked("paper", TAU, TAU), Asked("paper", K2, PAPER_STIFFNESS))
 FREE_DECAY = tuple(Asked("free decay", name, name) for name in (C2, ZETA2))
-IDENTIFICATION = tuple(Asked("identification", name, name) for name in (TAU, K2, C2))
 LAW = tuple(Asked("contact law", name, name) for name in ("duration", "exponent", "restitution"))
 ASKED = {
     Plant.PUBLISHED: (*PAPER, *FREE_DECAY),
-    Plant.DYNAMICS: (*PAPER, *FREE_DECAY, *IDENTIFICATION),
+    Plant.DYNAMICS: (*PAPER, *FREE_DECAY),
     Plant.CONTACT: (Asked("paper", TAU, "duration"), *LAW),
 }
 """What is true on each plant, and so is asked of it. The published traces do not follow the model,
@@ -155,8 +153,7 @@ def run_campaign(plant: Plant, setup: RigSetup, seed: int, number: int) -> list[
             for block in hit.split(digitizer.count, stamp=0):
                 # The blocks say the rate that the laboratory believes in.
                 session.feed(replace(block, sampling_rate=digitizer.sampling_rate))
-    has_models = any(asked.method == "identification" for asked in ASKED[plant])
-    found = session.estimate_all(with_models=has_models)
+    found = session.estimate_all()
     estimate = next(sample for sample in found.samples if sample.name == name)
     true = compute_truth(plant, truth, name)
     outcomes = []

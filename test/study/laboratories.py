@@ -259,7 +259,7 @@ def run_series(lab: Laboratory) -> tuple[SampleEstimate, Truth, str]:
         if any(hit.accepted for hit in hits):
             motions.append(motion)
             speeds.append(speed)
-    results = session.estimate_all(with_models=False)
+    results = session.estimate_all()
     (estimate,) = results.samples
     said = [str(note) for note in (*estimate.warnings, *estimate.notes)]
     said += [str(item) for hit in results.rejected for item in hit.rejections]

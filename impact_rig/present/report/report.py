@@ -86,7 +86,6 @@ def _make_table_sections(run: ReportedCampaign) -> tuple[Section, ...]:
         Section("Contact law", tuple(tables.tabulate_contact_laws(samples))),
         Section("Momenta", tuple(tables.tabulate_momenta(samples))),
         _make_speed_section(results),
-        Section("Identification", tuple(tables.tabulate_identifications(samples))),
     )
 
 
@@ -123,11 +122,9 @@ def _make_sample_section(run: ReportedCampaign, sample: SampleEstimate) -> Secti
 def _make_budgets_section(results: Results) -> Section:
     parts: list[Part] = []
     for sample in results.samples:
-        if variants := tables.tabulate_variants(sample):
-            parts.append(Folded(f"Fitted models of {sample.name}", tuple(variants)))
         parts += _fold_budgets(sample.name, sample)
     parts += _fold_budgets("hammer", results.hammer)
-    return Section("Uncertainty budgets and fitted models", tuple(parts))
+    return Section("Uncertainty budgets", tuple(parts))
 
 
 def _fold_budgets(name: str, body: SampleEstimate | HammerEstimate) -> list[Part]:
@@ -167,7 +164,8 @@ GUIDE = {
     "±": (
         "The half-width of the interval that holds the true value with a probability of 95 %"
         " (expanded uncertainty U, GUM). u is a standard uncertainty. A value is rounded to"
-        " the second digit of its uncertainty."
+        " the second digit of its uncertainty. Where U is above 10 % of what a formula makes of"
+        " τp, as k ~ 1/τp², the interval has its own half-widths: 0.45 +0.44 -0.18."
     ),
     "Contact time τp": (
         "Twice the width of the mean hammer pulse at half its amplitude, w50: right for a"
@@ -187,7 +185,7 @@ GUIDE = {
     "Model": (
         "Two bodies, each with a spring and a damper, pressed together by a versed-sine force."
         " “driven”: the force alone drives the sample. “printed”: equations (1) and (2) as"
-        " they stand in the paper. “identified”: “driven”, fitted to both traces."
+        " they stand in the paper. Both with k and c by the paper's method."
     ),
     "Paper, reference": (
         "The published value of the same sample, or the value that the rig's set-up expects."

@@ -29,18 +29,15 @@ from impact_rig.results.palette import (
     GREY,
     HAMMER,
     HAMMER_MODEL,
-    PURPLE,
     SPECIMEN,
     SPECIMEN_MODEL,
     VERMILION,
 )
 from impact_rig.results.traces import (
     DRIVEN,
-    IDENTIFIED,
     AlignedHit,
     Float32Array,
     LawCurves,
-    ModelTraces,
     SampleTraces,
     find_peak,
 )
@@ -218,7 +215,7 @@ def _pack(shades: Sequence[Shade]) -> NDArray[np.uint32]:
 MEASURED = {entities.HAMMER: HAMMER, entities.SPECIMEN: SPECIMEN}
 """Colours of measured traces, by body."""
 CALCULATED = {entities.HAMMER: HAMMER_MODEL, entities.SPECIMEN: SPECIMEN_MODEL}
-"""Colours of models, by body; the identified model is `PURPLE`."""
+"""Colours of models, by body."""
 HIT_OPACITY = 90
 """Of one hit among many, of 255; ten over each other are nearly solid."""
 HIT_WIDTH = 1.0
@@ -270,7 +267,7 @@ def draw_sample(plots: PlotLog, traces: SampleTraces) -> None:
     bodies = BODIES[: traces.mean.shape[0]]
     for row, body in enumerate(bodies):
         parent = make_body_path(traces.name, body)
-        columns, lines = _gather_lines(traces, row, (DRIVEN, IDENTIFIED))
+        columns, lines = _gather_lines(traces, row)
         _replace_lines(plots, (*parent, entities.MODELS), traces.time, columns, lines)
         plots.hide((*parent, entities.CONTACT))
         plots.hide((*parent, entities.POINTS))
@@ -278,29 +275,18 @@ def draw_sample(plots: PlotLog, traces: SampleTraces) -> None:
     _draw_points(plots, traces)
 
 
-def _gather_lines(
-    traces: SampleTraces, row: int, models: Sequence[str]
-) -> tuple[list[FloatArray], list[Line]]:
-    """Return the lines of one body: the mean, its models, the residual."""
-    body = BODIES[row]
-    found = [model for name in models if (model := traces.find_model(name)) is not None]
-    columns = [traces.mean[row]]
-    name = f"{body}, mean" if found else f"{body}, mean (no model)"
-    lines = [Line(name, MEASURED[body], MEAN_WIDTH)]
-    # The last is drawn on top: the first model, which the paper's figures show.
-    for model in reversed(found):
-        columns.append(model.traces[row])
-        colour = PURPLE if model.model == IDENTIFIED else CALCULATED[body]
-        lines.append(Line(_name_model(model, row), colour, MODEL_WIDTH))
-    if found:
-        columns.append(traces.compute_residual(found[0])[row])
-        lines.append(Line(f"{body}, residual of the model", GREY, MODEL_WIDTH))
-    return columns, lines
-
-
-def _name_model(model: ModelTraces, row: int) -> str:
-    kind = "identified model" if model.model == IDENTIFIED else "model"
-    return f"{BODIES[row]}, {kind} (MSE {format_error(model.mse_percent[row])} %)"
+def _gather_lines(traces: SampleTraces, row: int) -> tuple[list[FloatArray], list[Line]]:
+    """Return the lines of one body: its mean, the driven model, the residual."""
+    body, model = BODIES[row], traces.find_model(DRIVEN)
+    mean = traces.mean[row]
+    if model is None:
+        return [mean], [Line(f"{body}, mean (no model)", MEASURED[body], MEAN_WIDTH)]
+    error = format_error(model.mse_percent[row])
+    return [mean, model.traces[row], traces.compute_residual(model)[row]], [
+        Line(f"{body}, mean", MEASURED[body], MEAN_WIDTH),
+        Line(f"{body}, model (MSE {error} %)", CALCULATED[body], MODEL_WIDTH),
+        Line(f"{body}, residual of the model", GREY, MODEL_WIDTH),
+    ]
 
 
 def _replace_lines(

@@ -242,4 +242,4 @@ def test_a_campaign_gives_the_papers_tables_back():
         for impact in range(1, 11):
             for block in rig.strike(HitLabel(name, impact, impact)).split(BLOCK_SIZE, stamp=0):
                 assert all(judged.accepted for judged in session.feed(block))
-    check_tables(session.estimate_all(with_models=False))
+    check_tables(session.estimate_all())

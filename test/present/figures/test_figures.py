@@ -30,7 +30,7 @@ from impact_rig.present.sample_figures import (
 )
 from impact_rig.results.campaign import Results
 from impact_rig.results.tables import tabulate_contact_times, tabulate_speed_exponents
-from impact_rig.results.traces import DRIVEN, IDENTIFIED, PRINTED, ModelTraces, compute_law_curves
+from impact_rig.results.traces import DRIVEN, PRINTED, ModelTraces, compute_law_curves
 
 NAN = math.nan
 
@@ -91,11 +91,11 @@ def test_figure_5_lays_the_solid_model_over_the_dashed_measurement(struck, chann
 
 @pytest.fixture(scope="module")
 def traces(struck):
-    """Return the traces of the first sample, with three models."""
+    """Return the traces of the first sample, with two models."""
     traces = struck.samples[0]
-    fitted = ModelTraces(IDENTIFIED, 0.9 * traces.mean, (0.012, 0.034))
-    kept = tuple(model for model in traces.models if model.model in {DRIVEN, PRINTED})
-    return replace(traces, models=(*kept, fitted))
+    known = ModelTraces(PRINTED, 0.9 * traces.mean, (0.012, 0.034))
+    driven = next(model for model in traces.models if model.model == DRIVEN)
+    return replace(traces, models=(driven, known))
 
 
 @pytest.fixture(scope="module")
@@ -122,8 +122,8 @@ def test_a_channel_shows_hits_mean_models_and_what_they_leave(traces, hits, chan
     mean = find(upper, "mean")
     assert np.ptp(mean[:, 1]) == pytest.approx(np.ptp(traces.mean[channel]), rel=1e-3)
     assert find(upper, "3 hits").shape == mean.shape
-    assert find(upper, "identified model, MSE 0.0")[:, 1] == pytest.approx(0.9 * mean[:, 1])
-    # The identified model, drawn last, is 0.9 of the mean.
+    assert find(upper, "model as printed, MSE 0.0")[:, 1] == pytest.approx(0.9 * mean[:, 1])
+    # The printed model, drawn last, is 0.9 of the mean.
     assert lower.lines[-1].get_ydata() == pytest.approx(0.1 * mean[:, 1])
     assert len(lower.lines) == len(traces.models)
     half = 0.5e6 * traces.contact_time

@@ -38,7 +38,7 @@ def strike_run(trace: Trace) -> ReportedCampaign:
     weak = ScheduledFault(Fault.WEAK_HIT, 1, HOSTILE)
     settings = VirtualRigSettings(plant=Plant.DYNAMICS, faults=FaultPlan(scheduled=(weak,)))
     labels = [(sample.name, impact) for sample in renamed for impact in (1, 2)]
-    campaign = trace([*labels, (HOSTILE, 3)], setup, settings, with_models=True)
+    campaign = trace([*labels, (HOSTILE, 3)], setup, settings)
     calibrations = (
         Calibration("hammer", 2.5e6, True, 0.9765625, 0.0, 2000.0),
         Calibration("sample", 2.5e6, False, 1.953125, 0.25, 0.0),

@@ -138,7 +138,7 @@ def write_view() -> Callable[..., None]:
 
 @pytest.fixture(scope="session")
 def campaign(trace: Trace) -> TracedCampaign:
-    """Return the paper's campaign, two hits a sample, with its traces; no model is fitted."""
+    """Return the paper's campaign, two hits a sample, with its traces."""
     return trace((name, impact) for name in PAPER_SETUP.samples.names for impact in (1, 2))
 
 

@@ -8,7 +8,6 @@ from impact_rig.core.records import HitLabel
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.results.traces import (
     DRIVEN,
-    IDENTIFIED,
     PRINTED,
     AlignedHit,
     ModelTraces,
@@ -73,21 +72,20 @@ def test_hits_are_laid_over_each_other_as_they_come(record):
     assert view.find_hidden() == set()
 
 
-def test_a_mean_is_drawn_with_its_models_and_the_residual_of_the_first(record):
-    traces = make_traces(models=(DRIVEN, PRINTED, IDENTIFIED))
+def test_a_mean_is_drawn_with_the_driven_model_and_what_it_leaves(record):
+    traces = make_traces(models=(PRINTED, DRIVEN))
 
     view = record(show_sample(traces))
 
     entity = f"{PARENT}/sample/models/1"
     assert view.find_static(entity, "SeriesLines:names") == [
         "sample, mean",
-        "sample, identified model (MSE 1.2 %)",
         "sample, model (MSE 1.2 %)",
         "sample, residual of the model",
     ]
     _, values = view.find_traces(entity)
-    np.testing.assert_allclose(values.max(axis=0), [1600.0, 1120.0, 1440.0, 160.0], rtol=1e-6)
-    np.testing.assert_allclose(values[:, 3], values[:, 0] - values[:, 2], atol=1e-3)
+    np.testing.assert_allclose(values.max(axis=0), [1600.0, 1280.0, 320.0], rtol=1e-6)
+    np.testing.assert_allclose(values[:, 2], values[:, 0] - values[:, 1], atol=1e-3)
 
 
 def test_the_contact_window_and_what_was_read_from_the_mean_are_marked(record):
