@@ -1,5 +1,6 @@
 """Sets the workspace up: Python environment, ROS 2 wheels, libraries, and both packages."""
 
+import contextlib
 import fcntl
 import importlib.util
 import os
@@ -12,7 +13,6 @@ import sysconfig
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn, TypeAlias
 
@@ -31,6 +31,10 @@ SHOWN_LINES = 20
 """Last lines of the log that are shown when a step fails: our choice."""
 GRACE = 10.0
 """Time an interrupted tool has to end by itself [s]: our choice."""
+PERIOD = 10.0
+"""Time between two lines of progress where they are not shown on a terminal [s]: our choice."""
+LOG_TAIL = 1000  # [byte], more than its last line
+SHOWN_LETTERS = 40  # of that line
 
 Command: TypeAlias = list[str | Path]
 
@@ -77,15 +81,19 @@ def set_up(workspace: Workspace) -> None:
 
 
 class _Runner:
-    """Runs the commands of one step: their output in the log, the time on the terminal."""
+    """Runs the commands of one step: their output in the log, time and progress on the screen."""
 
-    def __init__(self, title: str, position: str, log: Path, lock: int) -> None:
+    def __init__(
+        self, title: str, position: str, log: Path, lock: int, period: float = PERIOD
+    ) -> None:
         self._title = title
         self._label = f"  {position} {title:<34}"
         self._log = log
         self._lock = lock
-        self._start = time.monotonic()
-        self._show()
+        self._period = period  # [s] between two lines of progress, but on a terminal
+        self._is_terminal = sys.stderr.isatty()
+        self._start = self._shown = time.monotonic()
+        self._show_progress()
 
     def run(self, command: Command, environment: dict[str, str], folder: Path) -> None:
         """Run a command; raise `SetupError` with the last lines of its output if it fails."""
@@ -115,7 +123,9 @@ class _Runner:
             )
         try:
             while process.poll() is None:
-                self._wait(process)
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(timeout=0.5)
+                self._show_progress()
         except KeyboardInterrupt:
             _end_group(process)
             raise
@@ -123,21 +133,24 @@ class _Runner:
 
     def finish(self) -> None:
         """Show the time the step took."""
-        self._show(end="\n")
+        self._show("\n")
 
-    def _wait(self, process: subprocess.Popen[bytes]) -> None:
-        try:
-            process.wait(timeout=0.5)
-        except subprocess.TimeoutExpired:
-            if sys.stderr.isatty():
-                self._show()
+    def _show_progress(self) -> None:
+        """Show the time, and what the tool said last: ``[12/157] Building …``."""
+        if not self._is_terminal and time.monotonic() < self._shown + self._period:
+            return
+        with self._log.open("rb") as log:
+            log.seek(max(self._log.stat().st_size - LOG_TAIL, 0))
+            said = log.read().decode("utf-8", errors="replace").split("\n")
+        last = next((line.strip() for line in reversed(said) if line.strip()), "")
+        self._show("" if self._is_terminal else "\n", last[:SHOWN_LETTERS])
 
-    def _show(self, end: str = "") -> None:
-        elapsed = time.monotonic() - self._start
-        if sys.stderr.isatty():
-            print(f"\r{self._label} {elapsed:6.1f} s", end=end, file=sys.stderr, flush=True)
-        elif end:
-            print(f"{self._label} {elapsed:6.1f} s", file=sys.stderr, flush=True)
+    def _show(self, end: str, said: str = "") -> None:
+        self._shown = time.monotonic()
+        line = f"{self._label} {self._shown - self._start:6.1f} s  {said}"
+        if self._is_terminal:
+            line = f"\r{line}\x1b[K"  # to the end of the line: what was longer before
+        print(line.rstrip(), end=end, file=sys.stderr, flush=True)
 
 
 def _make_python_environment(workspace: Workspace, runner: _Runner) -> None:
@@ -235,7 +248,7 @@ def _build(
     colcon = "import sys; from colcon_core.command import main; sys.exit(main())"
     command: Command = [workspace.python, "-c", colcon, "build", "--base-paths", source]
     command += ["--build-base", build, "--packages-select", package]
-    command += ["--event-handlers", "console_cohesion+", *options]
+    command += ["--event-handlers", "console_direct+", *options]
     runner.run(command, environment, workspace.root)
 
 
@@ -281,7 +294,7 @@ def _check_compilers() -> None:
         )
 
 
-@contextmanager
+@contextlib.contextmanager
 def _hold_lock(workspace: Workspace) -> Iterator[int]:
     """Keep a second set-up of the same workspace waiting; the lock is on a file that is there."""
     lock = os.open(workspace.root / "setup.py", os.O_RDONLY)
@@ -296,7 +309,7 @@ def _hold_lock(workspace: Workspace) -> Iterator[int]:
         os.close(lock)
 
 
-@contextmanager
+@contextlib.contextmanager
 def _interruptible() -> Iterator[None]:
     """Let a request to terminate, or a terminal that is closed, end the set-up like Ctrl-C."""
 

@@ -2,11 +2,14 @@
 
 import fcntl
 import os
+import re
 import shutil
 import signal
+import sys
 import venv
 
 import pytest
+import workspace_setup
 from workspace import SetupError, Workspace, find_stale, find_workspace, make_environment
 
 ALL = ["python", "packages", "messages", "nodes"]
@@ -151,3 +154,20 @@ def test_two_set_ups_of_one_workspace_wait_for_each_other(copy, start_rig):
     assert process.stderr.readline().startswith(STARTED)
     process.terminate()
     process.communicate(timeout=60)
+
+
+def test_a_long_step_says_every_now_and_then_what_its_tool_does(copy, capsys):
+    log = copy.root / "setup.log"
+    lock = os.open(os.devnull, os.O_RDONLY)
+    runner = workspace_setup._Runner("messages", "3/4", log, lock, period=0.3)
+    tool = "import time; print('[12/157] Building a file', flush=True); time.sleep(1.2)"
+    runner.run([sys.executable, "-c", tool], dict(os.environ), copy.root)
+    runner.finish()
+    os.close(lock)
+
+    *progress, last = capsys.readouterr().err.splitlines()
+    assert any(
+        re.fullmatch(r"  3/4 messages +\d\.\d s  \[12/157\] Building a file", line)
+        for line in progress
+    )
+    assert re.fullmatch(r"  3/4 messages +\d\.\d s", last)
