@@ -261,6 +261,7 @@ def _finish(
     return TracedCampaign(
         results=results if source.has_scale else drop_scale(results),
         samples=tuple(item for item in samples if item is not None),
+        began=min((hit.stamp for hit in judged.values() if hit.stamp), default=0),
         hits=tuple(
             TracedHit(
                 result=hit_results_from_judged(hit, faults.get(hit.label.record, ())),

@@ -26,12 +26,14 @@ from impact_rig.cli.output import (
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.files.formats.sep005 import is_list
 from impact_rig.files.import_file import MeasurementOptions
-from impact_rig.present.console import make_console, print_warning
+from impact_rig.present.console import make_console, print_table, print_warning
 from impact_rig.present.screen import print_batch
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.source import find_bag, is_recording
 from impact_rig.results.batch import BatchCampaign
 from impact_rig.results.results_file import read_results, results_to_json
+from impact_rig.results.trend import gather_trend, tabulate_trend
+from impact_rig.results.wire import to_json
 
 
 def report_batch(
@@ -41,8 +43,11 @@ def report_batch(
     scheduler: str | None,
     *,
     as_json: bool,
+    trend: bool,
 ) -> list[str]:
     """Analyze many runs and print them in one table, or as one JSON list.
+
+    As a trend these are their control samples.
 
     Returns the errors of those that could not be analyzed.
 
@@ -69,10 +74,18 @@ def report_batch(
         for warning in outcome.warnings:
             print_warning(warning)
         campaigns += [
-            BatchCampaign(run.name, number, campaign.results)
+            BatchCampaign(run.name, number, campaign.results, campaign.began)
             for number, campaign in enumerate(outcome.campaigns, start=1)
         ]
-    if as_json:
+    points = gather_trend(campaigns) if trend else ()
+    if trend and campaigns and not points:
+        errors.append("no run has an accepted hit on its control sample: there is no trend")
+    if trend and as_json:
+        print_json([to_json(point) for point in points])
+    elif trend:
+        for table in tabulate_trend(points):
+            print_table(make_console(), table)
+    elif as_json:
         print_json(
             [
                 {
@@ -96,6 +109,7 @@ def run(
     reject: tuple[str, ...],
     workers: int | None,
     scheduler: str | None,
+    trend: bool,
     namespace: str | None,
     **given: Any,
 ) -> None:
@@ -125,13 +139,13 @@ def run(
         raise ParameterError(
             f"{runs[0].path} is a recording and {others[0]} a plain trace: analyze them apart"
         )
-    if runs and len(files) > 1:
+    if runs and (trend or len(files) > 1):
         if accept or reject:
             raise ParameterError(
                 "--accept and --reject name hits of one recording: analyze recordings one by one"
             )
         settings = make_recorded_settings(measured)
-        errors += report_batch(runs, settings, workers, scheduler, as_json=as_json)
+        errors += report_batch(runs, settings, workers, scheduler, as_json=as_json, trend=trend)
     elif runs:
         (run,) = runs
         settings = make_recorded_settings(measured)
@@ -141,8 +155,8 @@ def run(
         if not as_json:
             print_places(recording=run.name)
     elif others:
-        if workers is not None or scheduler is not None:
-            raise ParameterError("--workers and --scheduler are for recordings")
+        if trend or workers is not None or scheduler is not None:
+            raise ParameterError("--workers, --scheduler and --trend are for recordings")
         found = MeasuredFiles(others, make_series(measured))
         print_taken(found.taken, is_aside=as_json)
         errors += _report_traces(found, accept, reject, show)

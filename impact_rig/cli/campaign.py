@@ -189,6 +189,7 @@ def run(
     impacts: int,
     angles: tuple[float, ...],
     ask: bool | None,
+    check_mass: float,
     notes: str,
     resume: Path | None,
     wait: float | None,
@@ -208,6 +209,7 @@ def run(
         confirm = not client.is_hammerless if ask is None else ask
         goal = CampaignGoal(
             samples=samples, impacts=impacts, confirm_samples=confirm, release_angles=angles,
+            check_mass=check_mass,
         )  # fmt: skip
         if resume and resumed is not None:
             client.check_run(resume)

@@ -127,6 +127,7 @@ def page() -> None:
       impact-rig campaign                      the whole set, 10 hits each
       impact-rig campaign --sample "steel small" --impacts 5
       impact-rig campaign --angles 5,10,20     from each of these release angles
+      impact-rig campaign --check-mass "150.2 g"    strike a free rigid mass first
       impact-rig campaign --resume runs/2026-11-23T15-00-00    go on with a campaign
       impact-rig campaign --namespace rig1 --network    a rig on another computer
     """)
@@ -135,6 +136,13 @@ def page() -> None:
     "--ask/--no-ask",
     default=None,
     help="Wait until each sample is mounted. [yes, unless the hits are simulated]",
+)
+@options.make_quantity_option(
+    "--check-mass",
+    "kg",
+    "150.2 g",
+    "Operational check first: a free rigid mass, by its traces within 5 %. [as in the rig file]",
+    0.0,
 )
 @options.notes_option
 @options.resume_option
@@ -287,6 +295,7 @@ def hammer() -> None:
     metavar="ADDRESS",
     help="Use this Dask cluster, whose workers see the same paths.",
 )
+@click.option("--trend", is_flag=True, help="The control sample from run to run: does it change?")
 def analyze() -> None:
     """Estimate contact time, stiffness and damping from files.
 

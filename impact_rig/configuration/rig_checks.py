@@ -10,7 +10,7 @@ from impact_rig.configuration.rig_file import RigFile, read_today, take_trigger_
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.paper_estimate import check_control
-from impact_rig.core.sensors import CHANNELS, Sensor
+from impact_rig.core.sensors import CHANNELS, STANDARD_GRAVITY, Sensor
 
 HAMMER, SPECIMEN = CHANNELS
 VIRTUAL = "virtual"
@@ -269,8 +269,7 @@ def _check_speed(reading: _Reading) -> Notes:
             f"impact_speed of [hammer] is {speed:.4g} m/s: a pendulum reaches 1 cm/s to some m/s"
         )
         yield warning(table, "impact_speed", f"{text}, is the unit right?")
-    # v = 2 sqrt(g l) sin(theta / 2), so the angle and the speed tell the length.
-    length = (speed / (2.0 * math.sin(setup.release_angle / 2.0))) ** 2 / 9.80665
+    length = STANDARD_GRAVITY / setup.pendulum_rate**2
     if length > 5.0 or length < 0.02:
         text = f"release_angle and impact_speed of [hammer] are of a pendulum {length:.2g} m long"
         yield warning(table, "release_angle", f"{text}: one of them is wrong")

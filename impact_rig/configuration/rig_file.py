@@ -223,6 +223,7 @@ class RigFile:
     setup: RigSetup
     path: Path | None = None  # None: the paper's rig
     release_angles: tuple[float, ...] = ()  # [rad], for every sample; empty: the set-up's own
+    check_mass: Sample | None = None  # struck once a day, before all else; None: it is not
     hammer: Mapping[str, Any] = field(default_factory=dict)  # parameters of the hammer node
     # For the drivers; empty: the virtual rig.
     source: TomlTable = field(default_factory=lambda: TomlTable({}, "[source]"))
@@ -262,12 +263,13 @@ def parse_rig_file(text: str) -> RigFile:
     """
     document = parse_toml_table(text)
     document.check_keys("name", "description", "hammer", "digitizer", "analysis", "samples",
-                        "sample", "source", "holder")  # fmt: skip
+                        "sample", "check_mass", "source", "holder")  # fmt: skip
     source, holder = document.take_table("source"), document.take_table("holder")
     setup = _parse_setup(document, parse_sensors(source))
     return RigFile(
         setup=setup,
         release_angles=_parse_angles(document.take_table("hammer"), setup),
+        check_mass=_parse_check_mass(document),
         hammer=_parse_swing(holder),
         source=source,
         holder=holder,
@@ -278,8 +280,9 @@ def parse_rig_file(text: str) -> RigFile:
 def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
     hammer = document.take_table("hammer")
     hammer.check_keys(
-        "mass", "mass_uncertainty", "impact_speed", "release_angle", "release_angles"
-    )
+        "mass", "mass_uncertainty", "impact_speed", "impact_speed_uncertainty", "release_angle",
+        "release_angles",
+    )  # fmt: skip
     samples, settings = _parse_samples(document), parse_settings(document)
     settings = _follow_record(settings, document.take_table("source"))
     with document.take_table("analysis").locating():
@@ -289,6 +292,9 @@ def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
     numbers = {
         "hammer_mass": hammer.take_quantity("mass", "kg", "100 g"),
         "impact_speed": hammer.take_quantity("impact_speed", "m/s", "8.19 cm/s"),
+        "impact_speed_uncertainty": hammer.take_quantity(
+            "impact_speed_uncertainty", "m/s", "0.1 cm/s", 0.0
+        ),
         "hammer_mass_uncertainty": hammer.take_quantity("mass_uncertainty", "kg", "0.29 g", 0.0),
         "release_angle": hammer.take_quantity("release_angle", "rad", "3.7 deg", math.nan),
         "clock_uncertainty": digitizer.take_number(
@@ -339,6 +345,26 @@ def _parse_angles(hammer: TomlTable, setup: RigSetup) -> tuple[float, ...]:
     return angles
 
 
+CHECK_NAME = "check mass"
+
+
+def make_check_mass(mass: float, mass_uncertainty: float) -> Sample:
+    """Return the free rigid mass [kg] of the operational check (ISO 7626-1)."""
+    return Sample(CHECK_NAME, mass, mass_uncertainty=mass_uncertainty)
+
+
+def _parse_check_mass(document: TomlTable) -> Sample | None:
+    if "check_mass" not in document:
+        return None
+    table = document.take_table("check_mass")
+    table.check_keys("mass", "mass_uncertainty")
+    mass = table.take_quantity("mass", "kg", "150.2 g")
+    with table.locating():
+        return make_check_mass(
+            mass, table.take_quantity("mass_uncertainty", "kg", "10 mg", 0.0, low=0.0)
+        )
+
+
 def _parse_swing(holder: TomlTable) -> dict[str, Any]:
     """Return the hammer's parameters in the table [holder]."""
     known = PARAMETERS["hammer"]
@@ -362,7 +388,7 @@ def _parse_samples(document: TomlTable) -> SampleSet:
             raise table.make_error("name", f"{table.place} appears twice: names are unique")
         samples[sample.name] = sample
     control = common.take_text("control")
-    masses = {
+    masses: dict[str, Any] = {
         "accelerometer_mass": common.take_quantity("accelerometer_mass", "kg", "3 g", 0.0),
         "accelerometer_mass_uncertainty": common.take_quantity(
             "accelerometer_mass_uncertainty", "kg", "0.29 g", 0.0

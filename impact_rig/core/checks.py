@@ -58,9 +58,13 @@ class Checks(Comparable):
     impulse: Quantity = field(
         default=UNKNOWN, metadata=describe("N s", "J", "impulse", shown="mN s")
     )
-    # J / (m_eq v1) - 1 by the impact speed that is stated [-]
+    # v1 [m/s]: the mean of what was measured, else as stated
+    impact_speed: Quantity = field(
+        default=UNKNOWN, metadata=describe("m/s", "v1", "impact speed", shown="cm/s")
+    )
+    # J / (m_eq v1) - 1 by that speed [-]
     stated_restitution: Quantity = field(
-        default=UNKNOWN, metadata=describe("", "J/(m v1) - 1", "restitution by the stated speed")
+        default=UNKNOWN, metadata=describe("", "J/(m v1) - 1", "restitution by the impact speed")
     )
     # (dv1 + dv2) / v1 - 1 by the same speed [-]: of both bodies, without their masses
     separation_restitution: Quantity = field(
@@ -99,20 +103,21 @@ def check_momenta(mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str) 
     trending = rig.follow(replace(course, width_standard=0.0))
     reading = _Reading(setup, trending, mean, sample)
     found = reading.state(whole, each, _find_zero_parts(restored, contact))
-    found = replace(found, warnings=found.warnings + course.warnings, notes=rig.notes)
+    notes = rig.notes + _describe_check(found, setup, sample)
+    found = replace(found, warnings=found.warnings + course.warnings, notes=notes)
     if whole.hold is Hold.SPRING:
         note = (
             "the sample is held, after the contact a spring brings it to rest: they do"
             " not balance, and e by v1 is that of free bodies"
         )
-        return replace(found, notes=(*rig.notes, Note(Subject.MOMENTA, note)))
+        return replace(found, notes=(*notes, Note(Subject.MOMENTA, note)))
     if whole.hold is Hold.UNCLEAR:
         note = (
             f"after the contact the sample moves on at {whole.persistence:.2f} of the"
             " velocity of a free one, neither 0 as on a spring nor 1: its mass is not told, nor"
             " whether the gains are right"
         )
-        return replace(found, notes=(*rig.notes, Note(Subject.MOMENTA, note)))
+        return replace(found, notes=(*notes, Note(Subject.MOMENTA, note)))
     return replace(found, warnings=(*found.warnings, *_check_hits(mean, ratios)))
 
 
@@ -134,17 +139,17 @@ class _Reading:
 
     def state(self, whole: Passage, each: Sequence[Passage], zeros: tuple[float, ...]) -> Checks:
         """Return the checks of a mean hit."""
-        rig, speed = self.rig, self.setup.impact_speed
-        hammer, ratio, mass = self._make_numbers(whole, each, zeros)
+        rig = self.rig
+        hammer, ratio, mass, number = self._make_numbers(whole, each, zeros)
         stated = self.setup.samples.get_moving_mass(self.sample)
         m1, m2 = rig.hammer_mass, rig.moving_mass
         hammer_speed = hammer * rig.clock * rig.gains[0]
-        number = make_stated("impact speed", speed, 0.0, ASSUMED_SPEED)
         has_sample, is_free = whole.has_sample, whole.hold is not Hold.SPRING
         balance = ratio * m2 / m1
         gained = ratio * hammer * rig.clock * rig.gains[1]
         found = Checks(
             impulse=self._state(m1 * hammer_speed),
+            impact_speed=self._state(number),
             stated_restitution=self._state(hammer_speed * (m1 + m2) / (m2 * number) - 1.0)
             if is_free
             else UNKNOWN,
@@ -169,21 +174,30 @@ class _Reading:
 
     def _make_numbers(
         self, whole: Passage, each: Sequence[Passage], zeros: tuple[float, ...]
-    ) -> tuple[UncertainNumber, UncertainNumber, UncertainNumber]:
-        """Return dv1 [m/s], dv2 / dv1 [-] and m2 / m1 [-] as the hits scatter."""
-        count, scatter = len(each), np.zeros((3, 3))
+    ) -> tuple[UncertainNumber, ...]:
+        """Return dv1 [m/s], dv2 / dv1 [-], m2 / m1 [-] and v1 [m/s] as the hits scatter."""
+        setup, measured = self.setup, self.mean.impact_speeds
+        speeds = measured if measured.size else np.full(len(each), setup.impact_speed)
+        count, scatter = len(each), np.zeros((4, 4))
+        figures = np.array([item.list_figures(whole.hold) for item in each])
         if count >= LEAST_HITS:
             # What was not measured does not scatter.
-            rows = np.nan_to_num([item.list_figures(whole.hold) for item in each])
+            rows = np.nan_to_num(np.column_stack((figures, speeds)))
             scatter = np.cov(rows, rowvar=False, ddof=1) / self.mean.count
         source = f"scatter of the hits on {self.sample}"
-        hammer, ratio, mass = make_ensemble(
-            source, whole.list_figures(whole.hold), scatter, max(count - 1, 1)
+        hammer, ratio, mass, speed = make_ensemble(
+            source, (*whole.list_figures(whole.hold), speeds.mean()), scatter, max(count - 1, 1)
         )
+        if measured.size:
+            common = self.mean.impact_speed_uncertainty / float(speeds.mean())
+            speed = speed * make_input("measured impact speed", 1.0, common)
+        else:
+            standard = setup.impact_speed_uncertainty
+            speed = make_stated("impact speed", setup.impact_speed, standard, ASSUMED_SPEED)
         lost = [make_input(ZERO_AFTER, 1.0, part) for part in zeros]
         if len(lost) > 1:
             ratio, mass = ratio * lost[1] / lost[0], mass * lost[0] / lost[1]
-        return hammer * lost[0], ratio, mass
+        return hammer * lost[0], ratio, mass, speed
 
     def _state(self, number: UncertainNumber) -> Quantity:
         if not math.isfinite(number.x):
@@ -217,10 +231,44 @@ def ask_for_mass(hit: JudgedHit, setup: RigSetup) -> JudgedHit:
     ratio = weigh_sample(hit.filtered, setup.find_chains(hit.filtered.sampling_rate))
     mass, stated = ratio * setup.hammer_mass, setup.samples.get_moving_mass(hit.label.sample)
     hit = replace(hit, sample_mass=mass)
+    if hit.label.sample == setup.samples.check_sample:
+        found = check_chain(mass, stated)
+        return replace(hit, rejections=(*hit.rejections, *found))
     if not is_other_mass(mass, stated):
         return hit
     question = Finding(Reason.OTHER_SAMPLE, ask_for_sample(mass, stated), is_harmless=True)
     return replace(hit, findings=(*hit.findings, question))
+
+
+CHAIN_TOLERANCE = 0.05
+"""Difference of force over acceleration of a free rigid mass from the mass [-], ISO 7626-1."""
+
+
+def check_chain(traced: float, stated: float) -> tuple[Finding, ...]:
+    """Return what a hit on a free rigid mass has against the chain, by both masses [kg]."""
+    if abs(traced - stated) <= CHAIN_TOLERANCE * stated:
+        return ()
+    text = (
+        f"the free mass of {stated * 1e3:.4g} g, accelerometer included, moves as"
+        f" {traced * 1e3:.4g} g would, {100.0 * (traced / stated - 1.0):+.1f} %: more than the"
+        f" {100.0 * CHAIN_TOLERANCE:g} % of ISO 7626-1; see to sensitivities, masses, mounts and"
+        " cables"
+    )
+    return (Finding(Reason.OPERATIONAL_CHECK, text),)
+
+
+def _describe_check(checks: Checks, setup: RigSetup, sample: str) -> tuple[Note, ...]:
+    """Return what the operational check found, for the free rigid mass that it is made on."""
+    traced, stated = checks.traced_mass, checks.stated_mass
+    if sample != setup.samples.check_sample or not traced.is_known:
+        return ()
+    text = (
+        f"the free mass of {stated * 1e3:.4g} g moves as"
+        f" {traced.value * 1e3:.4g} ± {traced.expanded * 1e3:.2g} g would,"
+        f" {100.0 * (traced.value / stated - 1.0):+.2f} %: within the"
+        f" {100.0 * CHAIN_TOLERANCE:g} % of ISO 7626-1"
+    )
+    return (Note(Subject.OPERATIONAL_CHECK, text),)
 
 
 def check_mass(traced: Quantity, stated: float) -> Note | None:
@@ -270,14 +318,29 @@ SLIPS = {
 """Usual slips, by how many times the stated speed v is by them, or the reverse."""
 
 
-def check_speed(speed: Quantity, restitution: Quantity, stated: float) -> Note | None:
-    """Warn of a law's impact speed that is not the stated one [m/s], beyond both uncertainties.
+def use_measured_speed(setup: RigSetup, mean: MeanHit) -> RigSetup:
+    """Return a set-up with the impact speed that was measured at the hits, if it was."""
+    speeds = mean.impact_speeds
+    if not speeds.size:
+        return setup
+    scatter = float(speeds.std(ddof=1)) / math.sqrt(speeds.size) if speeds.size > 1 else 0.0
+    standard = math.hypot(scatter, mean.impact_speed_uncertainty)
+    return replace(setup, impact_speed=float(speeds.mean()), impact_speed_uncertainty=standard)
 
-    Without a law the bodies' e by the stated speed must lie between 0 and 1.
+
+def check_speed(
+    speed: Quantity, restitution: Quantity, setup: RigSetup, speed_is: str
+) -> Note | None:
+    """Warn of a law's impact speed that is not the set-up's, beyond both uncertainties.
+
+    Without a law the bodies' e by that speed, stated or measured, must lie between 0 and 1.
     """
+    stated, standard = setup.impact_speed, setup.impact_speed_uncertainty
     if speed.is_known and math.isfinite(stated):
         low = high = speed.value / stated
-        apart = abs(speed.value - stated) - np.nan_to_num(speed.expanded)
+        apart = abs(speed.value - stated) - math.hypot(
+            np.nan_to_num(speed.expanded), 2.0 * standard
+        )
         is_other = apart > OTHER_SPEED * stated
     elif restitution.is_known:
         # Without loss the impulse is twice m v1, with e = 0 it is m v1.
@@ -301,5 +364,5 @@ def check_speed(speed: Quantity, restitution: Quantity, stated: float) -> Note |
     return Note(
         Subject.IMPACT_SPEED,
         f"by the traces the impact speed is {shown} times the {100.0 * stated:.4g} cm/s that are"
-        f" stated: {why}",
+        f" {speed_is}: {why}",
     )

@@ -107,7 +107,15 @@ class Segment:
             )
             for channels in ([part.hammer for part in parts], [part.specimen for part in parts])
         )
-        return replace(parts[0], hammer=hammer, specimen=specimen)
+        # Only the block of the contact may have the hammer's speed.
+        measured = max(parts, key=lambda part: part.impact_speed)
+        return replace(
+            parts[0],
+            hammer=hammer,
+            specimen=specimen,
+            impact_speed=measured.impact_speed,
+            impact_speed_uncertainty=measured.impact_speed_uncertainty,
+        )
 
     def find_pulse(
         self, baseline: "Baseline", settings: AnalysisSettings, last: int
@@ -301,6 +309,8 @@ def _make_record(
         disarmed=window.disarmed,
         stamp=first.stamp + round(delay * 1e9),
         origin=first.origin,
+        impact_speed=window.impact_speed,
+        impact_speed_uncertainty=window.impact_speed_uncertainty,
         pulse_index=pulse_index,
         flaws=tuple(gap.description for gap in gaps),
     )

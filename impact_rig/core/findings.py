@@ -37,6 +37,7 @@ class Reason(Enum):
     POLARITY = "polarity"
     INCONSISTENT = "inconsistent"
     OTHER_SAMPLE = "other_sample"
+    OPERATIONAL_CHECK = "operational_check"
     OPERATOR = "operator"
 
 
@@ -54,6 +55,7 @@ class Subject(Enum):
     FREE_DECAY = "free decay"
     MOMENTA = "momenta"
     MASS = "mass"
+    OPERATIONAL_CHECK = "operational check"
     IMPACT_SPEED = "impact speed"
     CONTROL_SAMPLE = "control sample"
     SENSOR = "sensor"

@@ -44,6 +44,8 @@ class FilteredHit:
     baseline_points: int  # of the baseline that was removed
     zero_uncertainty: tuple[float, float] = (0.0, 0.0)  # of each zero under the pulse, standard
     label: HitLabel | None = None
+    impact_speed: float = 0.0  # of the hammer, as measured [m/s]; 0: not measured
+    impact_speed_uncertainty: float = 0.0  # its standard uncertainty [m/s]
     origin: int = 0  # point of the pulse's middle, once the hit is shifted
 
     def align(self) -> tuple[FloatArray, int]:
@@ -69,6 +71,8 @@ class JudgedHit:
     width_ratio: float = math.nan  # w10 / w50 [-]
     hammer_peak: float = math.nan  # largest |acceleration| after the low-pass [m/s^2]
     specimen_peak: float = math.nan
+    impact_speed: float = math.nan  # of the hammer, measured at this hit [m/s]
+    impact_speed_uncertainty: float = math.nan  # its standard uncertainty [m/s]
     sample_mass: float = math.nan  # m2 by the traces of this hit, accelerometer included [kg]
     filtered: FilteredHit | None = None  # of a hit with a pulse, rejected or not
     overruled: tuple[Finding, ...] = ()  # reasons that were set aside by hand
@@ -233,6 +237,8 @@ def _filter_raw(
         baseline_points=baseline_stop,
         zero_uncertainty=zero_uncertainty,
         label=record.label,
+        impact_speed=record.impact_speed,
+        impact_speed_uncertainty=record.impact_speed_uncertainty,
     )
     return raw, hit, findings
 
@@ -279,6 +285,23 @@ class MeanHit:
         """Return the mean's raw noise [m/s^2], at least that of the converters' steps, (2,)."""
         steps = np.sqrt(self.square_steps / 12.0)
         return np.asarray(np.maximum(self.raw_noise, steps / self.count))
+
+    @property
+    def impact_speeds(self) -> FloatArray:
+        """Measured at each of `hits` [m/s], shape (hits,): their mean where one was missed.
+
+        Empty: at none.
+        """
+        speeds = np.array([hit.impact_speed for hit in self.hits])
+        is_known = speeds > 0.0
+        if not is_known.any():
+            return speeds[:0]
+        return np.where(is_known, speeds, speeds[is_known].mean())
+
+    @property
+    def impact_speed_uncertainty(self) -> float:
+        """Standard uncertainty that the measured speeds have in common [m/s]."""
+        return max(hit.impact_speed_uncertainty for hit in self.hits)
 
     def cut_hits(self) -> Iterator[FloatArray]:
         """Yield each of `hits` over the mean's window, of shape (channels, n)."""

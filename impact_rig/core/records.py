@@ -156,10 +156,15 @@ class Block:
     last: bool = False  # it ends the record; in a stream the arming, or of no arming the stream
     stamp: int = 0  # of the first point [ns since the epoch]; 0: not known; never computed with
     origin: Origin = UNSTATED
+    # Of the hammer, measured before the contact in this block [m/s]; 0: not measured.
+    impact_speed: float = 0.0
+    impact_speed_uncertainty: float = 0.0  # its standard uncertainty [m/s]
 
     def __post_init__(self) -> None:
-        """Refuse channels of different length and a rate that is none."""
+        """Refuse channels of different length, a rate that is none, and an impossible speed."""
         check_positive("sampling rate", self.sampling_rate, "Hz")
+        check_not_negative("impact speed", self.impact_speed, "m/s")
+        check_not_negative("impact speed uncertainty", self.impact_speed_uncertainty, "m/s")
         if self.specimen.output.size not in (0, self.hammer.output.size):
             raise SignalError(
                 f"block at point {self.first_sample} of record {self.label.record} has"

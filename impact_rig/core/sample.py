@@ -6,7 +6,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from impact_rig.core.checks import NO_CHECKS, Checks, check_momenta, check_speed
+from impact_rig.core.checks import (
+    NO_CHECKS,
+    Checks,
+    check_momenta,
+    check_speed,
+    use_measured_speed,
+)
 from impact_rig.core.comparison import ModelComparison, compare_with_model
 from impact_rig.core.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.errors import RigError
@@ -166,14 +172,15 @@ class SampleParts:
                 self.name, *counts, paper,
                 warnings=paper.warnings + self.warnings, notes=paper.notes + self.notes,
             )  # fmt: skip
-        checks = traces.checks
+        checks, setup = traces.checks, use_measured_speed(setup, self.mean)
+        speed_is = "measured" if self.mean.impact_speeds.size else "stated"
         shape, law, contact_time = traces.pulse.shape, traces.pulse.law, paper.contact_time.value
         # A law that contradicts the versed-sine says all that there is to say of the shape.
         is_said = law.is_known and law.excludes_versed_sine
         warnings = (
             None if is_said else shape.warning,
             *check_sensors(setup, contact_time),
-            check_speed(law.impact_speed, checks.stated_restitution, setup.impact_speed),
+            check_speed(law.impact_speed, checks.stated_restitution, setup, speed_is),
             *checks.warnings,
             *traces.free_decay.warnings,
             *law.warnings,

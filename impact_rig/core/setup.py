@@ -15,7 +15,7 @@ from impact_rig.core.errors import (
 )
 from impact_rig.core.filtering import Chain
 from impact_rig.core.quantity import INLINE, Comparable, describe
-from impact_rig.core.sensors import Sensor, SensorResponse
+from impact_rig.core.sensors import STANDARD_GRAVITY, Sensor, SensorResponse
 
 
 @dataclass(frozen=True)
@@ -170,6 +170,7 @@ class SampleSet:
     accelerometer_mass_uncertainty: float = field(
         default=0.0, metadata=describe("kg", written="accelerometer_mass_u")
     )
+    check_sample: str = ""  # the free rigid mass of the operational check; empty: none
 
     def __post_init__(self) -> None:
         """Refuse an empty set, double names and a control sample that is not in the set."""
@@ -191,11 +192,17 @@ class SampleSet:
                 + ", ".join(map(repr, names)),
                 "control sample",
             )
+        if self.check_sample and self.check_sample not in names:
+            raise ParameterError(f"check sample {self.check_sample!r} is missing from the set")
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the samples in the order of the set."""
         return tuple(sample.name for sample in self.samples)
+
+    def with_check(self, mass: Sample) -> Self:
+        """Return the set with the free rigid mass of the operational check at its beginning."""
+        return replace(self, samples=(mass, *self.samples), check_sample=mass.name)
 
     def find(self, name: str) -> Sample:
         """Return the sample called `name`.
@@ -258,6 +265,10 @@ class RigSetup(Comparable):
     sensors: tuple[Sensor, ...] = ()  # of the channels, as far as they are known; one each at most
     # From which the hammer reaches it [rad]; NaN: not known.
     release_angle: float = field(default=math.nan, metadata=describe("rad"))
+    # Standard uncertainty of the impact speed [m/s]; 0: not stated.
+    impact_speed_uncertainty: float = field(
+        default=0.0, metadata=describe("m/s", written="impact_speed_u", least=0.0)
+    )
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
@@ -272,6 +283,13 @@ class RigSetup(Comparable):
         check_mass_uncertainty(
             "hammer mass uncertainty", self.hammer_mass_uncertainty, self.hammer_mass
         )
+        check_not_negative("impact speed uncertainty", self.impact_speed_uncertainty, "m/s")
+        if self.impact_speed_uncertainty > self.impact_speed:
+            raise ParameterError(
+                f"impact speed uncertainty is {self.impact_speed_uncertainty:g} m/s: it must be"
+                f" less than the speed, which is {self.impact_speed:g} m/s",
+                "impact speed uncertainty",
+            )
         check_not_negative("clock uncertainty", self.clock_uncertainty, "of the sampling rate")
 
     def find_sensor(self, channel: str) -> Sensor:
@@ -306,6 +324,14 @@ class RigSetup(Comparable):
         masses = (("hammer", self.hammer_mass), (name, self.samples.find(name).mass))
         return tuple(body for body, mass in masses if math.isnan(mass))
 
+    @property
+    def pendulum_rate(self) -> float:
+        """Rate w of the swing [rad/s] by impact speed and release angle; NaN: not known.
+
+        Of v = 2 sqrt(g l) sin(theta / 2) and w = sqrt(g / l).
+        """
+        return 2.0 * STANDARD_GRAVITY * math.sin(self.release_angle / 2.0) / self.impact_speed
+
     def at_angles(self, angles: Sequence[float]) -> Self:
         """Return the set-up with every sample once for each release angle [rad].
 
@@ -338,10 +364,11 @@ class RigSetup(Comparable):
         if not sample.has_angle:
             return self
         angle = sample.release_angle
+        factor = math.sin(angle / 2.0) / math.sin(self.release_angle / 2.0)
         return replace(
             self,
-            impact_speed=self.impact_speed
-            * (math.sin(angle / 2.0) / math.sin(self.release_angle / 2.0)),
+            impact_speed=self.impact_speed * factor,
+            impact_speed_uncertainty=self.impact_speed_uncertainty * factor,
             release_angle=angle,
             samples=replace(self.samples, control_sample=self.samples.find_control(angle)),
         )

@@ -16,7 +16,7 @@ VIRTUAL = "virtual"
 COMMON_KEYS = {
     SOURCES: (
         "driver", "sampling_rate", "record_duration", "pre_trigger", "trigger_level", "hammer",
-        "specimen",
+        "specimen", "impact_speed",
     ),
     HOLDERS: ("driver", "swing_time", "return_time", "confirm_return"),
 }  # fmt: skip

@@ -16,6 +16,7 @@ from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError
 from impact_rig.core.sensors import VOLTAGES, compute_scale, normalize_unit
 from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, FoundDevice, SourceChannel
+from impact_rig.devices.speed_gate import SpeedGate
 from impact_rig.devices.streaming import StreamedSource
 
 RATE_PROPERTIES = ("SampleRate", "GlobalSampleRate")
@@ -184,6 +185,7 @@ class OpenDaqSource(StreamedSource):
     """
 
     description: ClassVar[str] = "devices of all makers with openDAQ, Dewesoft's among them"
+    measures_speed: ClassVar[bool] = True
     example: ClassVar[str] = """\
 [source]
 driver = "opendaq"
@@ -250,16 +252,18 @@ sensitivity = "10 mV/g"
                 " devices opendaq` lists what it finds, and another program may have it",
             ) from None
         self.name = f"openDAQ device {self._describe_device()}"
-        chosen = [self._choose_channel(channel) for channel in plan.channels]
+        chosen = [self._choose_channel(channel) for channel in plan.inputs]
         channels, signals = [item for item, _ in chosen], [item for _, item in chosen]
         self._set_rate(plan.sampling_rate, channels)
         set_properties(self._device, self._properties)
-        for channel, wanted in zip(channels, plan.channels, strict=True):
+        for channel, wanted in zip(channels, plan.inputs, strict=True):
             wanted.options.check_keys("properties")
             set_properties(channel, wanted.options.take_table("properties"))
         formats = self._read_formats(signals, plan.sampling_rate)
         self.sampling_rate = formats[0].sampling_rate
         self.scales = tuple(map(make_scale, plan.channels, formats))
+        if plan.gate is not None:
+            self.gate_unit = 1.0 / VOLTAGES.get(normalize_unit(formats[-1].unit), 1.0)
         self._start(signals, formats)
 
     def close(self) -> None:
@@ -284,7 +288,7 @@ sensitivity = "10 mV/g"
         names = [name for item in devices for name in _list_names(item.info) if name]
         return f"{' '.join(dict.fromkeys(names)) or self._device.name} at {self._address}"
 
-    def _choose_channel(self, wanted: SourceChannel) -> tuple[Any, Any]:
+    def _choose_channel(self, wanted: SourceChannel | SpeedGate) -> tuple[Any, Any]:
         """Return a channel, or a function block that computes, and its signal."""
         channels = list(self._device.channels_recursive)
         for number, channel in enumerate(channels, start=1):
@@ -336,8 +340,8 @@ sensitivity = "10 mV/g"
             time.sleep(POLL_PERIOD)
         if len({(found.sampling_rate, found.step) for found in formats}) > 1:
             raise DeviceError(
-                f"the channels of {self.name} sample at {rates[0]:.9g} and {rates[1]:.9g} Hz: give"
-                " both the same rate"
+                f"the channels of {self.name} sample at"
+                f" {' and '.join(f'{rate:.9g}' for rate in rates)} Hz: give all the same rate"
             )
         return formats
 

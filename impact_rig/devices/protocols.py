@@ -13,6 +13,7 @@ from impact_rig.core.quantity import Comparable
 from impact_rig.core.records import Block, ChannelBlock, HitLabel, RawArray
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import RigSetup
+from impact_rig.devices.speed_gate import SpeedGate
 
 if TYPE_CHECKING:
     from impact_rig.devices.virtual.rig import VirtualHit
@@ -88,6 +89,7 @@ class AcquisitionPlan:
     continuous: bool = False  # everything that comes; else one record for each arming
     block_size: int = 1000  # points per block, at most
     depth: int = 400  # blocks that may wait before the oldest are lost
+    gate: SpeedGate | None = None  # None: the hammer's speed is not measured
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
@@ -105,6 +107,11 @@ class AcquisitionPlan:
     def channels(self) -> tuple[SourceChannel, ...]:
         """The hammer's and, where it is measured, the sample's."""
         return (self.hammer,) if self.specimen is None else (self.hammer, self.specimen)
+
+    @property
+    def inputs(self) -> tuple[SourceChannel | SpeedGate, ...]:
+        """The channels and, where the hammer's speed is measured, the barrier's."""
+        return self.channels if self.gate is None else (*self.channels, self.gate)
 
     @property
     def points(self) -> int:
@@ -145,6 +152,8 @@ class AccelerationSource(Protocol):
     description: ClassVar[str]  # what the driver is for, in a few words
     # Table `[source]` of a rig file to copy, with the driver's own keys explained.
     example: ClassVar[str]
+    # Whether it can read a light barrier beside the accelerometers; drivers may leave it out.
+    measures_speed: ClassVar[bool] = False
 
     def __init__(self, options: TomlTable) -> None: ...
 

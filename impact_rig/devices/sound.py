@@ -10,6 +10,7 @@ import numpy as np
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError
 from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, FoundDevice, SourceChannel
+from impact_rig.devices.speed_gate import SpeedGate
 from impact_rig.devices.streaming import StreamedSource
 
 FULL_COUNT = 2**31
@@ -108,6 +109,7 @@ class SoundSource(StreamedSource):
     """
 
     description: ClassVar[str] = "sound cards and USB accelerometers that look like one"
+    measures_speed: ClassVar[bool] = True
     example: ClassVar[str] = """\
 [source]
 driver = "sound"
@@ -129,6 +131,7 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
     def __init__(self, options: TomlTable) -> None:
         super().__init__()
         options.check_keys("device")
+        self.gate_unit = 2.0**31
         self._options = options
         self._device = options.take_text("device", REQUIRED, "USB Audio")
         self._stream: Any = None
@@ -158,7 +161,7 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
             If it has no such channel, or the scale of its counts is unknown.
         """
         device = self._choose(list_inputs())
-        self._columns = [_parse_column(channel, device) for channel in plan.channels]
+        self._columns = [_parse_column(channel, device) for channel in plan.inputs]
         self.scales = tuple(map(compute_count_scale, plan.channels))
         self.name = f"sound device {device['full_name']}"
         self.sampling_rate = plan.sampling_rate
@@ -218,7 +221,7 @@ full_scale = "500 g"         # without a sensitivity: acceleration of the larges
         raise DeviceError(str(self._options.make_error("device", text)))
 
 
-def _parse_column(channel: SourceChannel, device: dict[str, Any]) -> int:
+def _parse_column(channel: SourceChannel | SpeedGate, device: dict[str, Any]) -> int:
     """Return the number of a channel, counted from 0."""
     number = int(channel.name) if channel.name.isdecimal() else 0
     if not 1 <= number <= device["max_input_channels"]:

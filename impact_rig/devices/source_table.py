@@ -19,6 +19,7 @@ from impact_rig.devices.protocols import (
     HammerlessSource,
     SourceChannel,
 )
+from impact_rig.devices.speed_gate import take_speed_gate
 from impact_rig.devices.virtual.drivers import make_virtual_plan
 
 
@@ -74,7 +75,16 @@ def make_source(
     # A source that no hammer strikes has no sensors that the table could describe.
     is_virtual = isinstance(source, HammerlessSource)
     plan = make_virtual_plan(table) if is_virtual else make_plan(table, setup)
-    return source, replace(plan, continuous=continuous, block_size=block_size, depth=depth)
+    gate = take_speed_gate(table, setup)
+    if gate is not None and not getattr(source, "measures_speed", False):
+        raise table.make_error(
+            "impact_speed",
+            f"{gate.options.place} cannot be used: the driver {table.get('driver')!r} reads the"
+            " two accelerometers only, and 'opendaq' and 'sound' a light barrier, too",
+        )
+    return source, replace(
+        plan, continuous=continuous, block_size=block_size, depth=depth, gate=gate
+    )
 
 
 def make_plan(table: TomlTable, setup: RigSetup) -> AcquisitionPlan:

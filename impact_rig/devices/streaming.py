@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from impact_rig.core.errors import DeviceError
 from impact_rig.core.records import Block
 from impact_rig.devices.protocols import NOT_MEASURED, Acquisition, AcquisitionPlan, ChannelScale
+from impact_rig.devices.speed_gate import NO_SPEED, EdgeWatch, MeasuredSpeed
 
 CountArray = NDArray[np.int32] | NDArray[np.float64]
 
@@ -38,10 +39,12 @@ class StreamedSource(ABC):
         self.name, self.sampling_rate = "", 0.0
         self.scales: tuple[ChannelScale, ...] = ()
         self.is_simulated = False  # the device computes its numbers
+        self.gate_unit = 1.0  # what it delivers for 1 V at a light barrier
         self._record: deque[Block] = deque()
         self._is_armed = False
         self._armed_at = self._searched = 0
         self._trigger: int | None = None
+        self._edges: EdgeWatch | None = None  # of a light barrier; None: there is none
 
     @abstractmethod
     def open_device(self, plan: AcquisitionPlan) -> None:
@@ -57,6 +60,7 @@ class StreamedSource(ABC):
         self.count, self._end = 0, ""
         self._last_time = time.monotonic()
         self._clock = self._newest = (0, time.time_ns())
+        self._edges = None
         self.open_device(plan)
         with self.changed:
             while self.count < max(plan.pre_trigger_points, 1):
@@ -64,7 +68,7 @@ class StreamedSource(ABC):
         return Acquisition(self.name, self.sampling_rate, self.is_simulated)
 
     def take(self, counts: CountArray, stamp: int, lost: int = 0) -> None:
-        """Take the next points, shape (n, channels), which do not change any more.
+        """Take the next points, shape (n, inputs), which do not change any more.
 
         Parameters
         ----------
@@ -78,16 +82,39 @@ class StreamedSource(ABC):
         hammer, *others = [
             scale.make_block(counts[:, column]) for column, scale in enumerate(self.scales)
         ]
+        specimen = others[0] if others else NOT_MEASURED
         with self.changed:
             first = self.count + lost
-            specimen = others[0] if others else NOT_MEASURED
-            self.blocks.append(Block(first, self.sampling_rate, hammer, specimen))
+            speed = self._measure_speed(first, counts)
+            self.blocks.append(
+                Block(
+                    first,
+                    self.sampling_rate,
+                    hammer,
+                    specimen,
+                    impact_speed=speed.value,
+                    impact_speed_uncertainty=speed.standard,
+                )
+            )
             self.count = first + len(counts)
             while get_end(self.blocks[0]) <= self.count - self._capacity:
                 self.blocks.popleft()
             self._newest = (first, stamp)
             self._last_time = time.monotonic()
             self.changed.notify_all()
+
+    def _measure_speed(self, first: int, counts: CountArray) -> MeasuredSpeed:
+        """Return the speed of the hit in the next points; its barrier is their last column."""
+        if (gate := self._plan.gate) is None:
+            return NO_SPEED
+        if self._edges is None:
+            self._edges = EdgeWatch(gate, self.gate_unit, self._trigger_level)
+        return self._edges.follow(first, counts[:, 0], counts[:, -1], self.sampling_rate)
+
+    @property
+    def _trigger_level(self) -> float:
+        """Size of the hammer's signal that triggers, as the device gives it."""
+        return self._plan.trigger_level / abs(self.scales[0].scale)
 
     def end(self, reason: str) -> None:
         """Mark the device as gone, with the reason."""
@@ -194,7 +221,7 @@ class StreamedSource(ABC):
 
     def _find_trigger(self) -> int | None:
         """Return the place where the hammer's size reaches the level; None: not yet."""
-        level = self._plan.trigger_level / abs(self.scales[0].scale)
+        level = self._trigger_level
         before: Block | None = None
         for block in self.blocks:
             if get_end(block) > self._searched:

@@ -16,10 +16,10 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.duration import Duration
 from std_srvs.srv import Trigger
 
-from impact_rig.configuration.rig_file import load_rig_file
+from impact_rig.configuration.rig_file import load_rig_file, read_today
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.findings import Finding, join_findings
-from impact_rig.core.setup import PAPER_SETUP, RigSetup, format_angle
+from impact_rig.core.setup import PAPER_SETUP, RigSetup, Sample, format_angle
 from impact_rig.core.verdict import SHOWS_NOTHING
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.async_node import ANSWER_TIMEOUT
@@ -46,6 +46,8 @@ RESULTS_TIMEOUT = 600.0
 """How long the estimator may take to read a run, or to fit the model to a hundred samples [s]."""
 
 
+CHECK_ATTEMPTS = 3
+"""Hits in a row that fail the operational check, and end a campaign [-], our choice."""
 BLIND_HITS = 5
 """Hits in a row that showed nothing, and end a campaign [-]: a cable off stays off."""
 DISPLAY_TIMEOUT = 1.0
@@ -59,6 +61,8 @@ class CampaignNode(RigNode):
         super().__init__("campaign", **options)
         self._setup_of_rig: RigSetup = PAPER_SETUP
         self._angles: tuple[float, ...] = ()
+        self._check_mass: Sample | None = None
+        self._checked_on = ""  # day of the latest operational check that was passed
         self._campaign: Campaign | None = None
         self._hammer = HammerStatus(message="it has published no state")
         self._setup = self.advertise(interfaces.SETUP)
@@ -101,6 +105,7 @@ class CampaignNode(RigNode):
         """Read the rig file."""
         rig = load_rig_file(self.get_value("rig_file"))
         self._setup_of_rig, self._angles = rig.setup, rig.release_angles
+        self._check_mass = rig.check_mass
 
     def activate(self) -> None:
         """Publish the set-up, so that the rig's other nodes know what it is."""
@@ -225,9 +230,13 @@ class CampaignNode(RigNode):
             impact=min(counts[sample].accepted, plan.impacts),
             counts=[counts[name] for name in plan.samples],
         )
+        check_sample = campaign.setup.check_sample
+        if check_sample and check_sample not in missing:
+            self._checked_on = read_today()
         if not missing:
             return Step.COMPLETE
-        if campaign.failures >= (plan.attempts_per_impact or 10):
+        most = CHECK_ATTEMPTS if sample == check_sample else plan.attempts_per_impact or 10
+        if campaign.failures >= most:
             raise EndError(
                 f"{sample}: {campaign.failures} hits in a row were rejected or got no verdict, the"
                 f" last one: {campaign.failure}"
@@ -459,7 +468,8 @@ class CampaignNode(RigNode):
                 "another campaign is running: wait for it, cancel it, or go on with it (--resume)"
             )
         stamp = self.get_clock().now().to_msg()
-        return plan_campaign(goal, self._setup_of_rig, self._angles, stamp)
+        due = self._check_mass if self._checked_on != read_today() else None
+        return plan_campaign(goal, self._setup_of_rig, self._angles, stamp, due)
 
     async def _execute(self, handle: ServerGoalHandle) -> RunCampaign.Result:
         result = RunCampaign.Result()

@@ -1,6 +1,7 @@
 """What a campaign has to do: as a goal asks for it, or as the recordings of a run have it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from builtin_interfaces.msg import Time
@@ -8,8 +9,9 @@ from impact_rig_msgs import msg
 from impact_rig_msgs.action import RunCampaign
 from rclpy.serialization import deserialize_message
 
+from impact_rig.configuration.rig_file import make_check_mass
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.setup import RigSetup, Sample
 from impact_rig.nodes.identity import id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.messages import setup_to_msg
 from impact_rig.recordings.messages import NO_ID, SETUP_TYPE, setup_from_msg
@@ -17,7 +19,11 @@ from impact_rig.recordings.run import Run
 
 
 def plan_campaign(
-    goal: RunCampaign.Goal, setup: RigSetup, angles: Sequence[float], stamp: Time
+    goal: RunCampaign.Goal,
+    setup: RigSetup,
+    angles: Sequence[float],
+    stamp: Time,
+    check_mass: Sample | None = None,
 ) -> msg.RigSetup:
     """Return the set-up of the campaign that a goal asks for, with its id and its plan.
 
@@ -31,6 +37,8 @@ def plan_campaign(
         Release angles of the rig file [rad].
     stamp : Time
         When the campaign begins.
+    check_mass : Sample or None
+        That is due by the rig file; None: there is none, or it was struck today.
 
     Raises
     ------
@@ -50,11 +58,17 @@ def plan_campaign(
             raise ParameterError(f"sample {name!r} is asked for twice: once is enough")
     if angles := list(goal.release_angles) or angles:
         setup = setup.at_angles(angles)
+    series = setup.samples.find_series(samples)
+    if goal.check_mass:
+        check_mass = make_check_mass(goal.check_mass, goal.check_mass_uncertainty)
+    if check_mass is not None:
+        setup = replace(setup, samples=setup.samples.with_check(check_mass))
+        series = (check_mass.name, *series)
     message = setup_to_msg(setup, stamp)
     asked = id_from_msg(goal.campaign_id)
     message.campaign_id = id_to_msg(make_id() if asked == NO_ID else asked)
     message.plan = msg.CampaignPlan(
-        samples=setup.samples.find_series(samples),
+        samples=series,
         impacts=goal.impacts,
         attempts_per_impact=goal.attempts_per_impact,
         confirm_samples=goal.confirm_samples,

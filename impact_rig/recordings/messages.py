@@ -141,6 +141,8 @@ def block_from_msg(message: Any) -> Block:
         last=bool(message.last),
         stamp=stamp_from_msg(message.header.stamp),
         origin=origin_from_msg(message),
+        impact_speed=float(message.impact_speed),
+        impact_speed_uncertainty=float(message.impact_speed_uncertainty),
     )
 
 
@@ -260,6 +262,8 @@ def fill_block(message: Any, block: Block) -> None:
     message.sampling_rate = block.sampling_rate
     message.last = block.last
     message.disarmed = block.disarmed
+    message.impact_speed = block.impact_speed
+    message.impact_speed_uncertainty = block.impact_speed_uncertainty
     fill_message(message.origin, block.origin)
     _fill_channel(message.hammer, block.hammer)
     _fill_channel(message.specimen, block.specimen)

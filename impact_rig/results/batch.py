@@ -56,6 +56,7 @@ class BatchCampaign:
     recording: Path  # as a person named it
     number: int  # in its recording, from 1
     results: Results
+    began: int = 0  # time of its first hit [ns since the epoch]
 
 
 def tabulate_batch(campaigns: Sequence[BatchCampaign]) -> list[Table]:

@@ -48,6 +48,11 @@ class HitResults(Comparable):
     # Largest |acceleration| after the low-pass [m/s^2]; NaN: no pulse, or not measured.
     hammer_peak: float = field(default=math.nan, metadata=PEAK)
     specimen_peak: float = field(default=math.nan, metadata=PEAK)
+    # Of the hammer, measured at this hit [m/s], with its standard uncertainty; NaN: not measured.
+    impact_speed: float = field(default=math.nan, metadata=describe("m/s"))
+    impact_speed_uncertainty: float = field(
+        default=math.nan, metadata=describe("m/s", written="impact_speed_u", least=0.0)
+    )
     sample_mass: float = field(default=math.nan, metadata=describe("kg"))  # by its traces
     findings: tuple[Finding, ...] = ()  # what was corrected, is doubted or asked
     injected_faults: tuple[str, ...] = ()  # what the virtual rig did on purpose
@@ -146,6 +151,8 @@ def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) ->
         contact_time=hit.contact_time,
         hammer_peak=hit.hammer_peak,
         specimen_peak=hit.specimen_peak,
+        impact_speed=hit.impact_speed,
+        impact_speed_uncertainty=hit.impact_speed_uncertainty,
         sample_mass=hit.sample_mass,
         findings=hit.findings + hit.overruled,
         injected_faults=injected_faults,

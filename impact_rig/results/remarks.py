@@ -67,7 +67,7 @@ FEW_NAMES = 3
 """Samples that a remark names one by one [-], our choice."""
 FURTHER_METHODS = {
     Subject.CONTACT_LAW, Subject.FREE_DECAY, Subject.MOMENTA,
-    Subject.ASSUMED_GAIN, Subject.ASSUMED_MASS,
+    Subject.ASSUMED_GAIN, Subject.ASSUMED_MASS, Subject.OPERATIONAL_CHECK,
 }  # fmt: skip
 """Methods beside the paper's, and what is assumed."""
 ALL_SAMPLES = "all samples"

@@ -501,6 +501,7 @@ def tabulate_momenta(samples: Sequence[SampleEstimate]) -> list[Table]:
         read_column("m2Δv2/m1Δv1", checks, "momentum_ratio", 3),
         read_column("m2, traces [g]", checks, "traced_mass", 1),
         read_column("m2, stated [g]", checks, "stated_mass", 1),
+        read_column("v1 [cm/s]", checks, "impact_speed", 2, is_optional=True),
         read_column("e, by v1", checks, "stated_restitution", 3),
         read_column("e, both bodies", checks, "separation_restitution", 3, is_optional=True),
         make_text_column("Sample is", [HELD.get(item.hold, "") for item in checks]),
@@ -509,7 +510,8 @@ def tabulate_momenta(samples: Sequence[SampleEstimate]) -> list[Table]:
         "By integrating both traces over the contact, whatever its law is. J: impulse."
         " m2Δv2/m1Δv1: 1 for free bodies, right masses and gains. m2: with the accelerometer; on a"
         " spring by Newton's law over the contact. e, by v1: J / (m_eq v1) - 1; both bodies:"
-        " (Δv1 + Δv2) / v1 - 1; v1: the impact speed that is stated."
+        " (Δv1 + Δv2) / v1 - 1; v1: the hammer's speed, as measured at the hits, else as"
+        " stated."
     )
     return list_table("Momenta", columns, [note])
 

@@ -352,6 +352,7 @@ class TracedCampaign:
     results: Results
     samples: tuple[SampleTraces, ...] = ()  # those with a mean hit; empty without traces
     hits: tuple[TracedHit, ...] = ()  # all, in the order of arrival; empty without traces
+    began: int = 0  # time of the first hit's first point [ns since the epoch]; 0: not known
 
 
 @dataclass(frozen=True)

@@ -84,6 +84,8 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path):
             "contact_time_s": None,
             "hammer_peak_m_per_s2": None,
             "specimen_peak_m_per_s2": None,
+            "impact_speed_m_per_s": None,
+            "impact_speed_u_m_per_s": None,
             "sample_mass_kg": None,
             "findings": [],
             "injected_faults": ["weak_hit"],

@@ -23,6 +23,8 @@ from impact_rig.core.setup import RigSetup
 
 HERTZ_EXPONENT = 1.5
 TIP_RADIUS = 10e-3  # [m], of the hammer's tip: 212 us on the control sample, as in the paper
+CHECK_MATERIAL = "steel"
+"""Of a check mass that states none."""
 TIP_MATERIAL = "aluminium"
 LONGEST_CONTACT = 100.0  # in the contact's unit of time; at e = 0.05 it takes 26
 RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-10, 1e-12  # the force is good to 1e-8 of its peak
@@ -211,7 +213,8 @@ def make_nominal_contact(
     """
     for body in setup.find_unknown_masses(sample):
         raise ParameterError(f"the virtual rig needs the mass of {body}: it is not known")
-    name = setup.samples.find(sample).material
+    is_check = sample == setup.samples.check_sample
+    name = setup.samples.find(sample).material or (CHECK_MATERIAL if is_check else "")
     if name not in MATERIALS:
         raise ParameterError(
             f"sample {sample!r} is of {name or 'no known material'}: for the plant contact the"

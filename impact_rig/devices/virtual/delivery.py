@@ -9,6 +9,7 @@ from zlib import crc32
 import numpy as np
 
 from impact_rig.core.records import Block, ChannelBlock
+from impact_rig.devices.speed_gate import NO_SPEED
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import (
     CountArray,
@@ -118,10 +119,14 @@ class StreamingDigitizer:
         size, first = self._block_size, number * self._block_size
         self._hits = [item for item in self._hits if item[0] + item[1].hammer.output.size > first]
         hammer, specimen = self.noise[number % len(self.noise)]
+        speed = NO_SPEED
         for point, hit in self._hits:
             middle = point + hit.hammer.output.size // 2
             if Fault.LOST_BLOCK in hit.faults and first <= middle < first + size:
                 return None
+            contact = point + round(self._settings.digitizer.pre_trigger * hit.sampling_rate)
+            if first <= contact < first + size:
+                speed = hit.speed
             hammer = _lay_into(hammer, hit.hammer, point - first)
             specimen = _lay_into(specimen, hit.specimen, point - first)
         return Block(
@@ -131,6 +136,8 @@ class StreamingDigitizer:
             specimen=specimen,
             stamp=self._start_stamp + round(number * self._period * 1e9),
             origin=self._settings.origin,
+            impact_speed=speed.value,
+            impact_speed_uncertainty=speed.standard,
         )
 
 

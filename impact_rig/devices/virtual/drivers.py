@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import DeviceError
@@ -85,6 +85,7 @@ class VirtualSource:
 
     description: ClassVar[str] = "the virtual rig: hits are simulated, no device is needed"
     example: ClassVar[str] = EXAMPLE
+    measures_speed: ClassVar[bool] = True
 
     def __init__(self, options: TomlTable) -> None:
         options.check_keys(*KEYS)
@@ -111,7 +112,7 @@ class VirtualSource:
             record_duration=plan.record_duration,
             pre_trigger=plan.pre_trigger,
         )
-        self._settings = replace(self._settings, digitizer=digitizer)
+        self._settings = replace(self._settings, digitizer=digitizer, gate=plan.gate)
         self._digitizer = (
             StreamingDigitizer(self._settings, plan.block_size, plan.depth)
             if plan.continuous
@@ -185,7 +186,9 @@ def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
     )
     plant = plants[table.take_choice("plant", tuple(plants), rig.plant.value)]
     seed = table.take_whole("seed", 0, LARGEST_SEED, rig.seed)
-    numbers = {key: table.take_number(key, default=getattr(rig, key)) for key in NUMBERS}
+    numbers: dict[str, Any] = {
+        key: table.take_number(key, default=getattr(rig, key)) for key in NUMBERS
+    }
     digitizer = read_digitizer(table)
     with table.locating():
         return VirtualRigSettings(plant, seed, **numbers, digitizer=digitizer, faults=faults)

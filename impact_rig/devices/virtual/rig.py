@@ -16,6 +16,7 @@ from impact_rig.core.errors import (
 from impact_rig.core.model import ImpactModel
 from impact_rig.core.records import SIMULATED, Block, ChannelBlock, FloatArray, HitLabel, Origin
 from impact_rig.core.setup import RigSetup
+from impact_rig.devices.speed_gate import NO_SPEED, MeasuredSpeed, SpeedGate
 from impact_rig.devices.virtual.choices import IDENTITY, Fault, Plant
 from impact_rig.devices.virtual.contact import HERTZ_EXPONENT, Contact, make_nominal_contact
 from impact_rig.devices.virtual.plants import (
@@ -210,6 +211,7 @@ class VirtualRigSettings:
     restitution: float = 0.0  # e of the plant `contact`; 0: the material's
     digitizer: DigitizerSettings = field(default_factory=DigitizerSettings)
     faults: FaultPlan = field(default_factory=FaultPlan)
+    gate: SpeedGate | None = None  # the light barrier; None: the speed is not measured
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
@@ -236,6 +238,7 @@ class VirtualHit:
     sampling_rate: float  # [Hz]
     origin: Origin
     contact: Contact | None = None  # its true law on the plant `contact`
+    speed: MeasuredSpeed = NO_SPEED  # by the light barrier
 
     def split(self, block_size: int, stamp: int) -> tuple[Block, ...]:
         """Return the record as the stream of blocks that the accelerometers deliver.
@@ -261,6 +264,8 @@ class VirtualHit:
             last=True,
             stamp=stamp,
             origin=self.origin,
+            impact_speed=self.speed.value,
+            impact_speed_uncertainty=self.speed.standard,
         )
         if Fault.MISSED_TRIGGER in self.faults:
             return (replace(whole.cut(0, 0), triggered=False, last=True),)
@@ -278,7 +283,8 @@ def make_nominal_physics(setup: RigSetup, sample: str, settings: VirtualRigSetti
     ParameterError
         If the sample or the control sample lacks what the plant needs.
     """
-    if settings.plant is Plant.CONTACT:
+    # A free rigid mass is no body on a spring, whatever the others are.
+    if settings.plant is Plant.CONTACT or sample == setup.samples.check_sample:
         contact = make_nominal_contact(
             setup, sample, settings.contact_exponent, settings.restitution
         )
@@ -354,11 +360,11 @@ class VirtualRig:
         )
         nominal = make_nominal_physics(self.setup, label.sample, settings)
         scatter = physics_source.standard_normal(2)
-        physics = _scatter_physics(
-            nominal,
-            1 + settings.contact_time_scatter * scatter[0],
-            1 + settings.amplitude_scatter * scatter[1],
-        )
+        duration = 1 + settings.contact_time_scatter * scatter[0]
+        force = 1 + settings.amplitude_scatter * scatter[1]
+        physics = _scatter_physics(nominal, duration, force)
+        # A law's speed scatters itself; else force goes with speed over contact time.
+        speed = nominal.model.impact_speed * force * (duration if physics.contact is None else 1.0)
         faults = settings.faults.draw(label, fault_source)
         digitizer = self._choose_range(label.sample)
         hammer, specimen = self._simulate(physics, digitizer, faults, physics_source, fault_source)
@@ -373,7 +379,23 @@ class VirtualRig:
             sampling_rate=digitizer.sampling_rate,
             origin=settings.origin,
             contact=physics.contact,
+            speed=self._measure_speed(float(speed)),
         )
+
+    def _measure_speed(self, speed: float) -> MeasuredSpeed:
+        """Let the hammer pass the light barrier, whose flag leaves it just before the contact."""
+        gate, rate = self.settings.gate, self.settings.digitizer.sampling_rate
+        if gate is None:
+            return NO_SPEED
+        # Of the flag that this rig has, for all hits.
+        source = np.random.default_rng(np.random.SeedSequence((self.settings.seed, 2)))
+        true = gate.distance + gate.distance_uncertainty * float(source.standard_normal())
+        ways = true * np.linspace(1.1, 0.1, gate.edges) * gate.rate / speed
+        if ways[0] >= 1.0:  # it is let go in the barrier
+            return NO_SPEED
+        # Points are counted from the contact back.
+        points = np.floor(-np.arcsin(ways) / gate.rate * rate)
+        return gate.measure((points + 0.5) / rate, 0.0, 1.0 / rate)
 
     def _choose_range(self, sample: str) -> DigitizerSettings:
         """Return the digitizer as it is set for the hits on a sample."""
