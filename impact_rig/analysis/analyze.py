@@ -87,7 +87,7 @@ class Analysis:
 
 @dataclass(frozen=True)
 class _JudgedCampaign:
-    """One campaign as it is read: its session, and what is kept of its hits."""
+    """One campaign as it is read: its session, and its hits' traces."""
 
     session: Session
     faults: Mapping[HitLabel, tuple[str, ...]]
@@ -209,7 +209,7 @@ def _bind(report: Report, what: str, total: int) -> Callable[[int], None]:
 def _find_overrules(
     source: HitSource, settings: Settings, accept: Sequence[str], reject: Sequence[str]
 ) -> Overrules:
-    """Return what a person overrules; the source is judged once before, for the names."""
+    """Return a person's overrules; the source is judged once before, for the names."""
     if not (accept or reject):
         return NO_OVERRULES
     hits = [hit for _, _, found in judge(source, settings) for _, hit in found]

@@ -317,7 +317,7 @@ def _check_cutoff(hit: MeasuredHit, series: TraceSeries) -> TraceSeries:
 
 
 def _check_pulse(hit: MeasuredHit, setup: RigSetup) -> None:
-    """Require more than a bad hit: a pulse, or a dead channel beside a live one."""
+    """Refuse a trace that holds no pulse at all: it is not even a bad hit."""
     for record in ImpactDetector(setup.analysis).feed(hit.block):
         for rejection in check_stream(record) + check_channels(record):
             if rejection.reason in USELESS:

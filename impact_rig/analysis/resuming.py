@@ -22,7 +22,7 @@ ADVICE = "leave it out to go on with this rig, or begin a new run"
 
 @dataclass(frozen=True)
 class RunRig:
-    """With which rig a run was recorded, beside the defaults."""
+    """The rig with which a run was recorded, as far as it differs from the defaults."""
 
     rig: RigFile
     source: Mapping[str, Any]  # keys in place of those of the rig file's table [source]
@@ -70,7 +70,7 @@ def find_rig_of_run(folder: Path, given: Path | None, source: Mapping[str, Any])
 
 
 def _read_items(run: Run) -> Iterator[Attachment | MetadataRecord]:
-    """Yield what is beside the messages of all files, as far as they are sound."""
+    """Yield the sound attachments and metadata of all files."""
     for path in run.files:
         for item in Scan(path, is_strict=False).read(lambda _: False):
             if not isinstance(item, RawMessage):

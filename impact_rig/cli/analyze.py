@@ -179,13 +179,13 @@ def _report_traces(
 
 
 def _sort_files(named: Sequence[Path]) -> tuple[list[Path], list[Path]]:
-    """Return what means recordings, as any folder does, and the plain files."""
+    """Return the recordings and folders, and the plain files."""
     recorded = [path for path in named if _is_folder(path) or is_recording(path)]
     return recorded, [path for path in named if path not in recorded]
 
 
 def _is_folder(path: Path) -> bool:
-    """Return whether a path means a folder, or something whose reader says why it is nothing."""
+    """Return whether a path is a folder, or cannot be looked at: its reader says why."""
     try:
         return path.is_dir()
     except OSError:

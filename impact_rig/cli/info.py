@@ -90,7 +90,7 @@ ACCEPTED, REJECTED, OPEN = "accepted", "rejected", "without a verdict"
 
 
 def find_outcome(hit: RecordedHit) -> str:
-    """Return what became of a hit: how it was lost or, of one that is saved, its verdict."""
+    """Return the verdict on a hit or, if it is not saved, its state."""
     if hit.state is not HitState.SAVED:
         return hit.state.value
     return {True: ACCEPTED, False: REJECTED, None: OPEN}[hit.is_accepted]

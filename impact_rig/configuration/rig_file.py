@@ -319,7 +319,7 @@ level, and its baseline before it."""
 
 
 def _follow_record(settings: dict[str, float], source: TomlTable) -> dict[str, float]:
-    """Return settings that look at all of what is recorded, where they do not say themselves."""
+    """Return settings that analyse the whole record, unless they state a duration."""
     recorded = source.take_quantity("record_duration", "s", "2.2 ms", math.nan)
     if "record_duration" in settings or math.isnan(recorded):
         return settings

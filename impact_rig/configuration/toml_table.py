@@ -102,7 +102,7 @@ LARGEST = sys.float_info.max  # a whole number of TOML may be larger
 
 
 class TomlTable(Mapping[str, Any]):
-    """A table that is read key by key, each with what it must be.
+    """A table that is read key by key, each with its type and range.
 
     `check_keys` finds keys that no `take_` method reads.
 
@@ -148,7 +148,7 @@ class TomlTable(Mapping[str, Any]):
         return TomlTable(left, self.place, self._lines, self._path)
 
     def merge(self, other: "TomlTable") -> "TomlTable":
-        """Return the table with what another one says in place of what it says itself."""
+        """Return the table with the values of another one in place of its own."""
         overruled = {(*self._path, key) for key in other}
         lines = {
             place: line

@@ -89,7 +89,7 @@ Given = str | float | None
 
 
 def read_given(what: str, value: Given, unit: str, example: str) -> float | None:
-    """Return what a program gives, in SI units; "off" is 0; parameters as `parse_quantity`."""
+    """Return a program's argument in SI units; "off" is 0; parameters as `parse_quantity`."""
     if value is None:
         return None
     if isinstance(value, str):

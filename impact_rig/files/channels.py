@@ -1,4 +1,4 @@
-"""Which channel of a measured file is what, and what must be asked about it."""
+"""The hammer's and the sample's channel of a measured file, calibrated, or a question."""
 
 import contextlib
 import json
@@ -192,7 +192,7 @@ def _map_hits(
 
 
 def _describe_origin(path: Path, stated: str) -> Origin:
-    """Return what a file says of its numbers; what was simulated stays so through any export."""
+    """Return the origin of a file's numbers; simulated ones stay so through any export."""
     source = f"{path.suffix.lstrip('.').lower()} file"
     is_simulated = stated.startswith((SIMULATED, MIXED))
     if stated:
@@ -447,7 +447,7 @@ def _calibrate(
 
 
 def _choose_unit(path: Path, name: str, channel: MeasuredChannel, use: ChannelUse) -> str:
-    """Return the unit of a channel; what the file states goes, and must not be contradicted."""
+    """Return the unit of a channel: the file's, which the user must not contradict."""
     stated, given = channel.unit or find_unit(channel.name), normalize_unit(use.unit)
     if use.sensitivity and not given:
         given = stated if stated in VOLTAGES else "V"
@@ -459,7 +459,7 @@ def _choose_unit(path: Path, name: str, channel: MeasuredChannel, use: ChannelUs
 
 
 def _find_missing(name: str, role: str, unit: str, measured: str, mass: float) -> Missing | None:
-    """Return what is needed to make accelerations of a channel."""
+    """Return what is missing to make accelerations of a channel; None: nothing."""
     if measured in FORCES and math.isnan(mass):
         text = f"{name} is in {unit}, and acceleration is F/m: give the hammer's mass"
         return Missing(text, 'mass = "?"', role, "--hammer-mass 100g")

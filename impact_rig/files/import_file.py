@@ -137,7 +137,7 @@ def parse_import_file(text: str) -> ImportFile:
 
 
 def add_options(file: ImportFile, options: MeasurementOptions) -> ImportFile:
-    """Return a file in which options of the command line replace what it states.
+    """Return a file of channels with the command line's options in place of its own.
 
     Raises
     ------

@@ -25,7 +25,7 @@ class Missing:
 
 @dataclass
 class Questions:
-    """All that is missing of a file, and what is said of it."""
+    """The missing statements of a file, and the remarks on it."""
 
     measurement: Measurement
     needs_scale: bool  # ask for all that makes accelerations; False: contact times are enough

@@ -27,7 +27,7 @@ from impact_rig.recordings.messages import NO_ID
 
 
 class AccelerometerNode(DeviceNode):
-    """Streams what a source of accelerations delivers: of each arming a record, or all the time.
+    """Streams a source's accelerations: one record for each arming, or all the time.
 
     A separate thread reads the source and publishes the blocks; everything else
     happens in the executor.
@@ -111,7 +111,7 @@ class AccelerometerNode(DeviceNode):
         self._publish(Phase.FAULT, text)
 
     def describe_warning(self) -> str | None:
-        """Return what has been lost since the node was activated."""
+        """Return how many points were lost since the node was activated."""
         lost = self._thread.flow.missing_points if self._thread else 0
         if not lost:
             return None
@@ -129,7 +129,7 @@ class AccelerometerNode(DeviceNode):
     def join(
         self, setup: RigSetup, request: JoinCampaign.Request, response: JoinCampaign.Response
     ) -> None:
-        """Take part in a campaign: what is streamed from now on belongs to it."""
+        """Take part in a campaign: blocks from now on carry its id."""
         self._use_stream()
         response.stream_id = id_to_msg(self._stream_id)
         self._setup = setup
@@ -183,7 +183,7 @@ class AccelerometerNode(DeviceNode):
         return response
 
     def _describe_delay(self) -> str | None:
-        """Return what arming waits for that comes by itself."""
+        """Return why arming must wait for a moment; None: it need not."""
         if self._arming is not None:
             return f"record {self._arming.label.record} has not ended"
         if self._setup is None:

@@ -39,7 +39,7 @@ from impact_rig.recordings.hits import BlockCount
 
 @dataclass(frozen=True)
 class OpenSource:
-    """A configured source, what it was asked to do, and what it does."""
+    """A configured source, the plan it was given, and the acquisition it made of it."""
 
     source: AccelerationSource
     plan: AcquisitionPlan

@@ -108,7 +108,7 @@ class CampaignNode(RigNode):
         self._check_mass = rig.check_mass
 
     def activate(self) -> None:
-        """Publish the set-up, so that the rig's other nodes know what it is."""
+        """Publish the set-up for the rig's other nodes."""
         self._setup.publish(messages.setup_to_msg(self._setup_of_rig, Time()))
         if self._campaign is None:
             self._publish_state(state=Step.ENDED)
@@ -180,7 +180,7 @@ class CampaignNode(RigNode):
         return Step.COUNTING
 
     async def _announce(self, campaign: Campaign) -> None:
-        """Let those who listen know the campaign's id before anybody publishes with it."""
+        """Send the campaign's id to its listeners before any node publishes with it."""
         for name in ("recorder", "hammer", "accelerometer"):
             await self._join_node(campaign, name, announced=True)
         if (display := self._joins["visualizer"]).service_is_ready():

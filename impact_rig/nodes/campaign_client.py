@@ -61,14 +61,14 @@ class CampaignOutcome:
 
 
 class Operator(Protocol):
-    """Who sees what a campaign does, and has a hand in it."""
+    """The person or program that follows a campaign and does the manual work."""
 
     def follow(self, rig: RigStatus) -> None:
-        """See what the campaign does now, and the hits since it began here."""
+        """Take the campaign's newest state, with the hits since this client began it."""
         ...
 
     def mount(self, sample: str, further: str) -> None:
-        """Mount a sample, and do what is said further; return when it is done."""
+        """Mount a sample and follow the further instruction; return when it is done."""
         ...
 
     def put_back(self, refusal: str) -> None:
@@ -179,7 +179,7 @@ class CampaignClient(RigClient):
     def run(
         self, goal: CampaignGoal, operator: Operator, longest_pause: float = math.inf
     ) -> CampaignOutcome:
-        """Run a campaign to its end; the operator sees it, and does what is asked of a person.
+        """Run a campaign to its end; the operator follows it and does the manual work.
 
         Parameters
         ----------
@@ -301,7 +301,7 @@ class CampaignClient(RigClient):
         self._operator.follow(self._status)
 
     def _on_feedback(self, message: Any) -> None:
-        """Show a feedback; what it asks of a person is done outside of callbacks."""
+        """Show a feedback; manual work that it asks for is queued for `run`."""
         campaign = interfaces.CAMPAIGN_STATE.convert(message.feedback.campaign)
         before, self._status.campaign = self._status.campaign, campaign
         if (last := message.feedback.campaign.last).record:
@@ -339,7 +339,7 @@ class CampaignClient(RigClient):
             refusal, is_held = answer.message, answer.success
 
     def _on_release(self, received: Received[HammerRelease]) -> None:
-        """Show a person who releases the hammer by hand that it is time."""
+        """Ask the operator to release the hammer, if it is released by hand."""
         release = received.value
         if self._operator is not None and release.latest_contact > release.swing_time:
             self._operator.let_go(release.sample, release.latest_contact)
@@ -358,7 +358,7 @@ class CampaignClient(RigClient):
             self._operator.hold_back(hammer.message)
 
     def _on_virtual_impact(self, received: Received[InjectedFaults]) -> None:
-        """Keep what the virtual rig did on purpose."""
+        """Keep the faults that the virtual rig injected."""
         key = (received.identity.campaign_id, received.value.label.record)
         self._faults[key] = received.value.faults
 

@@ -11,7 +11,7 @@ from impact_rig.recordings.messages import NO_ID
 
 
 class CampaignFeed:
-    """Passes on the set-up of each campaign, and after it what belongs to that campaign.
+    """Passes on the set-up of each campaign, then the findings of that campaign.
 
     They come by several topics: a finding may come before its set-up, and waits for that.
 

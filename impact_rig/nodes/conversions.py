@@ -15,13 +15,13 @@ from impact_rig.recordings.messages import NANOSECONDS, from_message, stamp_from
 
 
 def hammer_from_msg(message: msg.HammerState) -> HammerStatus:
-    """Return what the hammer says of itself."""
+    """Return the hammer's state."""
     status = from_message(HammerStatus, message)
     return replace(status, since=stamp_from_msg(message.header.stamp) / NANOSECONDS)
 
 
 def campaign_from_msg(message: msg.CampaignState) -> CampaignStatus:
-    """Return what a campaign says of itself, but for the newest verdict."""
+    """Return a campaign's state without its newest verdict."""
     status = from_message(CampaignStatus, message)
     return replace(status, until=stamp_from_msg(message.until) / NANOSECONDS or math.nan)
 

@@ -45,7 +45,7 @@ LIBRARIES = (
 
 
 class EstimatorNode(RigNode):
-    """Feeds the core's session with what the accelerometers publish.
+    """Feeds the blocks of the accelerometers to the core's session.
 
     In a campaign that is recorded, a record is judged when the recorder has stored it: whatever
     dies at whatever moment, the hit of a published verdict is on the disk. What is cut out of a
@@ -84,12 +84,12 @@ class EstimatorNode(RigNode):
         self.offer_to_join()
 
     def configure(self) -> None:
-        """Load what the first hit will need."""
+        """Import the libraries that the first hit would load."""
         for name in LIBRARIES:
             import_module(name)
 
     def deactivate(self) -> None:
-        """Forget what has come: a campaign that goes on reads it again."""
+        """Forget all hits: a campaign that goes on reads them again."""
         self._ledger = self._setup = None
 
     def diagnose(self) -> dict[str, Any]:
@@ -108,7 +108,7 @@ class EstimatorNode(RigNode):
         return figures
 
     def describe_warning(self) -> str | None:
-        """Return what has been lost of a running stream."""
+        """Return how many points of a running stream were lost."""
         lost = self._cutter.flow.missing_points if self._cutter else 0
         if not lost:
             return None
@@ -120,7 +120,7 @@ class EstimatorNode(RigNode):
     def join(
         self, setup: RigSetup, request: JoinCampaign.Request, response: JoinCampaign.Response
     ) -> None:
-        """Take part in a campaign, with what the run's recordings have of it."""
+        """Take part in a campaign, with its hits in the run's recordings."""
         ledger = self._ledger
         is_same = self._setup is not None and self._setup.campaign_id == request.setup.campaign_id
         if ledger is None or not is_same or ledger.recording != request.recording:
@@ -189,7 +189,7 @@ class EstimatorNode(RigNode):
             self._publish_hits(self._ledger.session, self._ledger.add_stored(received.value))
 
     def _on_overrule(self, received: Received[Overrule]) -> None:
-        """Follow what persons made of the hits of a replay."""
+        """Take a person's verdict on a hit of a replay."""
         ours = self.membership.identity.campaign_id
         if self._ledger is None or self.membership.is_joined:
             return
@@ -218,7 +218,7 @@ class EstimatorNode(RigNode):
         return response
 
     def _publish_verdict(self, session: Session, hit: JudgedHit) -> None:
-        """Publish a hit again, and what is estimated of its sample without or with it."""
+        """Publish a hit again, and its sample's new estimate."""
         self._impact.publish(hit_to_msg(hit, self.membership.identity))
         is_control = session.is_control(hit.label.sample)
         self._publish_estimate(session, session.estimate_numbers(hit.label.sample))

@@ -36,7 +36,7 @@ def spin_until(executor: Executor, stop: Future) -> None:
 def accept_message_info(
     callback: Callable[[Any, Mapping[str, Any]], None],
 ) -> Callable[..., None]:
-    """Return a subscription's callback that is given a message and what is known of it.
+    """Return a subscription's callback that gets a message and its metadata.
 
     The events executor before rclpy 7.1.7 calls one of two arguments with a pair.
     """

@@ -25,7 +25,7 @@ from impact_rig.recordings.messages import label_from_msg
 
 
 class HammerNode(DeviceNode):
-    """Holds and releases the hammer; refuses, with a reason, what could not be recorded.
+    """Holds and releases the hammer; refuses a hit that could not be recorded.
 
     A release needs a holder that holds, the operator's enable, accelerometers that are armed for
     this hit, and a recorder that records. The loss of any of them takes the enable back, and so
@@ -109,7 +109,7 @@ class HammerNode(DeviceNode):
         self._hammer.take(holder, confirm_return=self.get_value("confirm_return"))
 
     def activate(self) -> None:
-        """Publish what the hammer does."""
+        """Publish the hammer's state."""
         self._publish_condition(self._hammer.condition)
 
     def deactivate(self) -> None:
@@ -162,7 +162,7 @@ class HammerNode(DeviceNode):
             self._end_swing("the record has ended")
 
     def _watch(self) -> None:
-        """Check that what a release needs is still there; never releases."""
+        """Check that the nodes which a release needs are still there; never release."""
         self._check_rig()
         self._run_guarded(self._hammer.check)
 

@@ -62,7 +62,7 @@ class Intake:
         self._looked_at = 0.0  # [s]
 
     def take(self, topic: Topic, message: Any) -> Received[Any] | None:
-        """Return a message with what it says; None: it does not count."""
+        """Return a message with its converted value; None: it is foreign or cannot be meant."""
         self.handled += 1
         if self.membership.is_foreign(message):
             # Of none is a node that has just been started, too.

@@ -66,7 +66,7 @@ def make_qos(depth: int, *, latched: bool) -> QoSProfile:
 
 
 def keep(message: Any) -> Any:
-    """Return a message in which any values can be meant."""
+    """Return a message unchanged: all its values are possible."""
     return message
 
 
@@ -112,7 +112,7 @@ class Topic:
 
     @property
     def unread(self) -> "Topic":
-        """The topic for who passes messages on, or looks at plain fields alone."""
+        """The topic without its conversion, for nodes that only pass messages on."""
         return replace(self, convert=keep)
 
     def deepen(self, depth: int) -> "Topic":

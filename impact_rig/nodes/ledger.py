@@ -50,7 +50,7 @@ class Ledger:
 
     @property
     def is_behind(self) -> bool:
-        """Whether a record is stored of which other blocks have come than are on the disk."""
+        """Whether the blocks of a stored record have not all arrived here."""
         return bool(self._stored)
 
     def add_block(self, key: Key, block: Block) -> tuple[JudgedHit, ...]:
@@ -83,7 +83,7 @@ class Ledger:
         return tuple(hits)
 
     def read(self, campaign_id: bytes, namespace: str) -> str | None:
-        """Judge what the run's recordings have of the campaign, each record once.
+        """Judge the campaign's records in the run's recordings, each once.
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class Ledger:
         return [path for path in list_parts(Path(self.recording)) if path.exists()]
 
     def _read_overrules(self, campaign_id: bytes, namespace: str) -> str | None:
-        """Take in what persons made of the hits; return why not all could be read."""
+        """Read the persons' verdicts in the recordings; return why not all could be read."""
         prefix = namespace.rstrip("/") + "/"
         newer = self.session.overrules.recorded
         try:

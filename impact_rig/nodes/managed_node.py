@@ -14,7 +14,7 @@ RCLError = rclpy_implementation.RCLError
 
 
 class ManagedNode(ParameterNode):
-    """A lifecycle node whose transitions fail with a sentence.
+    """A lifecycle node that says in one sentence why a transition failed.
 
     Subclasses override `configure`, `activate`, `deactivate` and `cleanup`; a `RigError` raised
     there fails the transition, is logged as one sentence and kept as the node's fault, and the

@@ -49,7 +49,7 @@ def block_to_msg(block: Block, identity: Identity = NO_IDENTITY) -> msg.Accelera
 def fill_block(
     message: msg.AccelerationBlock | msg.StreamBlock, block: Block, identity: Identity
 ) -> None:
-    """Let a message hold another block, with whose it is."""
+    """Write a block, and the ids of its campaign and stream, into a message."""
     identity.fill(message)
     recorded.fill_block(message, block)
 

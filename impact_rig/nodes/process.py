@@ -137,7 +137,7 @@ def _open_launcher() -> list[int]:
 
 
 def _drain(node: RigNode, executor: Executor) -> None:
-    """Work off what is still in the queues, as long as there is anything, for at most 2 s."""
+    """Handle the messages left in the queues, for at most 2 s."""
     deadline = time.monotonic() + 2.0
     quiet_since = time.monotonic()
     handled = node.intake.handled

@@ -181,7 +181,7 @@ class RecorderNode(RigNode):
     def join(
         self, setup: RigSetup, request: JoinCampaign.Request, response: JoinCampaign.Response
     ) -> None:
-        """Record what belongs to a campaign, and nothing of any other."""
+        """Record the messages of one campaign, and of no other."""
         if self._writer is not None and not self._writer.closed:
             response.recording = str(self._writer.path)
         else:
@@ -199,7 +199,7 @@ class RecorderNode(RigNode):
         self._publish_state(text)
 
     def describe_warning(self) -> str | None:
-        """Return what the recording lacks."""
+        """Return which points and messages the recording lacks."""
         parts = [
             f"the {name} {count.gaps} gap{'s' * (count.gaps > 1)}, {count.missing_points} points"
             " are missing"
@@ -211,7 +211,7 @@ class RecorderNode(RigNode):
         return "; ".join(parts) or None
 
     def diagnose(self) -> dict[str, Any]:
-        """Return what was written so far, and what was not."""
+        """Return the counts of messages that were written, and that were lost."""
         writer = self._writer
         if writer is None:
             return {"recording": False}
@@ -225,7 +225,7 @@ class RecorderNode(RigNode):
         }
 
     def _describe_health(self) -> dict[str, Any]:
-        """Return what was counted, by names for the recording and the diagnostics."""
+        """Return the counts by their names in the recording and the diagnostics."""
         total, stream = self._records.total, self._stream
         return {
             "blocks": total.blocks,
@@ -267,7 +267,7 @@ class RecorderNode(RigNode):
                 self._on_failed(error)
 
     def _check_health(self, writer: RecordingWriter) -> None:
-        """Write what waits to the disk, and publish further losses."""
+        """Write waiting messages to the disk, and publish new losses."""
         writer.flush()
         warning = self.describe_warning()
         if warning is not None and warning != self._warning:
@@ -276,7 +276,7 @@ class RecorderNode(RigNode):
             self._publish_state(f"warning: {warning}")
 
     def _on_failed(self, error: FileError) -> None:
-        """Keep what was written, and publish that nothing is recorded any more."""
+        """Close the file after an error, and publish that recording has stopped."""
         # The first error names the cause; the finished chunks are on disk.
         if self._writer is not None and not self._writer.closed:
             with contextlib.suppress(FileError):

@@ -177,7 +177,7 @@ class ReplayerNode(RigNode):
         }
 
     def _on_tick(self) -> None:
-        """Publish what is due by now."""
+        """Publish the messages that are due."""
         now, recording = time.monotonic_ns(), self._recording
         elapsed, self._last_tick = now - self._last_tick, now
         if recording is None:

@@ -57,7 +57,7 @@ class RigNode(ManagedNode):
         """Take part in a campaign, or go on with it; the message says why no hit can come now."""
 
     def describe_warning(self) -> str | None:
-        """Return what needs attention though the node works."""
+        """Return a warning for the diagnostics; None: there is none."""
         return None
 
     # Topics.

@@ -56,7 +56,7 @@ LARGEST_CAMPAIGN = 1000
 
 
 class ShownCampaign:
-    """Keeps what was found last of each hit, sample and model of a campaign."""
+    """Keeps the newest finding of each hit, sample and model of a campaign."""
 
     def __init__(self, setup: RigSetup) -> None:
         self.setup = setup
@@ -76,7 +76,7 @@ class ShownCampaign:
         return is_shown(self._numbers[sample])
 
     def add(self, found: Finding) -> None:
-        """Keep what was found, in place of what was known of the same hit, sample and model."""
+        """Keep a finding in place of the older one of its hit, sample or model."""
         match found:
             case InjectedFaults():
                 self._faults[found.label] = found.faults
@@ -101,7 +101,7 @@ class ShownCampaign:
         return next(reversed(self._hits.values()))
 
     def make_results(self) -> Results:
-        """Return what is known now."""
+        """Return the results so far."""
         estimates = self.estimates
         return Results(
             setup=self.setup,
@@ -113,7 +113,7 @@ class ShownCampaign:
         )
 
     def make_traces(self, sample: str) -> SampleTraces:
-        """Return the newest mean of one sample, with its models and what was read from it."""
+        """Return the newest mean of one sample, with its models and widths."""
         known = tuple(self._traces[sample].values())
         newest, estimate = known[-1], self.estimates.get(sample)
         models = (one.models[0] for one in known if np.array_equal(one.mean, newest.mean))
@@ -132,7 +132,7 @@ Work = Callable[[ViewLog], None]
 
 
 class VisualizerNode(RigNode):
-    """Shows what the rig's topics say."""
+    """Shows the rig's topics in Rerun."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__("visualizer", **options)
@@ -190,7 +190,7 @@ class VisualizerNode(RigNode):
         self._subscriptions_of_view = []
 
     def cleanup(self) -> None:
-        """Write what is still to be written, and close."""
+        """Write the last views, and close."""
         if self._view is not None:
             self.destroy_timer(self._refreshing)
             self._log_latest()
@@ -200,7 +200,7 @@ class VisualizerNode(RigNode):
             self._view = None
 
     def diagnose(self) -> dict[str, Any]:
-        """Return what was shown, and what was not."""
+        """Return how many messages were shown, and how many left out."""
         return dict(self._counts)
 
     def describe_warning(self) -> str | None:
@@ -255,7 +255,7 @@ class VisualizerNode(RigNode):
         self._log_results_soon(campaign)
 
     def _on_finding(self, received: Received[Finding]) -> None:
-        """Show what was found in the campaign."""
+        """Show a finding of the campaign."""
         campaign, found = self._campaign, received.value
         if isinstance(found, JudgedTraces):
             if campaign.is_laid_over(found):

@@ -1,4 +1,4 @@
-"""What a run holds, sound or damaged, and what was lost; its sound part in one new recording."""
+"""The contents and the losses of a run, sound or damaged; a sound copy of it."""
 
 import json
 import math
@@ -71,7 +71,7 @@ class Note:
 
 @dataclass
 class Contents:
-    """What a run holds, and what is wrong with it."""
+    """The contents of a run, and what is wrong with it."""
 
     run: Run
     scans: tuple[Scan, ...]  # of all of its files
@@ -164,7 +164,7 @@ _DECODED = HIT_TYPES | {STREAM_TYPE, NOTE_TYPE, STATE_TYPE}
 
 
 def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
-    """Read all of a run, checksums included, and say what it holds.
+    """Read all of a run, checksums included, and return its contents.
 
     Parameters
     ----------
@@ -298,7 +298,7 @@ def _list_file_problems(scan: Scan) -> Iterator[str]:
 
 
 def _check_kind(scan: Scan) -> None:
-    """Refuse what was never a recording of ROS 2, however damaged."""
+    """Refuse a file that was never a recording of ROS 2, damaged or not."""
     path, header, channels = scan.path, scan.header, scan.channels.values()
     if header is None and scan.chunks == 0 and not channels:
         raise FileError(f"{path} is no MCAP recording, or nothing of it is left")

@@ -1,4 +1,4 @@
-"""What a recording has of each hit and of a running stream: blocks, gaps, points, verdicts."""
+"""The hits and the running stream of a recording: blocks, gaps, points, verdicts."""
 
 from dataclasses import dataclass, field
 from enum import Enum

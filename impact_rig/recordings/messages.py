@@ -73,14 +73,14 @@ def label_from_msg(message: Any) -> HitLabel:
 
 
 class InjectedFaults(NamedTuple):
-    """What the virtual rig did on purpose in one hit."""
+    """The faults that the virtual rig injected into one hit."""
 
     label: HitLabel
     faults: tuple[str, ...]
 
 
 def faults_from_msg(message: Any) -> InjectedFaults:
-    """Return what a `VirtualImpact` says was done on purpose."""
+    """Return the injected faults of a `VirtualImpact`."""
     return InjectedFaults(label_from_msg(message), tuple(str(it) for it in message.faults))
 
 

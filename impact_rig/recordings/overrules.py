@@ -1,4 +1,4 @@
-"""What persons made of hits: verdicts that a recording has beside the hits."""
+"""Persons' verdicts on hits, as a recording has them."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -15,7 +15,7 @@ LONGEST_TEXT = 200
 
 
 def overrule_from_msg(message: Any) -> Overrule:
-    """Return what a person made of a hit.
+    """Return a person's verdict on a hit.
 
     Raises
     ------
@@ -35,7 +35,7 @@ def read_overrules(
     is_wanted: Callable[[Channel], bool],
     convert: Callable[[RawMessage, Callable[[Any], Any]], Any],
 ) -> dict[bytes, Overrules]:
-    """Return what holds of the hits of each campaign after all files, by its id.
+    """Return the persons' verdicts that hold after all files, by campaign id.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""With what a recording was made: software, computer, operator's notes, files beside it."""
+"""The software, computer, notes and files with which a recording was made."""
 
 import hashlib
 import json

@@ -83,7 +83,7 @@ class Run:
 
     @property
     def is_of_recorder(self) -> bool:
-        """Whether it is called as the recorder calls a run, with its results beside it."""
+        """Whether its name is the recorder's, so that its results lie beside it."""
         return self.files[0].stem == RUN_NAME
 
     @property
@@ -221,7 +221,7 @@ class Run:
         return channel.type_name in types and is_ours
 
     def _is_new(self, watch: CampaignWatch, raw: RawMessage) -> bool:
-        """Return whether a message begins a campaign, or says what was not there before."""
+        """Return whether a message is new: no set-up or block that came before."""
         if raw.channel.type_name == SETUP_TYPE:
             return self.convert(raw, watch.add_setup)
         is_block = raw.channel.type_name in (BLOCK_TYPE, STREAM_TYPE)
@@ -340,5 +340,5 @@ def choose_namespace(path: Path, found: Collection[str], wanted: str | None) -> 
 
 
 def report_from(report: Report, before: int, done: int) -> None:
-    """Report how much was read, after what was read of other files before [byte]."""
+    """Report how much was read of all files: those before, and this one [byte]."""
     report(before + done)

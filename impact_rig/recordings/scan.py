@@ -355,7 +355,7 @@ class Scan:
             raise DamageError(f"topic {record.topic!r} is described in two ways")
 
     def _pass_over(self, file: BinaryIO, place: int, reason: str) -> int:
-        """Return where to go on behind a damage; raise it in a strict scan."""
+        """Return where reading goes on after a damage; raise it in a strict scan."""
         kind, after = self._unpack_frame(file, place)
         if self._is_strict:
             # What is longer than anything that is written was not cut off.
@@ -370,7 +370,7 @@ class Scan:
         return after
 
     def _has_records(self, file: BinaryIO, place: int) -> bool:
-        """Tell whether two records begin at a place; behind a wrong length one may seem to."""
+        """Tell whether two records follow at a place; after a wrong length one may seem to."""
         with contextlib.suppress(DamageError):
             for _ in range(2):
                 if place != self._end:

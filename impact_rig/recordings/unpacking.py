@@ -44,7 +44,7 @@ _SMALL: dict[int, tuple[Any, str]] = {
 
 
 class DamageError(ValueError):
-    """Bytes that are not what they should be; the message says what is wrong with what."""
+    """Damaged bytes; the message says which, and what is wrong with them."""
 
 
 def parse_small(kind: int, content: bytes, place: int) -> Any:
@@ -135,7 +135,7 @@ class Unpacker:
 
 
 def _decompress(chunk: records.Chunk) -> bytes:
-    """Return what a chunk holds; no more is taken into memory than it states."""
+    """Return the content of a chunk; it takes no more memory than the chunk states."""
     data, size = chunk.data, chunk.uncompressed_size
     try:
         if chunk.compression == "zstd":

@@ -85,7 +85,7 @@ class RecordingWriter:
     def add_channel(
         self, topic: str, definition: MessageDefinition, qos: tuple[OfferedQos, ...]
     ) -> int:
-        """Announce a topic with what its publishers offer; otherwise as `announce`."""
+        """Announce a topic with its publishers' QoS; otherwise as `announce`."""
         metadata = {
             "offered_qos_profiles": format_offered_qos(qos),
             "topic_type_hash": definition.type_hash,

@@ -137,7 +137,7 @@ def _find_rate(stated: dict[str, Any]) -> tuple[float, bool]:
 
 
 def _inherit(stated: dict[str, Any], item: Any) -> dict[str, Any]:
-    """Return what is stated around an item, as far as its own attributes do not say otherwise."""
+    """Return the statements of the groups around an item, with its own in their place."""
     own = {}
     for name in item.attrs:
         if any(says(clean_name(name)) for says in FAMILIES):

@@ -197,7 +197,7 @@ def _read_start(segment: Segment, column: int, origin: int | None) -> float:
 
 
 def _read_time(segment: Segment, column: int) -> int | None:
-    """Return what a channel's times count from [ns since the epoch]; None: not stated."""
+    """Return the date of a channel's time 0 [ns since the epoch]; None: not stated."""
     day = "/".join(re.split(r"\D", segment.get_tag("Date", column)))
     clock, _, fraction = segment.get_tag("Time", column).replace(",", ".").partition(".")
     try:

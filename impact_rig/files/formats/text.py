@@ -353,7 +353,7 @@ def _find_longest_run(path: Path, lines: Sequence[Line]) -> tuple[int, int, Styl
 
 
 def _join_kinds(kinds: str, others: str) -> str:
-    """Return what cells hold in two lines; empty: the lines are not written alike."""
+    """Return the kinds of the cells of two lines; empty: the lines are not written alike."""
     if len(kinds) != len(others):
         return ""
     joined = "".join(

@@ -88,7 +88,7 @@ def read_uff(path: Path) -> Measurement:
 
 
 def _name_function(function: dict[str, Any]) -> str:
-    """Return what a data set holds if it is no trace; otherwise nothing."""
+    """Return the kind of a data set that is no trace; empty: it is one."""
     kind = int(function["func_type"])
     if kind != TIME_RESPONSE:
         return FUNCTIONS.get(kind, f"a function of type {kind}")
