@@ -34,9 +34,8 @@ class Parameter:
     def convert(self, name: str, value: Any) -> Any:
         """Return a value that is given; raises `ParameterError` if it cannot be meant."""
         kind = type(self.default)
-        if kind is float and type(value) is int:
-            value = float(value)
-        wanted, is_good = KINDS[kind], type(value) is kind
+        is_whole = kind is float and type(value) is int
+        wanted, is_good = KINDS[kind], is_whole or type(value) is kind
         if math.isfinite(self.high):
             wanted += f" from {self.low:g} to {self.high:g}"
             is_good = is_good and self.low <= value <= self.high
@@ -44,13 +43,11 @@ class Parameter:
             wanted, is_good = f"one of {', '.join(self.choices)}", value in self.choices
         if not is_good:
             raise ParameterError(f"{name} is {value!r}: it must be {wanted}")
-        return value
+        return kind(value)
 
 
 COMMON: Mapping[str, Parameter] = {
-    "autostart": Parameter(
-        default=True, description="configure and activate at start-up, without a lifecycle manager"
-    )
+    "autostart": Parameter(True, "configure and activate at start-up, without a lifecycle manager")
 }
 """Those that all nodes have."""
 OF_ROS = ("start_type_description_service", "use_sim_time")
@@ -110,8 +107,7 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
             0.0, "from contact back into the holder [s]", low=0.0, high=60.0, is_live=True
         ),
         "confirm_return": Parameter(
-            default=False,
-            description="after each swing, wait until somebody calls hammer/confirm_held",
+            False, "after each swing, wait until somebody calls hammer/confirm_held",
             is_live=True,
         ),
     },
@@ -128,8 +124,7 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
         ),
         "compression": Parameter("zstd", "of chunks", choices=("zstd", "lz4", "none")),
         "record_stream": Parameter(
-            default=False,
-            description="in continuous mode, whether the running stream of the accelerometers is"
+            False, "in continuous mode, whether the running stream of the accelerometers is"
             " recorded as a whole, beside the hits that are found in it; 72 GB an hour at"
             " 2.5 MS/s, uncompressed",
         ),
@@ -138,9 +133,7 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
     },
     "replayer": {
         "file": Parameter("", "path of the recording: an .mcap file, or the folder of a run"),
-        "rig_namespace": Parameter(
-            "", "of the rig to replay, where the recording holds several"
-        ),
+        "rig_namespace": Parameter("", "of the rig to replay, where the recording holds several"),
         "rate": Parameter(
             1.0,
             "speed, part of the original's [-]; may be changed at any time; what comes faster than"
@@ -154,7 +147,7 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
             is_live=True,
         ),
         "exit_when_done": Parameter(
-            default=False, description="end the process at the end of the recording", is_live=True
+            False, "end the process at the end of the recording", is_live=True
         ),
     },
     "visualizer": {
@@ -163,10 +156,8 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
             "", "address of a viewer elsewhere that is there already, rerun+http://HOST:9876/proxy;"
             " empty: none",
         ),
-        "spawn": Parameter(default=False, description="open a viewer on this host"),
-        "web": Parameter(
-            default=False, description="serve a web page for this host; the log says where"
-        ),
+        "spawn": Parameter(False, "open a viewer on this host"),
+        "web": Parameter(False, "serve a web page for this host; the log says where"),
     },
 }  # fmt: skip
 """Those of each node, besides those that all have."""
