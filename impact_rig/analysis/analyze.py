@@ -20,9 +20,8 @@ from impact_rig.core.hits import (
     describe_label,
     find_label,
 )
-from impact_rig.core.paper_method import estimate_hit
-from impact_rig.core.pulse_shape import NO_SHAPE, PulseShapeEstimate
-from impact_rig.core.quantity import Quantity
+from impact_rig.core.paper_method import read_hit
+from impact_rig.core.quantity import UNKNOWN, Quantity
 from impact_rig.core.records import Block, HitLabel, Record
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup
@@ -94,7 +93,7 @@ class _JudgedCampaign:
     traces: list[HitTraces] = field(default_factory=list)
     aligned: dict[HitLabel, AlignedHit] = field(default_factory=dict)
     # What the hit of a file says by itself.
-    alone: dict[HitLabel, tuple[Quantity, PulseShapeEstimate]] = field(default_factory=dict)
+    alone: dict[HitLabel, FileResults] = field(default_factory=dict)
 
 
 def judge(
@@ -156,11 +155,7 @@ def analyze(
         campaign = judged[-1]
         for _, hit in found:
             if source.hammer_unit is not None:
-                campaign.alone[hit.label] = (
-                    (Quantity(hit.contact_time), NO_SHAPE)
-                    if hit.filtered is None
-                    else estimate_hit(hit.filtered, session.setup, hit.label.sample)
-                )
+                campaign.alone[hit.label] = _describe_file(hit, source, session.setup)
             if keep_traces and hit.filtered is not None:
                 campaign.aligned[hit.label] = align_hit(hit.label, hit.filtered)
         if keep_traces and (joined := assembler.feed(block)) is not None:
@@ -177,28 +172,32 @@ def analyze(
     return Analysis(campaigns, source.warnings, reasons)
 
 
-def _describe_file(
-    hit: JudgedHit,
-    contact_time: Quantity,
-    shape: PulseShapeEstimate,
-    source: HitSource,
-    setup: RigSetup,
-) -> FileResults:
-    """Return the hit of a file by itself, with its final verdict."""
-    best = shape.best_fit
-    return FileResults(
+def _describe_file(hit: JudgedHit, source: HitSource, setup: RigSetup) -> FileResults:
+    """Return the hit of a file by itself."""
+    found = FileResults(
         origin=hit.origin,
         accepted=hit.accepted,
         reasons=hit.rejections,
-        half_amplitude_width=hit.half_amplitude_width,
-        contact_time=contact_time,
+        half_amplitude_width=Quantity(hit.half_amplitude_width),
+        contact_time=Quantity(hit.contact_time),
         width_ratio=hit.width_ratio,
         hammer_peak=hit.hammer_peak,
         specimen_peak=hit.specimen_peak,
-        best_shape=shape.best_shape,
-        shape_residual_percent=best.residual_percent if best else math.nan,
         measured_peak=setup.hammer_reading[0] * hit.hammer_peak,
         measured_unit=source.hammer_unit or "",
+    )
+    if hit.filtered is None:
+        return found
+    reading = read_hit(hit.filtered, setup, hit.label.sample)
+    shape, base = reading.pulse.shape, reading.base_width
+    best = shape.best_fit
+    return replace(
+        found,
+        half_amplitude_width=reading.width.state(),
+        base_width=base.state() if base is not None else UNKNOWN,
+        contact_time=reading.contact_time.state(),
+        best_shape=shape.best_shape,
+        shape_residual_percent=best.residual_percent if best else math.nan,
     )
 
 
@@ -254,7 +253,7 @@ def _finish(
         if campaign.traces and mean is not None
     ]
     files = tuple(
-        _describe_file(judged[label], *alone, source, session.setup)
+        replace(alone, accepted=judged[label].accepted, reasons=judged[label].rejections)
         for label, alone in campaign.alone.items()
     )
     results = replace(results_from_session(found, faults), files=files)

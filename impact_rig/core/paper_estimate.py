@@ -7,11 +7,13 @@ import numpy as np
 from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.paper_method import (
+    BASE_WIDTH,
     CONTACT_TIME,
     DAMPING_COEFFICIENT,
     DAMPING_RATIO,
     NAN,
     STIFFNESS,
+    WIDTH,
     BodyEstimate,
     MeanReading,
     estimate_body,
@@ -53,7 +55,8 @@ class PaperEstimate(Comparable):
 
     contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)  # of the mean trace
     contact_time_spread: float = field(default=NAN, metadata=SPREAD)  # standard deviation of hits
-    half_amplitude_width: float = field(default=NAN, metadata=TIME)  # w50
+    half_amplitude_width: Quantity = field(default=UNKNOWN, metadata=WIDTH)
+    base_width: Quantity = field(default=UNKNOWN, metadata=BASE_WIDTH)
     width_ratio: float = field(default=NAN, metadata=describe(least=POSITIVE))  # w10 / w50
     equivalent_stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)  # k_eq
     stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)  # k2
@@ -109,7 +112,9 @@ def estimate_paper(
     return PaperEstimate(
         contact_time=contact_time,
         contact_time_spread=contact_time_spread,
-        half_amplitude_width=series.width,
+        # Their budgets are part of that of tau_p.
+        half_amplitude_width=replace(series.width.state(), budget=()),
+        base_width=replace(series.base_width.state(), budget=()) if series.base_width else UNKNOWN,
         width_ratio=series.width_ratio,
         # Its budget is that of tau_p and the masses: it is not told again.
         equivalent_stiffness=replace(equivalent, budget=()),

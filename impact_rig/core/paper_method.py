@@ -29,12 +29,14 @@ from impact_rig.core.pulse_shape import (
     estimate_pulse_shape,
 )
 from impact_rig.core.pulse_width import (
+    BASE,
     PulseErrors,
     TraceQuality,
     compute_peak_excess,
     compute_quantisation_error,
     compute_trend,
     estimate_pulse_errors,
+    find_base,
     measure_pulse,
 )
 from impact_rig.core.pulses import PULSE_SHAPES
@@ -133,7 +135,8 @@ class MeanReading:
     mean: MeanHit
     pulse: HammerPulse
     rig: RigNumbers
-    width: float  # w50 [s]
+    width: Known  # w50 [s]
+    base_width: Known | None  # time above a hundredth of the peak [s]; None: noise hides it
     width_ratio: float
     contact_time: Known  # tau_p [s]
     decrements: Mapping[int, tuple[LogDecrement, Known]]  # by channel, where determined
@@ -185,7 +188,7 @@ def read_mean_hit(
         rows = [[factor * hit.pulse.half_amplitude_width for hit in mean.hits]]
         rows += [_read_decrements(mean, channel, found) for channel, found in peaks.items()]
         scatter += np.cov(np.array(rows), ddof=1) / mean.count
-    contact_time, *changes = make_ensemble(
+    doubled, *changes = make_ensemble(
         f"scatter of the hits on {sample}",
         [settings.pulse_factor * width, *(found.log_decrement for found in peaks.values())],
         scatter,
@@ -193,21 +196,25 @@ def read_mean_hit(
     )
     noise = float(mean.noise[0]) / abs(pulse.peak)
     spread, own = compute_shape_error(form, noise, width, settings.pulse_factor * width)
-    errors = estimate_pulse_errors(
-        mean.traces[0], pulse, _describe_mean(mean, 0, settings.cutoff_frequency)
-    )
-    contact_time = contact_time + _make_common_errors(errors, factor, rig)
+    quality = _describe_mean(mean, 0, settings.cutoff_frequency)
+    errors = estimate_pulse_errors(mean.traces[0], pulse, quality)
+    has_scatter = len(mean.hits) >= LEAST_HITS
+    clock = rig.follow(follow_series(mean)).clock
+    doubled = doubled + _make_errors(errors, factor, rig, scatters=has_scatter)
     # The same law on all samples makes the same error on all.
-    contact_time = contact_time + spread * rig.pulse_shape
+    contact_time = doubled + spread * rig.pulse_shape
     contact_time = contact_time + make_input(PULSE_SHAPE, 0.0, own)
     reasons: tuple[Note, ...] = ()
     if form is UNSEEN:
         reasons = (Note(Subject.UNCERTAINTY, "it comes with the pulse's shape, later"),)
-    has_scatter = len(mean.hits) >= LEAST_HITS
-    if not has_scatter:
-        # What scatters from hit to hit by the noise is wrong with this one.
-        for source, part in (("noise", errors.noise), ("zero of the baseline", errors.zero)):
-            contact_time = contact_time + make_input(source, 0.0, factor * part)
+    width_number, base = doubled * clock / settings.pulse_factor, None
+    rise, fall = find_base(mean.traces[0], pulse)
+    # Noise of more crosses the level by itself.
+    if noise < BASE / 3.0 and math.isfinite(fall - rise):
+        errors = estimate_pulse_errors(mean.traces[0], pulse, quality, BASE)
+        own_errors = _make_errors(errors, 1.0 / mean.sampling_rate, rig, scatters=False)
+        # From hit to hit it scatters as w50 does.
+        base = Known(width_number * ((fall - rise) / pulse.half_amplitude_width) + own_errors)
     decrements = {}
     for (channel, found), change in zip(peaks.items(), changes, strict=True):
         quality = _describe_mean(mean, channel, settings.cutoff_frequency)
@@ -218,16 +225,19 @@ def read_mean_hit(
         mean,
         form,
         rig,
-        width,
+        Known(width_number),
+        base,
         pulse.width_ratio,
-        Known(contact_time * rig.follow(follow_series(mean)).clock, reasons),
+        Known(contact_time * clock, reasons),
         decrements,
         notes,
     )
 
 
-def _make_common_errors(errors: PulseErrors, factor: float, rig: RigNumbers) -> UncertainNumber:
-    """Return what is wrong with all hits of a series alike, in s."""
+def _make_errors(
+    errors: PulseErrors, factor: float, rig: RigNumbers, *, scatters: bool
+) -> UncertainNumber:
+    """Return what is wrong with a width, in s; what noise does, unless the hits scatter by it."""
     # A known error that is not corrected (GUM F.2.4.5), alike on every sample of the rig.
     total = factor * errors.low_pass * rig.low_pass
     for source, error in (
@@ -236,6 +246,7 @@ def _make_common_errors(errors: PulseErrors, factor: float, rig: RigNumbers) -> 
         ("sampling", errors.sampling),
         ("peak reading", errors.peak_reading),
         (ZERO_AFTER, errors.correction),
+        *([] if scatters else [("noise", errors.noise), ("zero of the baseline", errors.zero)]),
     ):
         total = total + make_input(source, 0.0, factor * error)
     return total
@@ -284,21 +295,15 @@ def _make_decrement_errors(
     return total + make_input("second peak reading", 0.0, excess / peaks.second_peak)
 
 
-def estimate_hit(
-    hit: FilteredHit, setup: RigSetup, sample: str
-) -> tuple[Quantity, PulseShapeEstimate]:
-    """Estimate tau_p of one hit on `sample`, as a series of it alone, and the shape of its pulse.
-
-    The next hit may well differ by more.
-    """
+def read_hit(hit: FilteredHit, setup: RigSetup, sample: str) -> MeanReading:
+    """Read one hit on `sample`, as a series of it alone; the next may well differ by more."""
     shifted = shift_hit(hit)
     total = sum_up([shifted])
     if total is None:
         raise NotDeterminedError("tau_p: there is no hit")
     mean = make_mean(total, [shifted], alone=hit)
     form = look_at_pulse(mean, setup, sample)
-    reading = read_mean_hit(mean, setup, make_rig_numbers(setup, sample), sample, form)
-    return reading.contact_time.state(), form.shape
+    return read_mean_hit(mean, setup, make_rig_numbers(setup, sample), sample, form)
 
 
 def _check_own_decay(mean: MeanHit, channel: int, peaks: LogDecrement) -> None:
@@ -359,6 +364,8 @@ STIFFNESS = describe("N/m", "k", "stiffness", shown="MN/m")
 DAMPING_RATIO = describe("", "ζ", "damping ratio", least=0.0)
 DAMPING_COEFFICIENT = describe("N s/m", "c", "damping coefficient")
 CONTACT_TIME = describe("s", "τp", "contact time", shown="µs")
+WIDTH = describe("s", "w50", "width at half amplitude", shown="µs")
+BASE_WIDTH = describe("s", "w1", "time above 1 % of the peak", shown="µs")
 """What several kinds of estimates tell of a body."""
 
 

@@ -12,7 +12,8 @@ from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF, low_pass
 from impact_rig.core.pulses import VERSED_SINE, compute_pulse
 from impact_rig.core.records import FloatArray
 
-TENTH_LEVEL = 0.1
+HALF, TENTH_LEVEL, BASE = 0.5, 0.1, 0.01
+"""Levels at which a pulse is read, over its peak [-]."""
 
 
 @dataclass(frozen=True)
@@ -148,11 +149,20 @@ def measure_pulse(trace: FloatArray) -> PulseWidth:
     )
 
 
+def find_base(trace: FloatArray, pulse: PulseWidth) -> tuple[float, float]:
+    """Return where a pulse rises above a hundredth of its peak and falls below it [points]."""
+    upright = trace if pulse.peak > 0 else -trace
+    rise, fall = (
+        find_crossing(upright, pulse.peak_index, BASE * abs(pulse.peak), step) for step in (-1, 1)
+    )
+    return rise, fall
+
+
 BASELINE_POINTS = 3
 """What must come before the pulse, in points, for a baseline."""
-FLANK_LEVELS = (0.4, 0.6)
-"""Between which parts of the peak a flank's slope is taken [-], our choice: near the crossing,
-far enough apart that noise does not matter."""
+FLANK_LEVELS = {HALF: (0.8, 1.2), BASE: (0.5, 1.5)}
+"""Between which parts of a level a flank's slope is taken [-], our choice: near the crossing, far
+enough apart that noise does not matter."""
 FILTER_POINTS = 400
 """Points per contact time of the pulse on which the low-pass is tried [-], our choice."""
 FILTER_RECORD = 6
@@ -174,7 +184,7 @@ class TraceQuality:
 
 @dataclass(frozen=True)
 class PulseErrors:
-    """Standard uncertainties of a half-amplitude width [points], by cause."""
+    """Standard uncertainties of a pulse's width at one level [points], by cause."""
 
     noise: float  # white noise at crossings and peak: random from hit to hit
     zero: float  # noise of the mean baseline: random from hit to hit
@@ -187,7 +197,7 @@ class PulseErrors:
 
 
 def estimate_pulse_errors(
-    trace: FloatArray, pulse: PulseWidth, quality: TraceQuality
+    trace: FloatArray, pulse: PulseWidth, quality: TraceQuality, level: float = HALF
 ) -> PulseErrors:
     """Estimate what may be wrong with the width of a pulse.
 
@@ -195,13 +205,17 @@ def estimate_pulse_errors(
     ----------
     trace : ndarray, shape (n,)
         Baseline zero, either polarity.
+    level : {HALF, BASE}
+        Of the peak, at which the width is read.
     """
     upright = trace if pulse.peak > 0 else -trace
     height, width = abs(pulse.peak), pulse.half_amplitude_width
-    rise, fall = (_compute_slope(upright, pulse.peak_index, height, step) for step in (-1, 1))
+    ends = (pulse.rise, pulse.fall) if level == HALF else find_base(trace, pulse)
+    rise, fall = (_compute_slope(upright, pulse.peak_index, height, level, i) for i in (-1, 1))
     both = 1.0 / rise + 1.0 / fall
-    crossings = math.hypot(1.0 / rise, 1.0 / fall)
-    reading = math.hypot(crossings, both / 2.0)
+    # The level goes with the peak, and away from the zero.
+    by_peak, by_zero = both * level, both * (1.0 - level)
+    reading = math.hypot(1.0 / rise, 1.0 / fall, by_peak)
     # Of a versed-sine of this width, since a second difference would measure the noise.
     curvature = 0.5 * height * (math.pi / width) ** 2
     trend = compute_trend(trace, quality)
@@ -210,31 +224,32 @@ def estimate_pulse_errors(
     # highest point d^2 / 2, d uniform in +-1/2: root mean square.
     chord, top = math.sqrt(1.0 / 120.0), math.sqrt(1.0 / 320.0)
     interpolation = chord * (
-        _compute_bend(upright, pulse.rise) / rise + _compute_bend(upright, pulse.fall) / fall
+        _compute_bend(upright, ends[0]) / rise + _compute_bend(upright, ends[1]) / fall
     )
     return PulseErrors(
         noise=quality.noise * reading,
-        zero=quality.raw_noise / math.sqrt(quality.baseline_points) * both / 2.0,
-        trend=trend * lever * both / 2.0,
+        zero=quality.raw_noise / math.sqrt(quality.baseline_points) * by_zero,
+        trend=trend * lever * by_zero,
         quantisation=compute_quantisation_error(quality.resolution, quality.dither) * reading,
-        sampling=math.hypot(top * curvature * both / 2.0, interpolation),
+        sampling=math.hypot(top * curvature * by_peak, interpolation),
         peak_reading=compute_peak_excess(quality.noise, curvature, quality.relative_cutoff)
-        * both
-        / 2.0,
-        low_pass=width * compute_low_pass_widening(2.0 * width * quality.relative_cutoff),
-        correction=quality.zero_uncertainty * both / 2.0,
+        * by_peak,
+        low_pass=(ends[1] - ends[0])
+        * compute_low_pass_widening(2.0 * width * quality.relative_cutoff, level),
+        correction=quality.zero_uncertainty * by_zero,
     )
 
 
-def _compute_slope(upright: FloatArray, peak_index: int, height: float, step: int) -> float:
-    """Return how steep a flank is at half amplitude, per point, above zero."""
-    low, high = (find_crossing(upright, peak_index, p * height, step) for p in FLANK_LEVELS)
+def _compute_slope(
+    upright: FloatArray, peak_index: int, height: float, level: float, step: int
+) -> float:
+    """Return how steep a flank is at a level, per point, above zero."""
+    below, above = (part * level for part in FLANK_LEVELS[level])
+    low, high = (find_crossing(upright, peak_index, p * height, step) for p in (below, above))
     if math.isnan(low) or low == high:
         # The trace ends between the levels: the half above the crossing says it.
-        low, part = find_crossing(upright, peak_index, 0.5 * height, step), 0.1
-    else:
-        part = FLANK_LEVELS[1] - FLANK_LEVELS[0]
-    return part * height / max(abs(high - low), np.finfo(float).tiny)
+        low, below = find_crossing(upright, peak_index, level * height, step), level
+    return (above - below) * height / max(abs(high - low), np.finfo(float).tiny)
 
 
 def _compute_bend(upright: FloatArray, crossing: float) -> float:
@@ -313,8 +328,8 @@ def compute_peak_excess(noise: float, curvature: float, relative_cutoff: float) 
     return noise * float(scipy.special.ndtri((count - 0.375) / (count + 0.25)))
 
 
-def compute_low_pass_widening(cutoff_contact_time: float) -> float:
-    """Return the relative change of w50 that the low-pass does to a versed-sine [-].
+def compute_low_pass_widening(cutoff_contact_time: float, level: float = HALF) -> float:
+    """Return the relative change of a width that the low-pass does to a versed-sine [-].
 
     Parameters
     ----------
@@ -325,18 +340,28 @@ def compute_low_pass_widening(cutoff_contact_time: float) -> float:
     if cutoff_contact_time <= 0.0:
         return 0.0
     # Two digits decide: the widening is small where it is of any use.
-    return _try_low_pass(float(f"{cutoff_contact_time:.2g}"))
+    return _try_low_pass(float(f"{cutoff_contact_time:.2g}"), level)
 
 
 @lru_cache(maxsize=256)
-def _try_low_pass(cutoff_contact_time: float) -> float:
+def _try_low_pass(cutoff_contact_time: float, level: float) -> float:
     relative = cutoff_contact_time / FILTER_POINTS
     if relative > HIGHEST_RELATIVE_CUTOFF:
         return 0.0
     time = np.arange(FILTER_RECORD * FILTER_POINTS) / FILTER_POINTS - (FILTER_RECORD - 1) / 2.0
     pulse = compute_pulse(time, 1.0, VERSED_SINE)
     try:
-        filtered = measure_pulse(low_pass(pulse, relative, 1.0)).half_amplitude_width
+        before, after = (
+            _measure_width(trace, level) for trace in (pulse, low_pass(pulse, relative, 1.0))
+        )
     except RigError:
         return 0.0
-    return filtered / measure_pulse(pulse).half_amplitude_width - 1.0
+    return after / before - 1.0
+
+
+def _measure_width(trace: FloatArray, level: float) -> float:
+    pulse = measure_pulse(trace)
+    if level == HALF:
+        return pulse.half_amplitude_width
+    rise, fall = find_base(trace, pulse)
+    return fall - rise

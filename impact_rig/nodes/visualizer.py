@@ -122,7 +122,7 @@ class ShownCampaign:
             return traces
         return replace(
             traces,
-            half_amplitude_width=estimate.paper.half_amplitude_width,
+            half_amplitude_width=estimate.paper.half_amplitude_width.value,
             first_peak_time=estimate.paper.first_peak_time,
             second_peak_time=estimate.paper.second_peak_time,
         )

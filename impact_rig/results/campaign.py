@@ -15,7 +15,7 @@ from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.findings import Finding
 from impact_rig.core.hits import JudgedHit
 from impact_rig.core.paper_estimate import PEAK, TIME, PaperEstimate
-from impact_rig.core.paper_method import CONTACT_TIME, HammerEstimate
+from impact_rig.core.paper_method import BASE_WIDTH, CONTACT_TIME, WIDTH, HammerEstimate
 from impact_rig.core.quantity import (
     INLINE,
     UNKNOWN,
@@ -71,8 +71,9 @@ class FileResults(Comparable):
     origin: Origin = field(metadata=INLINE)  # the file, and where in it
     accepted: bool  # the hit is part of the mean
     reasons: tuple[Finding, ...]  # every reason against it
-    half_amplitude_width: float = field(default=math.nan, metadata=TIME)  # w50 [s]
-    # tau_p of this hit [s]; it does not hold the scatter from hit to hit.
+    # Of this hit [s]; they do not hold the scatter from hit to hit.
+    half_amplitude_width: Quantity = field(default=UNKNOWN, metadata=WIDTH)
+    base_width: Quantity = field(default=UNKNOWN, metadata=BASE_WIDTH)
     contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)
     width_ratio: float = math.nan  # w10 / w50 [-]
     # Largest |acceleration| after the low-pass [m/s^2].

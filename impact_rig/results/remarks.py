@@ -311,6 +311,14 @@ def tabulate_hits(hits: Sequence[FileResults]) -> Table:
             "Verdict", ["accepted" if hit.accepted else _list_reasons(hit) for hit in hits]
         ),
         read_column("w50 [µs]", hits, "half_amplitude_width", 2, is_optional=True),
+        read_column(
+            "Above 1 % [µs]",
+            hits,
+            "base_width",
+            2,
+            is_optional=True,
+            note="Above 1 %: time above a hundredth of the peak.",
+        ),
         read_column("w10/w50", hits, "width_ratio", 3, is_optional=True),
         Column(
             "Best shape",

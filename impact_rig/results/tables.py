@@ -224,7 +224,10 @@ def tabulate_contact_times(results: Results) -> Table:
     force = "Fmax: largest force on the hammer, its mass times its peak."
     peaks = "Peaks: scatter of the hammer's peaks."
     rise = "Rise: of the hammer's pulse, from a tenth to nine tenths."
+    base = "Above 1 %: time that the hammer's pulse is above a hundredth of its peak."
     columns = [
+        read_column("w50 [µs]", samples, "paper.half_amplitude_width", 2, is_optional=True),
+        read_column("Above 1 % [µs]", samples, "paper.base_width", 2, is_optional=True, note=base),
         read_column("w10/w50", samples, "paper.width_ratio", 3, is_optional=True),
         read_column("Spread [µs]", samples, "paper.contact_time_spread", 2, is_optional=True),
         make_optional("Hits", [str(item.impacts_accepted) for item in samples]),

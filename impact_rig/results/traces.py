@@ -248,7 +248,7 @@ def sample_traces_from_estimate(estimate: SampleEstimate, mean: MeanHit) -> Samp
         start_time=-mean.origin / mean.sampling_rate,
         mean=mean.traces,
         contact_time=estimate.paper.contact_time.value,
-        half_amplitude_width=estimate.paper.half_amplitude_width,
+        half_amplitude_width=estimate.paper.half_amplitude_width.value,
         first_peak_time=estimate.paper.first_peak_time,
         second_peak_time=estimate.paper.second_peak_time,
         models=tuple(models),

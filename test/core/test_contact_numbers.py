@@ -16,8 +16,8 @@ from impact_rig.core.paper_method import (
     MeanReading,
     estimate_body,
     estimate_hammer,
-    estimate_hit,
     look_at_pulse,
+    read_hit,
     read_mean_hit,
 )
 from impact_rig.core.pulse_width import measure_pulse
@@ -194,7 +194,7 @@ def test_one_hit_has_its_own_uncertainty_and_no_damping():
     contact = estimate("steel medium", mean=single)
     body = contact.body
     assert math.isfinite(body.stiffness.value)
-    alone, _ = estimate_hit(single.hits[0], SETUP, "steel medium")
+    alone = read_hit(single.hits[0], SETUP, "steel medium").contact_time.state()
     assert contact.contact_time.standard == pytest.approx(alone.standard, rel=0.01)
     assert body.stiffness.standard > 0.0
     for found in (body.damping_ratio, body.damping_coefficient):
@@ -244,7 +244,7 @@ def test_a_converters_steps_count_where_no_noise_smooths_them():
 
 def test_a_single_hits_contact_time_has_an_uncertainty_of_its_own():
     hit = replace(make_hit(200e-6, 700.0, RATIO), noise=np.full(2, 2.0), raw_noise=np.full(2, 2.0))
-    found, _ = estimate_hit(hit, SETUP, "steel medium")
+    found = read_hit(hit, SETUP, "steel medium").contact_time.state()
     sources = {line.source: line.contribution for line in found.budget}
     assert set(sources) >= {"noise", "zero of the baseline", "sampling clock", "sampling"}
     slope = math.pi * 700.0 / 200e-6

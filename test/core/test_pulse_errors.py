@@ -13,11 +13,14 @@ from scipy.signal import peak_widths
 from impact_rig.core.errors import SignalError
 from impact_rig.core.filtering import low_pass
 from impact_rig.core.pulse_width import (
+    BASE,
+    HALF,
     TraceQuality,
     compute_low_pass_widening,
     compute_quantisation_error,
     compute_trend,
     estimate_pulse_errors,
+    find_base,
     measure_pulse,
 )
 
@@ -35,16 +38,21 @@ def make_pulse(
     return np.asarray(height * np.where(inside, wave, 0.0))
 
 
-def measure_width(trace: NDArray[np.float64]) -> float:
-    return measure_pulse(trace).half_amplitude_width
+def measure_width(trace: NDArray[np.float64], level: float = HALF) -> float:
+    pulse = measure_pulse(trace)
+    rise, fall = (pulse.rise, pulse.fall) if level == HALF else find_base(trace, pulse)
+    return fall - rise
 
 
-def estimate(trace: NDArray[np.float64], quality: TraceQuality) -> dict[str, float]:
-    return vars(estimate_pulse_errors(trace, measure_pulse(trace), quality))
+def estimate(
+    trace: NDArray[np.float64], quality: TraceQuality, level: float = HALF
+) -> dict[str, float]:
+    return vars(estimate_pulse_errors(trace, measure_pulse(trace), quality, level))
 
 
-def test_filtered_noise_and_a_noisy_zero_scatter_the_width_as_predicted():
-    rate, cutoff, sigma = 2.5e6, 50e3, 4.0
+@pytest.mark.parametrize(("level", "sigma"), [(HALF, 4.0), (BASE, 1.0)])
+def test_filtered_noise_and_a_noisy_zero_scatter_a_width_as_predicted(level, sigma):
+    rate, cutoff = 2.5e6, 50e3
     generator = np.random.default_rng(3)
     clean = make_pulse(500.0)
     widths, noises = [], []
@@ -52,10 +60,10 @@ def test_filtered_noise_and_a_noisy_zero_scatter_the_width_as_predicted():
         raw = clean + sigma * generator.standard_normal(COUNT)
         raw -= raw[:400].mean()
         trace = low_pass(raw, cutoff, rate)
-        widths.append(measure_width(trace))
+        widths.append(measure_width(trace, level))
         noises.append(trace[:400].std())
     quality = TraceQuality(float(np.mean(noises)), sigma, sigma, 0.0, 400, cutoff / rate)
-    errors = estimate(low_pass(clean, cutoff, rate), quality)
+    errors = estimate(low_pass(clean, cutoff, rate), quality, level)
     predicted = math.hypot(errors["noise"], errors["zero"])
     # 400 widths know their standard deviation to 3.5 %; three of those.
     assert predicted == pytest.approx(np.std(widths), rel=0.11)

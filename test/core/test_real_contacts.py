@@ -115,7 +115,7 @@ def test_a_row_of_the_table(row):
         assert law.value * 1e6 == pytest.approx(TRUE, rel=4e-3)
         # tau_p stays the paper's number; its interval takes in the contact's real duration.
         assert estimate.paper.contact_time.value == pytest.approx(
-            2.0 * estimate.paper.half_amplitude_width
+            2.0 * estimate.paper.half_amplitude_width.value
         )
         assert (
             abs(estimate.paper.contact_time.value * 1e6 - TRUE)

@@ -267,10 +267,11 @@ GOOD = FileResults(
     Origin(IMPORTED, "npy file", "lab/hit_1.npy", "'a', points 0 to 99"),
     True,
     (),
-    100e-6,
-    Quantity(200e-6, 0.6e-6, 1.2e-6),
-    1.59,
-    512.0,
+    half_amplitude_width=Quantity(100e-6, 0.1e-6, 0.2e-6),
+    base_width=Quantity(190e-6, 0.5e-6, 1e-6),
+    contact_time=Quantity(200e-6, 0.6e-6, 1.2e-6),
+    width_ratio=1.59,
+    hammer_peak=512.0,
     best_shape="versed-sine",
     shape_residual_percent=0.31,
     measured_peak=512.0,
@@ -285,8 +286,8 @@ BAD = FileResults(
 def test_each_hit_has_its_row_with_verdict_and_widths():
     table = tabulate_hits((GOOD, BAD))
     assert table.rows[0] == (
-        "hit_1.npy", "200.0 ± 1.2", "accepted", "100.00", "1.590", "versed-sine", "0.3", "512",
-        "'a', points 0 to 99",
+        "hit_1.npy", "200.0 ± 1.2", "accepted", "100.00 ± 0.20", "190.0 ± 1.0", "1.590",
+        "versed-sine", "0.3", "512", "'a', points 0 to 99",
     )  # fmt: skip
     assert table.rows[1][:3] == ("hit_2.npy", "-", "overload: 5 points at the rail")
     assert table.marked == {1}
