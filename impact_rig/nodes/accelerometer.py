@@ -3,8 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
-from impact_rig_msgs.msg import HammerRelease
+from impact_rig_msgs.msg import HammerRelease, InputLevels
 from impact_rig_msgs.srv import Arm, JoinCampaign
+from std_srvs.srv import SetBool
 
 from impact_rig.configuration.parameters import CONTINUOUS
 from impact_rig.core.errors import DeviceError, RigError
@@ -23,7 +24,11 @@ from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.rig_node import Answer
 from impact_rig.page.states import HammerPlace, HammerStatus, Phase
-from impact_rig.recordings.messages import NO_ID
+from impact_rig.recordings.messages import NO_ID, fill_message
+
+LEVELS_PERIOD = 0.2
+"""How often the levels of the inputs are published [s]."""
+MONITORING = "the inputs are shown"
 
 
 class AccelerometerNode(DeviceNode):
@@ -50,6 +55,7 @@ class AccelerometerNode(DeviceNode):
         self._hammer = HammerStatus(armed=True)
         self._stream_id = NO_ID
         self._is_continuous = self.get_value("mode") == CONTINUOUS
+        self._is_monitoring = False
         self._blocks = self.advertise(
             interfaces.STREAM if self._is_continuous else interfaces.ACCELERATION
         )
@@ -57,11 +63,14 @@ class AccelerometerNode(DeviceNode):
             self.listen(interfaces.ACCELERATION, self._on_hit)
         self._publish_state = self.advertise_state(interfaces.ACQUISITION_STATE)
         self._virtual_impact = self.advertise(interfaces.VIRTUAL_IMPACT)
+        self._levels = self.advertise(interfaces.INPUT_LEVELS)
+        self.create_timer(LEVELS_PERIOD, self._publish_levels)
         self.listen(interfaces.SETUP, self._on_setup)
         self.listen(interfaces.RELEASE, self._on_release)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
         self.create_service(Arm, interfaces.ARM_ACCELEROMETER, self._on_arm)
         self.offer(interfaces.DISARM_ACCELEROMETER, self._disarm)
+        self.create_service(SetBool, interfaces.MONITOR_INPUT, self._on_monitor)
         self.offer_to_join()
 
     # Lifecycle.
@@ -69,7 +78,7 @@ class AccelerometerNode(DeviceNode):
     def configure(self) -> None:
         """Open the source."""
         super().configure()
-        self._open = open_source(self, continuous=self._is_continuous)
+        self._open = open_source(self, continuous=self._is_continuous or self._is_monitoring)
         self._use_setup()
 
     def cleanup(self) -> None:
@@ -89,14 +98,14 @@ class AccelerometerNode(DeviceNode):
             opened.source.arm()
         self._thread = SourceThread(
             opened,
-            self._blocks,
+            None if self._is_monitoring else self._blocks,
             self.membership,
             patience=opened.plan.record_duration + float(self.get_value("trigger_timeout")),
             on_ended=lambda arming, why: self.run_soon(lambda: self._on_ended(arming, why)),
             on_failed=lambda error: self.run_soon(lambda: self._on_failed(opened, error)),
         )
         self._thread.start()
-        self._publish(Phase.IDLE, "ready")
+        self._publish(Phase.IDLE, MONITORING if self._is_monitoring else "ready")
 
     def deactivate(self) -> None:
         """Disarm, and read no more."""
@@ -130,6 +139,8 @@ class AccelerometerNode(DeviceNode):
         self, setup: RigSetup, request: JoinCampaign.Request, response: JoinCampaign.Response
     ) -> None:
         """Take part in a campaign: blocks from now on carry its id."""
+        if self._is_monitoring:
+            self._reopen(is_monitoring=False)
         self._use_stream()
         response.stream_id = id_to_msg(self._stream_id)
         self._setup = setup
@@ -148,6 +159,58 @@ class AccelerometerNode(DeviceNode):
     def _use_setup(self) -> None:
         if self._setup is not None and self._open is not None and self._open.hammerless:
             self._open.hammerless.take_setup(self._setup)
+
+    # The input monitor.
+
+    def _on_monitor(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
+        """Begin or end the input monitor; a running stream has its levels anyway."""
+        response.success = self._is_continuous or request.data == self._is_monitoring
+        if response.success:
+            return response
+        if not self.is_active or self._is_bound or self._arming is not None:
+            why = self.fault or "a campaign is under way, or a hit is awaited"
+            response.message = f"the inputs cannot be shown: {why}"
+            return response
+        try:
+            self._reopen(is_monitoring=request.data)
+        except RigError as error:
+            response.message = str(error)
+        response.success = not response.message
+        return response
+
+    def _reopen(self, *, is_monitoring: bool) -> None:
+        """Open the source again, for the monitor as a running stream that nobody gets.
+
+        Raises
+        ------
+        RigError
+            If the device cannot stream, and waits for hits as before; or if it is lost.
+        """
+        self.deactivate()
+        self.cleanup()
+        self._is_monitoring = is_monitoring
+        try:
+            self.configure()
+            self.activate()
+        except RigError as error:
+            if is_monitoring:
+                self._reopen(is_monitoring=False)
+            else:
+                self.lose_device(error)
+            raise
+        if not is_monitoring:
+            self._levels.publish(InputLevels())
+
+    def _publish_levels(self) -> None:
+        if self._thread is None or not (self._is_continuous or self._is_monitoring):
+            return
+        levels = self._thread.levels.read()
+        if levels.channels and self._levels.get_subscription_count():
+            message = fill_message(InputLevels(), levels, messages.make_message)
+            message.header.stamp = self.get_clock().now().to_msg()
+            self._levels.publish(message)
 
     # The course of an arming.
 
@@ -204,6 +267,8 @@ class AccelerometerNode(DeviceNode):
         if not self.is_active:
             why = self.fault or "activate it first"
             return f"the accelerometer node is not active: {why}"
+        if self._is_monitoring:
+            return "the input monitor runs: end it first"
         if self._arming is not None and not self._arming.is_released:
             return f"already armed for record {self._arming.label.record}: disarm first"
         if self._setup is None:

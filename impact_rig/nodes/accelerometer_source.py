@@ -34,6 +34,7 @@ from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import Membership
 from impact_rig.nodes.interfaces import STREAM_DEPTH
 from impact_rig.nodes.messages import block_to_msg, fill_block
+from impact_rig.page.levels import LevelMeter
 from impact_rig.recordings.hits import BlockCount
 
 
@@ -128,8 +129,8 @@ class SourceThread:
     ----------
     opened : OpenSource
         The source; in continuous mode armed.
-    publisher : Publisher
-        Of the messages.
+    publisher : Publisher or None
+        Of the messages; None: of a running stream only the levels are wanted.
     membership : Membership
         The campaign of the messages.
     patience : float
@@ -151,6 +152,7 @@ class SourceThread:
         on_failed: Callable[[RigError], None],
     ) -> None:
         self.flow = BlockCount(expected=0)  # of what was published
+        self.levels = LevelMeter()  # of a running stream
         self._source, self._plan = opened.source, opened.plan
         self._publisher = publisher
         self._membership = membership
@@ -299,6 +301,10 @@ class SourceThread:
 
     def _publish(self, block: Block) -> None:
         """Publish a block, in pieces if it is too long."""
+        if self._plan.continuous:
+            self.levels.add(block)
+        if self._publisher is None:
+            return
         for piece in self._complete(block).split(self._plan.block_size):
             self._publisher.publish(self._make_message(piece))
             self.flow.add(piece.first_sample, piece.hammer.output.size)

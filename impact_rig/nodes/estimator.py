@@ -31,6 +31,7 @@ from impact_rig.nodes.result_messages import (
 )
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.campaigns import begins_campaign
+from impact_rig.recordings.messages import stamp_from_msg
 from impact_rig.recordings.overrules import overrule_from_msg
 from impact_rig.results.traces import align_hit
 
@@ -79,6 +80,10 @@ class EstimatorNode(RigNode):
         self.listen(interfaces.ACCELERATION, self._on_block)
         self.listen(interfaces.STREAM, self._on_stream_block)
         self.listen(interfaces.OVERRULE, self._on_overrule)
+        # The newest with its stamp, until it is on the disk; and the newest stamp there [ns].
+        self._unstored: tuple[Overrule, int] | None = None
+        self._stored_overrule = 0
+        self.listen(interfaces.OVERRULE_STORED, self._on_stored_overrule)
         self.create_service(OverruleHit, interfaces.OVERRULE_HIT, self._on_overrule_hit)
         self.create_service(GetResults, interfaces.GET_RESULTS, self._on_get_results)
         self.offer_to_join()
@@ -196,26 +201,41 @@ class EstimatorNode(RigNode):
         if received.identity.campaign_id == ours:
             self._ledger.session.overrule(received.value, is_asked=False)
 
+    def _on_stored_overrule(self, received: Received[Any]) -> None:
+        self._stored_overrule = stamp_from_msg(received.value.stamp)
+
     def _on_overrule_hit(
         self, request: OverruleHit.Request, response: OverruleHit.Response
     ) -> OverruleHit.Response:
-        """Judge a hit as a person wishes, and let the recording know."""
+        """Judge a hit as a person wishes; "later": the recording has not got that yet."""
         identity, asked = self.membership.identity, request.overrule
         try:
             if self._ledger is None or id_from_msg(asked.campaign_id) != identity.campaign_id:
                 raise ParameterError("the estimator has no such campaign: it may be over")
-            session, overrule = self._ledger.session, overrule_from_msg(asked)
-            hit = session.overrule(overrule)
+            overrule = overrule_from_msg(asked)
+            if self._unstored is None or self._unstored[0] != overrule:
+                stamp = self._follow(self._ledger, overrule)
+                self._unstored = overrule, stamp if self._ledger.recording else 0
         except RigError as error:
             response.message = str(error)
             return response
-        self._overrule.publish(
-            overrule_to_msg(overrule, identity, self.get_clock().now().to_msg())
-        )
-        if hit is not None:
-            self._publish_verdict(session, hit)
-        response.success = True
+        response.success = self._stored_overrule >= self._unstored[1]
+        if response.success:
+            self._unstored = None
+        else:
+            response.later, response.message = True, "the recorder has not stored it yet"
         return response
+
+    def _follow(self, ledger: Ledger, overrule: Overrule) -> int:
+        """Judge a hit as a person wishes, and publish that; return its stamp [ns]."""
+        hit = ledger.session.overrule(overrule)
+        message = overrule_to_msg(
+            overrule, self.membership.identity, self.get_clock().now().to_msg()
+        )
+        self._overrule.publish(message)
+        if hit is not None:
+            self._publish_verdict(ledger.session, hit)
+        return stamp_from_msg(message.header.stamp)
 
     def _publish_verdict(self, session: Session, hit: JudgedHit) -> None:
         """Publish a hit again, and its sample's new estimate."""

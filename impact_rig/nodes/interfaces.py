@@ -20,6 +20,7 @@ from impact_rig_msgs.msg import (
     HammerState,
     Impact,
     ImpactTrace,
+    InputLevels,
     ModelComparison,
     Overrule,
     RecorderState,
@@ -38,7 +39,7 @@ from rclpy.qos import (
     QoSProfile,
     ReliabilityPolicy,
 )
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 
 from impact_rig.recordings.messages import from_message
 
@@ -139,6 +140,8 @@ VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _RESULT, _recorded("faul
 IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"))
 OVERRULE = Topic("overrule", Overrule, _RESULT, _by("recordings.overrules", "overrule_from_msg"))
 """What persons make of hits; the newest of a hit counts."""
+OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False))
+"""The overrule of this stamp is on the recorder's disk."""
 IMPACT_TRACE = Topic(
     "impact/trace", ImpactTrace, make_qos(64, latched=True), _finding("judged_traces_from_msg")
 )
@@ -155,6 +158,13 @@ HAMMER_STATE = Topic("hammer/state", HammerState, _LATEST, _inward("hammer_from_
 ACQUISITION_STATE = Topic(
     "accelerometer/state", AcquisitionState, _LATEST, _state("AcquisitionStatus"), LEASE
 )
+INPUT_LEVELS = Topic(
+    "accelerometer/levels",
+    InputLevels,
+    make_qos(10, latched=False),
+    _by("page.levels", "InputLevels"),
+)
+"""Of the input monitor, and of a running stream."""
 RECORDER_STATE = Topic("recorder/state", RecorderState, _LATEST, _state("RecorderStatus"), LEASE)
 CAMPAIGN_STATE = Topic(
     "campaign/state", CampaignState, _LATEST, _inward("campaign_from_msg"), LEASE
@@ -177,6 +187,7 @@ RECORDED_TOPICS = (
     IMPACT,
     IMPACT_TRACE,
     OVERRULE,
+    OVERRULE_STORED,
     ESTIMATE,
     HAMMER_ESTIMATE,
     COMPARISON,
@@ -185,6 +196,7 @@ RECORDED_TOPICS = (
     RECORDER_STATE,
     CAMPAIGN_STATE,
     RECORD_STORED,
+    INPUT_LEVELS,
     NOTE,
 )
 """Every topic of the rig; what else its nodes publish is recorded as it is discovered."""
@@ -197,6 +209,8 @@ def make_join_name(node: str) -> str:
 
 ARM_ACCELEROMETER = "accelerometer/arm"
 DISARM_ACCELEROMETER = "accelerometer/disarm"
+MONITOR_INPUT = "accelerometer/monitor"
+"""Shows the levels of the inputs while no campaign runs."""
 ARM_HAMMER = "hammer/arm"
 DISARM_HAMMER = "hammer/disarm"
 RELEASE_HAMMER = "hammer/release"

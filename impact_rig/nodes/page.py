@@ -6,8 +6,11 @@ way around the interlock: it asks the hammer as every other program does.
 
 import math
 import shutil
+import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +19,7 @@ from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.srv import ConfirmSample, OverruleHit
 from rclpy.action import ActionClient
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from impact_rig.configuration.processes import Notice, notify
 from impact_rig.core.errors import DeviceError, ParameterError
@@ -24,6 +27,7 @@ from impact_rig.core.hits import Overrule, Verdict
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.async_node import ANSWER_TIMEOUT
 from impact_rig.nodes.campaign_feed import CampaignFeed
 from impact_rig.nodes.identity import Identity, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
@@ -32,13 +36,16 @@ from impact_rig.nodes.rig_node import RigNode
 from impact_rig.page.server import Act, Address, Answer, Form, PageServer
 from impact_rig.page.states import NodeHealth
 from impact_rig.page.status import RigStatus
-from impact_rig.page.traces import pack_traces
+from impact_rig.page.traces import integrate_hammer, pack_traces
 from impact_rig.page.view import make_view
+from impact_rig.recordings.campaigns import is_trial
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import JudgedTraces
 
 SHOW_PERIOD = 0.05
 """Between two views at least [s]: a person sees no more."""
+RETRY_PERIOD = 0.02
+"""How soon a node is asked again that has answered "later" [s]."""
 LARGEST_RECORD = 2**32 - 1
 TRIGGERS = {
     **interfaces.HAMMER_ACTS,
@@ -76,6 +83,10 @@ class PageNode(RigNode):
         self._acts["overrule"] = self._ask(
             OverruleHit, interfaces.OVERRULE_HIT, self._make_overrule, "overrule"
         )
+        self._acts["monitor"] = self._ask(
+            SetBool, interfaces.MONITOR_INPUT,
+            lambda form: SetBool.Request(data=form["on"] == "yes"), "monitor",
+        )  # fmt: skip
         self._acts |= {"start": self._start, "note": self._note}
         self.offer_to_join()
         for topic, callback in (
@@ -84,6 +95,8 @@ class PageNode(RigNode):
             (interfaces.HAMMER_STATE, self._on_state),
             (interfaces.ACQUISITION_STATE, self._on_state),
             (interfaces.RECORDER_STATE, self._on_state),
+            (interfaces.INPUT_LEVELS, self._on_state),
+            (interfaces.NOTE, self._on_note),
             (interfaces.DIAGNOSTICS, self._on_health),
             (interfaces.IMPACT, feed.on_finding),
             (interfaces.ESTIMATE, feed.on_finding),
@@ -127,13 +140,17 @@ class PageNode(RigNode):
     ) -> None:
         """Call back, and show soon; health is looked at once a second."""
         super().on_received(topic, callback, received)
-        self._is_shown &= topic is interfaces.DIAGNOSTICS
+        is_quiet = topic is interfaces.INPUT_LEVELS and self._status.campaign.is_running
+        self._is_shown &= is_quiet or topic is interfaces.DIAGNOSTICS
 
     def _on_campaign(self, received: Received[RigSetup]) -> None:
-        self._status.begin(received.value)
+        self._status.begin(received.value, is_trial=is_trial(received.message))
 
     def _on_state(self, received: Received[Any]) -> None:
         self._status.keep(received.value)
+
+    def _on_note(self, received: Received[String]) -> None:
+        self._status.notes.appendleft(f"{datetime.now().astimezone():%H:%M} {received.value.data}")
 
     def _on_health(self, received: Received[tuple[NodeHealth, ...]]) -> None:
         self._status.add_health(received.value)
@@ -150,6 +167,7 @@ class PageNode(RigNode):
     def _add_traces(self, traces: JudgedTraces) -> None:
         label = traces.aligned.label
         self._status.full_scale = traces.full_scale[0] if traces.full_scale else 0.0
+        self._status.speed_changes[label.record] = integrate_hammer(traces)
         if self._server is not None:
             packed = pack_traces(traces, self._status.list_levels())
             self._server.show_trace(label.record, packed, is_first=label.sample != self._traced)
@@ -182,16 +200,23 @@ class PageNode(RigNode):
             answer: Future[Answer] = Future()
             if not client.service_is_ready():
                 raise DeviceError(f"no node offers {name}")
+            request, deadline = make_request(form), time.monotonic() + ANSWER_TIMEOUT
 
             def finish(done: Any) -> None:
                 response = done.result()
+                if getattr(response, "later", False) and time.monotonic() < deadline:
+                    threading.Timer(RETRY_PERIOD, send).start()
+                    return
                 is_done = getattr(response, "success", not getattr(response, "return_code", 0))
                 message = getattr(response, "message", "")
                 if act == "stop":
                     self._status.stopped_by, self._is_shown = form.who, False
                 answer.set_result(Answer(bool(is_done), message))
 
-            client.call_async(make_request(form)).add_done_callback(finish)
+            def send() -> None:
+                client.call_async(request).add_done_callback(finish)
+
+            send()
             self._write_down(form, act)
             return answer
 
@@ -217,7 +242,7 @@ class PageNode(RigNode):
 
     def _note(self, form: Form) -> "Future[Answer]":
         answer: Future[Answer] = Future()
-        self._write_down(form, form["text"])
+        self._write_down(form, f"{form['about']} {form['text']}".strip())
         answer.set_result(Answer(done=True, message="noted"))
         return answer
 
@@ -240,7 +265,8 @@ class PageNode(RigNode):
 
 def _read_goal(form: Form) -> RunCampaign.Goal:
     """Return what a filled in form asks for; raises `ParameterError` if it cannot be meant."""
-    impacts = form["impacts"]
+    tries = form["trial"] == "yes"
+    impacts = "1" if tries else form["impacts"]
     if not impacts.isdecimal() or not 1 <= int(impacts) <= 1000:  # noqa: PLR2004
         raise ParameterError(f"hits of each sample are {impacts!r}: write 1 to 1000")
     try:
@@ -248,8 +274,10 @@ def _read_goal(form: Form) -> RunCampaign.Goal:
     except ValueError:
         raise ParameterError(f"release angles are {form['angles']!r}: write 5, 10, 20") from None
     return RunCampaign.Goal(
-        samples=form.fields.get("sample", ()),
+        samples=form.fields.get("sample", ())[: 1 if tries else None],
         impacts=int(impacts),
+        attempts_per_impact=int(tries),
+        trial=tries,
         confirm_samples=form["ask"] == "yes",
         release_angles=angles,
         campaign_id=id_to_msg(make_id()),

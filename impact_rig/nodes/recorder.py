@@ -12,7 +12,7 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from impact_rig_msgs.msg import AccelerationBlock, RecordStored, StreamBlock
+from impact_rig_msgs.msg import AccelerationBlock, Overrule, RecordStored, StreamBlock
 from impact_rig_msgs.srv import JoinCampaign
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -116,9 +116,11 @@ class RecorderNode(RigNode):
         self._forget()
         self._publish = self.advertise_state(interfaces.RECORDER_STATE)
         self._stored = self.advertise(interfaces.RECORD_STORED)
+        self._stored_overrule = self.advertise(interfaces.OVERRULE_STORED)
         self._on_written: dict[str, Callable[[RecordingWriter, Any], None]] = {
             self.resolve_topic_name(interfaces.ACCELERATION.name): self._on_block,
             self.resolve_topic_name(interfaces.STREAM.name): self._on_stream_block,
+            self.resolve_topic_name(interfaces.OVERRULE.name): self._on_overrule,
             interfaces.DIAGNOSTICS.name: self._on_diagnostics,
         }
         for period, work in ((0.2, self._discover), (1.0, self._check_health)):
@@ -430,6 +432,11 @@ class RecorderNode(RigNode):
         )
         identity = Identity(self.membership.identity.campaign_id, count.stream_id)
         self._stored.publish(identity.fill(message, stamp_to_msg(count.stamp)))
+
+    def _on_overrule(self, writer: RecordingWriter, message: Overrule) -> None:
+        """Put a person's verdict on the disk before it is answered."""
+        writer.sync()
+        self._stored_overrule.publish(message.header)
 
     def _on_diagnostics(self, writer: RecordingWriter, message: DiagnosticArray) -> None:
         """Write the parameters of a node of the rig that have not been written yet."""

@@ -28,6 +28,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 
 STATIC = {"page.css": "text/css; charset=utf-8", "page.js": "text/javascript; charset=utf-8"}
+MACROS = ("act", "note", "strength", "numbers")
 HEARTBEAT = 1.0
 """How often each page hears that the server is there [s]; after three of them it greys."""
 ANSWER_TIMEOUT = 10.0
@@ -150,7 +151,7 @@ class PageServer:
             loader=PackageLoader("impact_rig.page"), autoescape=True, undefined=StrictUndefined
         )
         parts: Any = environment.get_template("parts.html").module
-        environment.globals |= {"act": parts.act, "numbers": parts.numbers}
+        environment.globals |= {name: getattr(parts, name) for name in MACROS}
         self._template = environment.get_template("page.html")
         self._view: Any = None
         self.fragments: dict[str, str] = {}
@@ -231,6 +232,8 @@ class PageServer:
 
     def _show(self, view: Any) -> None:
         self._view = view
+        if view.hit is None:
+            self.traces.clear()
         context = self._template.new_context({"view": view})
         fragments = {
             name: "".join(block(context)) for name, block in self._template.blocks.items()

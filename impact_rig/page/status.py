@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from dataclasses import dataclass, field, replace
 from statistics import fmean, stdev
 from typing import TYPE_CHECKING
 
+from impact_rig.page.levels import InputLevel, InputLevels
 from impact_rig.page.states import (
     NO_HAMMER,
     AcquisitionStatus,
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
     from impact_rig.core.setup import RigSetup
     from impact_rig.results.campaign import HitResults
 
+MOST_NOTES = 20
+"""How many notes are shown [-], the newest."""
 SILENCE = 5.0
 """How long a node that is not silent may take between two diagnostics [s]: five of its periods."""
 
@@ -48,18 +52,26 @@ class RigStatus:
     recorder: RecorderStatus = field(default_factory=RecorderStatus)
     acquisition: AcquisitionStatus | None = None  # None: no accelerometers have reported
     full_scale: float = 0.0  # of the hammer's channel [m/s^2]; 0: not known
+    levels: InputLevels = field(default_factory=InputLevels)
+    # The newest that there were, with the largest peaks since the monitor began.
+    held: tuple[InputLevel, ...] = ()
+    notes: deque[str] = field(default_factory=lambda: deque(maxlen=MOST_NOTES))
+    is_trial: bool = False  # the hits of the campaign do not count
     stopped_by: str = ""  # who pressed STOP at a page last; empty: it is not known
     hits: dict[int, HitResults] = field(default_factory=dict)  # by record, in order of arrival
     estimates: dict[str, SampleEstimate] = field(default_factory=dict)
+    # Of the hammer in each hit [m/s], by record.
+    speed_changes: dict[int, float] = field(default_factory=dict)
     _health: dict[str, tuple[NodeHealth, float]] = field(default_factory=dict)
 
-    def begin(self, setup: RigSetup | None) -> None:
+    def begin(self, setup: RigSetup | None, *, is_trial: bool = False) -> None:
         """Begin afresh with the set-up of another campaign."""
-        self.setup = setup
-        self.hits, self.estimates = {}, {}
+        self.setup, self.is_trial = setup, is_trial
+        self.hits, self.estimates, self.speed_changes = {}, {}, {}
 
     def keep(
-        self, status: CampaignStatus | HammerStatus | RecorderStatus | AcquisitionStatus
+        self,
+        status: CampaignStatus | HammerStatus | RecorderStatus | AcquisitionStatus | InputLevels,
     ) -> None:
         """Keep what a node says of itself now."""
         match status:
@@ -71,6 +83,11 @@ class RigStatus:
                 self.recorder = status
             case AcquisitionStatus():
                 self.acquisition = status
+            case InputLevels():
+                if status.channels:
+                    before = self.held if self.levels.channels else status.channels
+                    self.held = tuple(map(InputLevel.hold, status.channels, before))
+                self.levels = status
 
     def add_hit(self, hit: HitResults) -> None:
         """Keep a hit with its newest verdict."""

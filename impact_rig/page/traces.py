@@ -53,6 +53,15 @@ def pack_traces(traces: JudgedTraces, levels: Sequence[tuple[str, float]] = ()) 
     return struct.pack("<I", len(text)) + text + columns
 
 
+def integrate_hammer(traces: JudgedTraces) -> float:
+    """Return by how much the hammer's speed changes in the contact [m/s]; NaN: not determined."""
+    hit, reach = traces.aligned, traces.contact_time
+    inside = np.abs(hit.time) < reach  # twice as long as the contact
+    if not inside.any():
+        return math.nan
+    return abs(float(hit.traces[0, inside].sum())) / hit.sampling_rate
+
+
 def _describe_channel(
     name: str, channel: FloatArray, levels: Sequence[tuple[str, float]]
 ) -> dict[str, object]:

@@ -1,11 +1,13 @@
 """What the page shows of a rig: one sentence, and the tables beside it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import lru_cache
 
 from impact_rig.core.findings import Reason, join_findings
 from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.page.levels import InputLevel, suggest_range, suggest_trigger_level
 from impact_rig.page.states import NO_HAMMER, HammerStatus, Step, Task
 from impact_rig.page.status import RigStatus
 from impact_rig.results.campaign import HitResults, Results
@@ -64,7 +66,7 @@ class ShownSample:
 
 @dataclass(frozen=True)
 class ShownHit:
-    """One hit in words and numbers."""
+    """One hit in words."""
 
     record: int
     sample: str
@@ -73,8 +75,20 @@ class ShownHit:
     advice: str
     peak: str
     contact_time: str
-    numbers: tuple[tuple[str, str], ...]
     overruled: str  # by whom and why; empty: by nobody
+
+
+@dataclass(frozen=True)
+class ShownInput:
+    """What a channel shows, and what that suggests."""
+
+    name: str
+    percent: int  # of the range that is reached now
+    overloaded: bool
+    numbers: tuple[str, ...]  # as `INPUT_COLUMNS` says
+
+
+INPUT_COLUMNS = ("zero", "noise", "largest", "range", "range that suits")
 
 
 @dataclass(frozen=True)
@@ -84,6 +98,7 @@ class Strength:
     percent: int
     least: int
     most: int
+    word: str
 
 
 @dataclass(frozen=True)
@@ -98,12 +113,18 @@ class View:
     choices: tuple[str, ...]  # samples that a campaign may have
     to_mount: str
     hit: ShownHit | None
+    numbers: tuple[tuple[str, str], ...]  # of the last hit
     hits: tuple[ShownHit, ...]  # the newest first
     strength: Strength | None  # of the last hit; None: the range is not known
     mass: str  # of the sample by the traces, beside the stated one; empty: not known
     mass_differs: bool
     hammer: HammerStatus
     hammer_rows: tuple[tuple[str, str], ...]
+    input_columns: tuple[str, ...]
+    inputs: tuple[ShownInput, ...]
+    is_monitoring: bool
+    trigger_level: str  # that is suggested; empty: none
+    notes: tuple[str, ...]
     is_running: bool
     is_paused_by_hand: bool
     columns: tuple[str, ...]
@@ -133,8 +154,9 @@ def make_view(status: RigStatus, disk: str = "") -> View:
         samples=_show_samples(status),
         choices=status.setup.samples.names if status.setup else (),
         to_mount=campaign.sample if campaign.task is Task.MOUNT else "",
-        hit=None if last is None else _show_hit(status, last),
-        hits=tuple(_show_hit(status, hit) for hit in hits),
+        hit=None if last is None else _show_hit(last),
+        numbers=() if last is None else list_numbers(status, last),
+        hits=tuple(map(_show_hit, hits)),
         strength=None if last is None else _measure_strength(status, last),
         mass="" if last is None else _weigh(status, last),
         mass_differs=last is not None and _is_other_sample(last),
@@ -143,6 +165,11 @@ def make_view(status: RigStatus, disk: str = "") -> View:
             ("where", "unknown" if hammer is NO_HAMMER else hammer.state.name.lower()),
             ("armed", _describe_arming(hammer)),
         ),
+        input_columns=INPUT_COLUMNS,
+        inputs=_show_inputs(status),
+        is_monitoring=bool(status.levels.channels),
+        trigger_level=_suggest_trigger_level(status),
+        notes=tuple(status.notes),
         is_running=campaign.is_running,
         is_paused_by_hand=campaign.task is Task.RESUME,
         columns=columns,
@@ -158,6 +185,10 @@ def make_sentence(status: RigStatus) -> Sentence:
         return Sentence("stopped", "STOPPED", detail)
     if status.campaign.task is not Task.NOTHING:
         return _say_task(status)
+    last = status.last_hit
+    if status.is_trial and last is not None and not status.campaign.is_running:
+        verdict = "It would have been accepted" if last.accepted else _advise(last)
+        return Sentence("done", "TRIAL HIT", f"It does not count. {verdict}.")
     return _say_step(status)
 
 
@@ -256,17 +287,32 @@ def _show_samples(status: RigStatus) -> tuple[ShownSample, ...]:
 def list_numbers(status: RigStatus, hit: HitResults) -> tuple[tuple[str, str], ...]:
     """Return what is known of a hit in numbers: names and texts."""
     mass = status.setup.hammer_mass if status.setup else math.nan
+    stated = status.setup.samples.get_moving_mass(hit.sample) if status.setup else math.nan
     numbers = (
         ("hammer", _with_unit(hit.hammer_peak, 1, "m/s²")),
         ("sample", _with_unit(hit.specimen_peak, 1, "m/s²")),
         ("force", _with_unit(mass * hit.hammer_peak, 1, "N")),
         ("τp", _with_unit(hit.contact_time * MICRO, 2, "µs")),
+        ("momenta", format_number(stated / hit.sample_mass, 3)),
+        ("impact speed", _with_unit(1e3 * _compute_speed(status, hit), 1, "mm/s")),
         ("off its series", _with_unit(status.compute_deviation(hit), 1, "times its scatter")),
     )
     return tuple((name, text) for name, text in numbers if text != MISSING)
 
 
-def _show_hit(status: RigStatus, hit: HitResults) -> ShownHit:
+def _compute_speed(status: RigStatus, hit: HitResults) -> float:
+    """Return the speed of two free bodies before the hit [m/s]; NaN: e is not known yet."""
+    estimate = status.estimates.get(hit.sample)
+    change = status.speed_changes.get(hit.record, math.nan)
+    if status.setup is None or estimate is None:
+        return math.nan
+    moving = status.setup.samples.get_moving_mass(hit.sample)
+    restitution = estimate.contact_law.restitution.value
+    return change * (1.0 + status.setup.hammer_mass / moving) / (1.0 + restitution)
+
+
+@lru_cache(2 * LONGEST_LIST)
+def _show_hit(hit: HitResults) -> ShownHit:
     return ShownHit(
         record=hit.record,
         sample=hit.sample,
@@ -275,7 +321,6 @@ def _show_hit(status: RigStatus, hit: HitResults) -> ShownHit:
         advice="" if hit.accepted else _advise(hit),
         peak=_with_unit(hit.hammer_peak, 1, "m/s²"),
         contact_time=_with_unit(hit.contact_time * MICRO, 2, "µs"),
-        numbers=list_numbers(status, hit),
         overruled=_say_by_hand(hit),
     )
 
@@ -293,11 +338,55 @@ def _measure_strength(status: RigStatus, hit: HitResults) -> Strength | None:
     if status.setup is None or not status.full_scale or math.isnan(hit.hammer_peak):
         return None
     analysis = status.setup.analysis
-    return Strength(
-        round(100.0 * hit.hammer_peak / status.full_scale),
-        round(100.0 * analysis.minimum_peak),
-        round(100.0 * analysis.maximum_peak),
+    percent, least, most = (
+        round(100.0 * part)
+        for part in (
+            hit.hammer_peak / status.full_scale, analysis.minimum_peak, analysis.maximum_peak,
+        )
+    )  # fmt: skip
+    word = "weak" if percent < least else "overload" if percent > most else "good"
+    return Strength(percent, least, most, word)
+
+
+def _show_inputs(status: RigStatus) -> tuple[ShownInput, ...]:
+    now = [level.peak for level in status.levels.channels] or [0.0, 0.0]
+    return tuple(
+        ShownInput(
+            name=name,
+            percent=round(100.0 * peak / level.full_scale) if level.full_scale else 0,
+            overloaded=level.overloaded,
+            numbers=(
+                _with_unit(level.zero, 1, "m/s²"),
+                _with_unit(level.noise, 1, "m/s²"),
+                _with_unit(level.peak, 1, "m/s²"),
+                _with_unit(level.full_scale or math.nan, 0, "m/s²"),
+                _with_unit(suggest_range(level.peak), 0, "m/s²") if level.has_hit else MISSING,
+            ),
+        )
+        for name, level, peak in zip(("hammer", "sample"), _list_levels(status), now, strict=False)
     )
+
+
+def _list_levels(status: RigStatus) -> tuple[InputLevel, ...]:
+    """Return what the monitor has seen; of a trial hit its peaks."""
+    hit = status.last_hit
+    if not status.is_trial or hit is None:
+        return status.held
+    levels = status.held or (InputLevel(math.nan, math.nan),) * 2
+    peaks = (hit.hammer_peak, hit.specimen_peak)
+    return tuple(
+        replace(level, peak=peak)
+        for level, peak in zip(levels, peaks, strict=False)
+        if math.isfinite(peak)
+    )
+
+
+def _suggest_trigger_level(status: RigStatus) -> str:
+    levels = _list_levels(status)
+    if not levels or not levels[0].has_hit:
+        return ""
+    level = suggest_trigger_level(levels[0].peak, levels[0].noise)
+    return "none: strike harder, it is lost in noise" if math.isnan(level) else f"{level:.3g} m/s²"
 
 
 def _with_unit(value: float, digits: int, unit: str) -> str:

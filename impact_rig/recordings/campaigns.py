@@ -26,27 +26,39 @@ def begins_campaign(setup: Any, current: bytes | None) -> bool:
     return stamp_from_msg(setup.header.stamp) > 0 and not campaign == current != NO_ID
 
 
+def is_trial(setup: Any) -> bool:
+    """Return whether a set-up's message is of a campaign whose hits do not count.
+
+    Recordings before had no trials, the first ones no plan.
+    """
+    return bool(getattr(getattr(setup, "plan", None), "trial", False))
+
+
 @dataclass
 class CampaignWatch:
     """Follows the campaigns of one rig through the messages of its recordings."""
 
     campaign: bytes | None = None  # id of the running one; None: no set-up has come
     repeated: int = 0  # blocks that have come a second time
+    is_trial: bool = False  # the newest set-up is of one that does not count
     _known: set[int] = field(default_factory=set)  # hashes of the campaign's blocks
 
     def add_setup(self, setup: Any) -> bool:
-        """Take a set-up's message; return whether it begins a campaign."""
-        if not begins_campaign(setup, self.campaign):
+        """Take a set-up's message; return whether it begins a campaign that counts."""
+        self.is_trial = is_trial(setup)
+        if self.is_trial or not begins_campaign(setup, self.campaign):
             return False
         self.campaign = campaign_id_from_msg(setup)
         self._known.clear()
         return True
 
     def add_block(self, data: bytes) -> bool:
-        """Take a block as it is in the file; return whether it is there for the first time.
+        """Take a block as it is in the file; return whether it counts, and is there first.
 
         Where two recorders were merged, or a recording was copied into its run, there are two.
         """
+        if self.is_trial:
+            return False
         is_new = (key := hash(data)) not in self._known
         self.repeated += not is_new
         self._known.add(key)

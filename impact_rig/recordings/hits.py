@@ -183,6 +183,8 @@ class HitWatch:
             if rig.watch.add_setup(message) and rig.is_struck and not is_first:
                 rig.campaign, rig.is_struck = rig.campaign + 1, False
             return
+        if rig.watch.is_trial:
+            return
         if type_name == BLOCK_TYPE and not rig.watch.add_block(data):
             return
         rig.is_struck = True

@@ -11,6 +11,7 @@ from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.stream import StreamCutter
 from impact_rig.recordings.campaigns import CampaignWatch
+from impact_rig.recordings.hits import HIT_TYPES
 from impact_rig.recordings.messages import (
     BLOCK_TYPE,
     SETUP_TYPE,
@@ -197,7 +198,7 @@ class Run:
         """Yield each file with its messages, to be read before the next file.
 
         Of the set-ups there are those that begin a campaign; blocks that are there twice, byte by
-        byte, come once.
+        byte, come once. Of trial hits there is nothing.
 
         Parameters
         ----------
@@ -224,8 +225,9 @@ class Run:
         """Return whether a message is new: no set-up or block that came before."""
         if raw.channel.type_name == SETUP_TYPE:
             return self.convert(raw, watch.add_setup)
-        is_block = raw.channel.type_name in (BLOCK_TYPE, STREAM_TYPE)
-        return not is_block or watch.add_block(raw.data)
+        if raw.channel.type_name in (BLOCK_TYPE, STREAM_TYPE):
+            return watch.add_block(raw.data)
+        return not watch.is_trial or raw.channel.type_name not in HIT_TYPES
 
     def convert(self, raw: RawMessage, convert: Callable[[Any], _T]) -> _T:
         """Return a message as a core type.

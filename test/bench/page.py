@@ -97,7 +97,7 @@ def _measure_load(tab: Any, node: psutil.Process, seconds: float = 10.0) -> floa
     """Return the processor time of the page's node while a campaign runs [cores]."""
     form = tab.locator("#start form")
     form.locator("input[name=impacts]").fill("100")
-    form.locator("button").click()
+    form.locator("button.main").click()
     tab.locator("form[action=end] button").wait_for()
     before, begin = sum(node.cpu_times()[:2]), time.perf_counter()
     tab.wait_for_timeout(seconds * 1e3)

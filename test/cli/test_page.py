@@ -14,6 +14,9 @@ from impact_rig.configuration.rig_file import read_template
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
 from impact_rig.nodes.discovery import reserve_domain
+from impact_rig.page.server import Address, PageServer
+from impact_rig.page.status import RigStatus
+from impact_rig.page.view import make_view
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.schemas import decode_message
 
@@ -127,13 +130,13 @@ def say(page, text):
     )
 
 
-def start(page, *samples, impacts=1, ask=True):
+def start(page, *samples, impacts=1, ask=True, button="Start"):
     form = page.locator("#start form")
     for box in form.locator("input[name=sample]").all():
         box.set_checked(box.get_attribute("value") in samples)
     form.locator("input[name=impacts]").fill(str(impacts))
     form.locator("input[name=ask]").set_checked(ask)
-    form.locator("button").click()
+    form.get_by_role("button", name=button).click()
 
 
 def test_a_campaign_is_run_by_clicks_alone_and_a_second_page_sees_it(page, open_page):
@@ -162,6 +165,8 @@ def test_a_campaign_is_run_by_clicks_alone_and_a_second_page_sees_it(page, open_
 def test_stop_while_a_release_is_asked_for_then_reset_arm_and_go_on(page):
     start(page, "steel small", ask=False)
     say(page, "RELEASE NOW")
+    # By hand the hammer counts as swinging from now on.
+    sync_api.expect(page.locator("#hammer")).to_contain_text("swinging")
     page.keyboard.press(" ")
     say(page, "STOPPED")
     sync_api.expect(page.locator("#stopped")).to_contain_text("since")
@@ -171,6 +176,23 @@ def test_stop_while_a_release_is_asked_for_then_reset_arm_and_go_on(page):
     say(page, "DONE")
     # What was struck after the stop did not count.
     sync_api.expect(page.locator("#hits tbody")).to_contain_text("disarmed")
+
+
+def test_the_inputs_are_shown_and_a_trial_hit_suggests_and_does_not_count(page):
+    monitor = page.locator("#monitor")
+    page.get_by_role("button", name="Show the inputs").click()
+    rows = monitor.locator("tbody tr")
+    sync_api.expect(rows).to_have_count(2)
+    sync_api.expect(rows.first).to_contain_text("2000 m/s²")
+    start(page, "steel small", STRANGE, ask=False, button="Trial hit")
+    say(page, "RELEASE NOW")
+    say(page, "TRIAL HIT")
+    sync_api.expect(page.locator("#numbers")).to_contain_text("momenta")
+    sync_api.expect(monitor).to_contain_text(re.compile(r"Trigger level that suits: \d+"))
+    # The next campaign knows nothing of it.
+    start(page, "steel small", ask=False)
+    say(page, "DONE")
+    sync_api.expect(page.locator("#hits tbody tr")).to_have_count(1)
 
 
 def test_a_pause_disarms_and_the_campaign_goes_on(page):
@@ -205,9 +227,13 @@ def test_a_name_and_a_note_stand_in_the_recording(page, rig):
     page.locator("input[name=who]").fill("Anna <b>")
     page.get_by_role("button", name="Keep it").click()
     page.reload()
-    page.get_by_label("note").fill("the wax is new")
-    page.get_by_role("button", name="Write it down").click()
-    sync_api.expect(page.get_by_label("note")).to_have_value("")
+    note = page.get_by_label("note on the run")
+    note.fill("the wax is new")
+    note.press("Enter")
+    sync_api.expect(note).to_have_value("")
+    # Whoever looks at a page reads it, too.
+    note.blur()
+    sync_api.expect(page.locator("#hits ul")).to_contain_text("Anna <b>: the wax is new")
 
     def read_notes():
         run = Run(rig.folder)
@@ -227,17 +253,79 @@ def test_every_act_works_without_a_script(page, open_page):
     sync_api.expect(plain.locator("#answer")).to_contain_text("the emergency stop is ended")
 
 
+def find_page(rig):
+    return rig.page_process.pid if rig.page_process else rig.page_pid
+
+
+def wait_for_silence(page, *, ends=False):
+    expected = sync_api.expect(page.locator("html"))
+    wait = expected.not_to_have_class if ends else expected.to_have_class
+    wait(re.compile("silent"), timeout=MILLISECONDS)
+
+
+def test_a_page_that_is_cut_off_greys_and_a_stop_that_was_late_is_shown(page, rig):
+    os.kill(find_page(rig), signal.SIGSTOP)
+    try:
+        wait_for_silence(page)
+        page.locator("#stop button").click()
+        sync_api.expect(page.locator("#stopped")).to_have_text("NOT CONFIRMED: use the switch")
+    finally:
+        os.kill(find_page(rig), signal.SIGCONT)
+    wait_for_silence(page, ends=True)
+    say(page, "STOPPED")
+    sync_api.expect(page.locator("#stopped")).to_contain_text("since")
+
+
+def test_other_pages_of_the_same_browser_see_nothing_and_change_nothing(page, rig, browser):
+    port = rig.link.rpartition(":")[2].strip("/")
+    evil = browser.new_context().new_page()
+    assert evil.goto(f"http://localhost:{port}/").status == 421
+    stop = f"<form method=post action='{rig.link}stop'><button>free holidays</button></form>"
+    evil.route("http://evil.example/", lambda route: route.fulfill(
+        body=stop, content_type="text/html"
+    ))  # fmt: skip
+    evil.goto("http://evil.example/")
+    with evil.expect_response(lambda answer: answer.url.endswith("/stop")) as refused:
+        evil.get_by_role("button").click()
+    assert refused.value.status == 403
+    evil.goto("http://evil.example/")
+    opens = evil.evaluate(
+        f"""() => new Promise((resolve) => {{
+          const socket = new WebSocket("ws://127.0.0.1:{port}/live");
+          socket.onopen = () => resolve(true);
+          socket.onerror = () => resolve(false);
+        }})"""
+    )
+    evil.context.close()
+    assert not opens
+    assert not page.locator("#say b").inner_text().startswith("STOPPED")
+
+
+def test_elsewhere_the_link_with_its_token_opens_the_page_and_no_other(browser):
+    with PageServer(Address("0.0.0.0"), {}) as server:
+        server.show(make_view(RigStatus()))
+        stranger, guest = browser.new_context().new_page(), browser.new_context().new_page()
+        bare = server.link.partition("?")[0]
+        assert stranger.goto(bare).status == 403
+        assert stranger.goto(f"{bare}?token=wrong").status == 403
+        guest.goto(server.link)
+        # Kept as a cookie, and no longer in the address.
+        assert guest.url == bare
+        sync_api.expect(guest.locator("html")).to_have_class(re.compile("live"))
+        assert guest.goto(bare).status == 200
+        for opened in (stranger, guest):
+            opened.context.close()
+
+
 def test_a_page_without_its_server_greys_says_so_and_comes_back(page, rig):
     port, before = rig.link.rpartition(":")[2].strip("/"), page.locator("#say b").inner_text()
-    os.kill(rig.page_process.pid if rig.page_process else rig.page_pid, signal.SIGKILL)
-    sync_api.expect(page.locator("html")).to_have_class(re.compile("silent"), timeout=MILLISECONDS)
+    os.kill(find_page(rig), signal.SIGKILL)
+    wait_for_silence(page)
     page.keyboard.press(" ")
     sync_api.expect(page.locator("#answer")).to_have_text("NOT CONFIRMED: use the switch")
     # The rig goes on without its page.
     assert rig.process.poll() is None
     rig.page_process = rig.start("page", "--port", port)
     wait_for_line(rig.page_process, "the page is at")
-    sync_api.expect(page.locator("html")).not_to_have_class(
-        re.compile("silent"), timeout=MILLISECONDS
-    )
+    wait_for_silence(page, ends=True)
     say(page, before)

@@ -27,7 +27,7 @@ def ask(harness):
             campaign_id=campaign_id, record=record, verdict=verdict, reason=reason, who="Ann"
         )
         request = OverruleHit.Request(overrule=asked)
-        return harness.call(OverruleHit, interfaces.OVERRULE_HIT, request)
+        return harness.ask(OverruleHit, interfaces.OVERRULE_HIT, request)
 
     return call
 
@@ -95,7 +95,8 @@ def test_a_run_that_is_resumed_keeps_what_a_person_made_of_its_hits(harness, ask
     client = start_rig(harness)
     first = run(harness, client, samples=[NAME], impacts=2).result
     assert ask(first.setup.campaign_id, 2, Overrule.REJECT).success
-    harness.wait_until(lambda: any(Run(harness.recording).read_messages({OVERRULE_TYPE})))
+    # It was answered when it was on the disk.
+    assert any(Run(harness.recording).read_messages({OVERRULE_TYPE}))
     # Another estimator knows of it from the recording alone.
     harness.change_state("estimator", "deactivate", "activate")
     handle, _ = begin(harness, client, resumed=first.setup)

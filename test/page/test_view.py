@@ -4,8 +4,12 @@ from dataclasses import replace
 
 import pytest
 
+from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.findings import Finding, Reason
+from impact_rig.core.quantity import Quantity
+from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.page.levels import InputLevel, InputLevels
 from impact_rig.page.states import (
     CampaignStatus,
     Disarming,
@@ -16,7 +20,7 @@ from impact_rig.page.states import (
     Task,
 )
 from impact_rig.page.status import RigStatus
-from impact_rig.page.view import make_sentence, make_view
+from impact_rig.page.view import Strength, make_sentence, make_view
 from impact_rig.results.campaign import HitResults
 
 GOOD = HitResults("steel small", 1, 1, 1, True, contact_time=170e-6, hammer_peak=600.0)
@@ -92,7 +96,7 @@ def test_hits_are_listed_newest_first_and_deviate_from_the_others_of_their_sampl
     assert [hit.record for hit in view.hits] == [9, 4, 3, 2, 1]
     # 175 from the mean of 170.5, in scatters of 0.577.
     assert status.compute_deviation(odd) == pytest.approx(4.5 / 0.57735, rel=1e-3)
-    assert ("off its series", "7.8 times its scatter") in view.hit.numbers
+    assert ("off its series", "7.8 times its scatter") in view.numbers
     assert view.samples[0].marks == ("accepted",) * 5 + ("",) * 7
 
 
@@ -101,8 +105,52 @@ def test_strength_is_told_once_the_range_is_known():
     assert make_view(status).strength is None
     status.full_scale = 2000.0
     strength = make_view(status).strength
-    assert (strength.percent, strength.least, strength.most) == (30, 15, 95)
+    assert strength == Strength(30, 15, 95, "good")
     assert status.list_levels() == (("least peak", 300.0), ("largest peak", 1900.0))
+
+
+def test_speed_and_momenta_are_those_of_two_free_bodies():
+    hit = replace(GOOD, sample_mass=PAPER_SETUP.samples.get_moving_mass("steel small") / 0.98)
+    status = make_status(hits=(hit,))
+    m1, m2 = PAPER_SETUP.hammer_mass, PAPER_SETUP.samples.get_moving_mass("steel small")
+    speed, e = 0.0819, 0.7
+    # What the hammer loses, by the balance of momenta and e.
+    status.speed_changes[1] = speed - (m1 - e * m2) * speed / (m1 + m2)
+    numbers = dict(make_view(status).numbers)
+    assert numbers["momenta"] == "0.980"
+    assert "impact speed" not in numbers
+    law = ContactLaw(restitution=Quantity(e, 0.01))
+    status.estimates["steel small"] = SampleEstimate("steel small", 1, 0, contact_law=law)
+    assert dict(make_view(status).numbers)["impact speed"] == "81.9 mm/s"
+
+
+def test_the_monitor_holds_the_largest_peaks_and_suggests_by_them():
+    status = make_status(replace(RUNNING, state=Step.ENDED))
+    for peak in (5.0, 612.0, 6.0):
+        status.keep(InputLevels((InputLevel(3.0, 1.5, peak, 2000.0), InputLevel(0.0, 1.5, 4.0))))
+    view = make_view(status)
+    hammer, sample = view.inputs
+    assert hammer.numbers == ("3.0 m/s²", "1.5 m/s²", "612.0 m/s²", "2000 m/s²", "1300 m/s²")
+    assert sample.numbers[3:] == ("-", "-")
+    assert (view.is_monitoring, view.trigger_level) == (True, "61.2 m/s²")
+    # Ended, and what was seen stays; begun again, it is forgotten.
+    status.keep(InputLevels())
+    assert not make_view(status).is_monitoring
+    assert make_view(status).trigger_level == "61.2 m/s²"
+    status.keep(InputLevels((InputLevel(3.0, 1.5, 5.0, 2000.0),)))
+    assert make_view(status).trigger_level == ""
+
+
+@pytest.mark.parametrize(("hit", "told"), [(GOOD, "would have been accepted"), (BAD, "gently")])
+def test_a_trial_hit_says_that_it_does_not_count_and_what_suits(hit, told):
+    status = RigStatus(campaign=replace(RUNNING, state=Step.COMPLETE))
+    status.begin(PAPER_SETUP, is_trial=True)
+    status.add_hit(replace(hit, hammer_peak=600.0))
+    sentence = make_sentence(status)
+    assert (sentence.headline, told in sentence.detail) == ("TRIAL HIT", True)
+    view = make_view(status)
+    assert [item.numbers[-1] for item in view.inputs] == ["1200 m/s²"]
+    assert view.trigger_level == "60 m/s²"
 
 
 def test_another_campaign_begins_afresh():

@@ -39,6 +39,7 @@ function replace(id, html) {
   place.innerHTML = html;
   if (focused) place.querySelector(`form[action="${focused.getAttribute("action")}"] button`)?.focus();
   if (id === "say") beep();
+  if (id === "verdict" && !place.querySelector("b")) forget();
 }
 addEventListener("pointerdown", (event) => { pressed = event.target; });
 for (const end of ["pointerup", "pointercancel"]) {
@@ -68,7 +69,7 @@ async function send(form, button) {
     const { done, message } = await answer.json();
     byId("answer").textContent = done && !isStop ? "" : message;
     if (isStop && !done) throw new Error(message);
-    if (done) form.querySelectorAll("input:not([type=hidden])").forEach((input) => { if (form.matches(".overrule, #hits .row")) input.value = ""; });
+    if (done) form.querySelectorAll("input:not([type=hidden])").forEach((input) => { if (form.matches(".overrule, [action=note]")) input.value = ""; });
     if (done) form.closest("details")?.removeAttribute("open");
   } catch (error) {
     byId("answer").textContent = isStop ? "NOT CONFIRMED: use the switch" : `not done: ${error.message}`;
@@ -106,6 +107,11 @@ function takeTrace(buffer) {
   traces.set(trace.record, trace);
   shown = trace.record;
   requestAnimationFrame(draw);
+}
+
+function forget() {
+  traces.clear();
+  for (const canvas of document.querySelectorAll("canvas")) canvas.width = canvas.width; // clears it
 }
 
 function draw() {
