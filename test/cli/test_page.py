@@ -125,9 +125,10 @@ def page(open_page):
 
 def say(page, text):
     """Wait until the sentence begins with a text."""
-    sync_api.expect(page.locator("#say b")).to_contain_text(
-        re.compile("^" + re.escape(text)), timeout=MILLISECONDS
-    )
+    sentence = sync_api.expect(page.locator("#say b"))
+    sentence.to_contain_text(re.compile("^" + re.escape(text)), timeout=MILLISECONDS)
+    # White on each of its colours.
+    sentence.to_have_css("color", "rgb(255, 255, 255)")
 
 
 def start(page, *samples, impacts=1, ask=True, button="Start"):
