@@ -7,7 +7,7 @@ import numpy as np
 from impact_rig_msgs import msg
 from numpy.typing import NDArray
 
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.errors import ParameterError, check_not_negative
 from impact_rig.recordings.messages import (
     from_message,
     label_from_msg,
@@ -77,6 +77,8 @@ def judged_traces_from_msg(message: msg.ImpactTrace) -> JudgedTraces:
     traces = _stack(tuple(channels), len(message.time))
     if not (np.isfinite(traces).all() and math.isfinite(message.time[0])):
         raise ParameterError("its traces must be finite")
+    for scale in message.full_scale:
+        check_not_negative("full_scale", scale, "m/s^2")
     aligned = AlignedHit(label_from_msg(message), rate, float(message.time[0]), traces)
     return JudgedTraces(aligned, message.accepted, message.contact_time, tuple(message.full_scale))
 

@@ -1,10 +1,12 @@
 """The input monitor: levels of each channel, and the range and trigger level that they suggest."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from impact_rig.core.errors import check_not_negative
+from impact_rig.core.quantity import describe
 from impact_rig.core.records import Block, ChannelBlock
 
 HIT = 20.0
@@ -18,12 +20,18 @@ class InputLevel:
     """What one channel shows while nothing is recorded."""
 
     zero: float = 0.0  # median [m/s^2]
-    # Standard deviation, the median of short blocks [m/s^2]; NaN: not known.
-    noise: float = 0.0
-    peak: float = 0.0  # largest distance from zero, either sign [m/s^2]
+    # Standard deviation, the median of short blocks [m/s^2]; 0: not known.
+    noise: float = field(default=0.0, metadata=describe("m/s^2"))
+    # Largest distance from zero, either sign [m/s^2].
+    peak: float = field(default=0.0, metadata=describe("m/s^2"))
     # Largest value, either sign, that can be shown [m/s^2]; 0: not known.
-    full_scale: float = 0.0
+    full_scale: float = field(default=0.0, metadata=describe("m/s^2"))
     overloaded: bool = False  # at the rail
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be shown."""
+        for name in ("noise", "peak", "full_scale"):
+            check_not_negative(name, getattr(self, name), "m/s^2")
 
     def hold(self, before: "InputLevel") -> "InputLevel":
         """Return this level with the peak of one before, if that was larger."""
@@ -33,7 +41,7 @@ class InputLevel:
     @property
     def has_hit(self) -> bool:
         """Whether its peak is more than noise."""
-        return not self.peak <= HIT * self.noise  # NaN: the noise is not known
+        return self.peak > HIT * self.noise
 
 
 @dataclass(frozen=True)
@@ -93,5 +101,5 @@ def suggest_range(peak: float) -> float:
 
 def suggest_trigger_level(peak: float, noise: float) -> float:
     """Return a level that noise never reaches and every hit does [m/s^2]; NaN: there is none."""
-    level = max(0.1 * peak, np.nan_to_num(ABOVE_NOISE * noise))
+    level = max(0.1 * peak, ABOVE_NOISE * noise)
     return level if level <= 0.5 * peak else math.nan

@@ -301,11 +301,11 @@ def list_numbers(status: RigStatus, hit: HitResults) -> tuple[tuple[str, str], .
 
 
 def _compute_speed(status: RigStatus, hit: HitResults) -> float:
-    """Return the speed of two free bodies before the hit [m/s]; NaN: e is not known yet."""
+    """Return the speed before the hit [m/s]: measured, or of two free bodies; NaN: not known."""
     estimate = status.estimates.get(hit.sample)
     change = status.speed_changes.get(hit.record, math.nan)
-    if status.setup is None or estimate is None:
-        return math.nan
+    if status.setup is None or estimate is None or math.isfinite(hit.impact_speed):
+        return hit.impact_speed
     moving = status.setup.samples.get_moving_mass(hit.sample)
     restitution = estimate.contact_law.restitution.value
     return change * (1.0 + status.setup.hammer_mass / moving) / (1.0 + restitution)
@@ -357,7 +357,7 @@ def _show_inputs(status: RigStatus) -> tuple[ShownInput, ...]:
             overloaded=level.overloaded,
             numbers=(
                 _with_unit(level.zero, 1, "m/s²"),
-                _with_unit(level.noise, 1, "m/s²"),
+                _with_unit(level.noise or math.nan, 1, "m/s²"),
                 _with_unit(level.peak, 1, "m/s²"),
                 _with_unit(level.full_scale or math.nan, 0, "m/s²"),
                 _with_unit(suggest_range(level.peak), 0, "m/s²") if level.has_hit else MISSING,
@@ -372,7 +372,7 @@ def _list_levels(status: RigStatus) -> tuple[InputLevel, ...]:
     hit = status.last_hit
     if not status.is_trial or hit is None:
         return status.held
-    levels = status.held or (InputLevel(math.nan, math.nan),) * 2
+    levels = status.held or (InputLevel(math.nan),) * 2
     peaks = (hit.hammer_peak, hit.specimen_peak)
     return tuple(
         replace(level, peak=peak)

@@ -1,23 +1,31 @@
-"""The page at the rig: how soon a stop is confirmed, and what five open pages cost."""
+"""The page at the rig: how soon a stop and a verdict are shown, and what five pages cost."""
 
+import os
 import re
 import shutil
+import threading
 import time
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import psutil
 
+from bench.foreign import StrangerClient
 from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses, use_own_domain
 from impact_rig.core.errors import RigError
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.client import RigClient
+from impact_rig.results.campaign import HitResults
 
 STOPS = 40
 TABS = 9
+FLOOD = 5000  # foreign messages each second, as asked for
 LONGEST_MEDIAN, LONGEST_TAIL = 40.0, 100.0  # [ms], median and 99th percentile, as asked for
 MOST_LOAD = 0.1  # [cores] of the page's node with five pages open, as asked for
 LONGEST_FIRST_LOAD = 500.0  # [ms], as asked for
+LONGEST_VERDICT = 100.0  # [ms], as asked for
 # In the browser: from the click until the page says that the hammer is stopped [ms].
 MEASURE_STOP = """() => new Promise((resolve) => {
   const start = performance.now();
@@ -29,6 +37,48 @@ MEASURE_STOP = """() => new Promise((resolve) => {
   }).observe(say, { childList: true });
   document.querySelector("#stop button").click();
 })"""
+
+# From when the estimator publishes a verdict until the page shows it, by one clock [ms].
+WATCH_VERDICTS = """() => {
+  window.seen = [];
+  const hits = document.getElementById("hits");
+  new MutationObserver(() => {
+    const record = Number(hits.querySelector("tbody td")?.textContent);
+    if (record && !window.seen.some(([known]) => known === record))
+      window.seen.push([record, Date.now()]);
+  }).observe(hits, { childList: true });
+}"""
+
+
+class Flood:
+    """Publishes messages of another campaign on the rig's topics, in a thread of its own."""
+
+    def __init__(self, seed: int) -> None:
+        self._client = StrangerClient(seed)
+        self._end = threading.Event()
+        self.messages = 0
+        self._thread = threading.Thread(target=self._run)
+
+    def __enter__(self) -> Self:
+        """Begin."""
+        self._client.__enter__()
+        self._items = self._client.stranger.prepare(500)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End."""
+        self._end.set()
+        self._thread.join()
+        self._client.__exit__()
+
+    def _run(self) -> None:
+        begin = time.perf_counter()
+        while not self._end.wait(0.005):
+            while self.messages < FLOOD * (time.perf_counter() - begin):
+                publisher, data = self._items[self.messages % len(self._items)]
+                publisher.publish(data)
+                self.messages += 1
 
 
 def measure_page(bench: Bench) -> Iterator[Figure]:
@@ -65,9 +115,25 @@ def measure_page(bench: Bench) -> Iterator[Figure]:
             yield Figure("click to STOPPED on the page", times, "ms", note, most=LONGEST_MEDIAN)
             tail = float(np.percentile(times, 99))
             yield Figure("99th percentile of it", tail, "ms", most=LONGEST_TAIL)
+            os.environ["ROS_DOMAIN_ID"] = environment["ROS_DOMAIN_ID"]
+            begin = time.perf_counter()
+            with Flood(bench.extent.seed) as flood:
+                times = list(_stop_often(tabs[0]))
+            rate = flood.messages / (time.perf_counter() - begin)
+            note = f"{TABS} tabs, {rate:.0f} foreign messages a second"
+            yield Figure("click to STOPPED, flooded", times, "ms", note, most=LONGEST_MEDIAN)
+            tail = float(np.percentile(times, 99))
+            yield Figure("99th percentile of it", tail, "ms", most=LONGEST_TAIL)
             for tab in tabs[5:]:
                 tab.close()
-            load = _measure_load(tabs[0], psutil.Process(number))
+            with RigClient("watcher") as watcher:
+                published: dict[int, float] = {}
+                watcher.listen(interfaces.IMPACT, lambda hit: _note_time(published, hit.value))
+                tabs[0].evaluate(WATCH_VERDICTS)
+                load = _measure_load(tabs[0], psutil.Process(number), watcher)
+                seen = dict(tabs[0].evaluate("window.seen"))
+            times = [at - published[record] for record, at in seen.items() if record in published]
+            yield Figure("verdict to page", times, "ms", "five pages", most=LONGEST_VERDICT)
             yield Figure("page's node, five pages, hits struck", load, "cores", most=MOST_LOAD)
             started.close()
 
@@ -93,14 +159,22 @@ def _stop_often(tab: Any) -> Iterator[float]:
         tab.get_by_role("button", name="Arm", exact=True).wait_for()
 
 
-def _measure_load(tab: Any, node: psutil.Process, seconds: float = 10.0) -> float:
+def _note_time(published: dict[int, float], hit: HitResults) -> None:
+    published.setdefault(hit.record, time.time() * 1e3)
+
+
+def _measure_load(
+    tab: Any, node: psutil.Process, watcher: RigClient, seconds: float = 10.0
+) -> float:
     """Return the processor time of the page's node while a campaign runs [cores]."""
     form = tab.locator("#start form")
     form.locator("input[name=impacts]").fill("100")
     form.locator("button.main").click()
     tab.locator("form[action=end] button").wait_for()
     before, begin = sum(node.cpu_times()[:2]), time.perf_counter()
-    tab.wait_for_timeout(seconds * 1e3)
+    while time.perf_counter() < begin + seconds:
+        watcher.spin_until(lambda: False, 0.1)
+        tab.wait_for_timeout(1.0)
     used = sum(node.cpu_times()[:2]) - before
     duration = time.perf_counter() - begin
     tab.evaluate("document.querySelector('form[action=end]').requestSubmit()")

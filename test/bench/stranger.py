@@ -120,6 +120,14 @@ class Stranger:
         publisher.publish(message)
         self.messages += 1
 
+    def prepare(self, count: int) -> list[tuple[Any, bytes]]:
+        """Return random messages of another campaign, to be published at a high rate."""
+        other, prepared = Identity(make_id(), make_id()), []
+        for _ in range(count):
+            topic, publisher = self._random.choose(self._publishers)
+            prepared.append((publisher, serialize_message(other.fill(self._random.make(topic.type)))))
+        return prepared
+
     def ask(self) -> None:
         """Send a random request, and wait for no answer."""
         kind, client = self._random.choose(self._clients)

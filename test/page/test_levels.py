@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from impact_rig.core.errors import ParameterError
 from impact_rig.core.records import Block, ChannelBlock
 from impact_rig.page.levels import (
     InputLevel,
@@ -72,3 +73,10 @@ def test_a_trigger_level_is_above_noise_and_below_every_hit():
     assert suggest_trigger_level(600.0, 20.0) == 200.0
     assert math.isnan(suggest_trigger_level(600.0, 40.0))
     assert not InputLevel(noise=1.0, peak=5.5).has_hit
+
+
+@pytest.mark.parametrize("name", ["noise", "peak", "full_scale"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
+def test_a_level_that_cannot_be_shown_is_refused(name, value):
+    with pytest.raises(ParameterError, match=f"{name} is .*: it must be a finite number"):
+        InputLevel(**{name: value})

@@ -122,6 +122,9 @@ def test_speed_and_momenta_are_those_of_two_free_bodies():
     law = ContactLaw(restitution=Quantity(e, 0.01))
     status.estimates["steel small"] = SampleEstimate("steel small", 1, 0, contact_law=law)
     assert dict(make_view(status).numbers)["impact speed"] == "81.9 mm/s"
+    # Measured is better than computed.
+    status.add_hit(replace(hit, impact_speed=0.0815))
+    assert dict(make_view(status).numbers)["impact speed"] == "81.5 mm/s"
 
 
 def test_the_monitor_holds_the_largest_peaks_and_suggests_by_them():
