@@ -17,7 +17,6 @@ from typing import Any
 from action_msgs.srv import CancelGoal
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.srv import ConfirmSample, OverruleHit
-from rclpy.action import ActionClient
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -66,28 +65,18 @@ class PageNode(RigNode):
         self._is_shown = True
         self._traced = ""  # sample of the newest trace
         self._notes = self.advertise(interfaces.NOTE)
-        self._campaigns = ActionClient(self, RunCampaign, interfaces.RUN_CAMPAIGN)
+        ask, campaigns = self._ask, f"{interfaces.RUN_CAMPAIGN}/_action"
+        start = RunCampaign.Impl.SendGoalService
         self._acts: dict[str, Act] = {
-            name: self._ask(Trigger, service, lambda _: Trigger.Request(), name)
-            for name, service in TRIGGERS.items()
+            **{act: ask(act, Trigger, service) for act, service in TRIGGERS.items()},
+            "mounted": ask("mounted", ConfirmSample, interfaces.CONFIRM_SAMPLE, _name_sample),
+            "overrule": ask("overrule", OverruleHit, interfaces.OVERRULE_HIT, self._read_overrule),
+            "monitor": ask("monitor", SetBool, interfaces.MONITOR_INPUT, _read_switch),
+            "start": ask("start", start, f"{campaigns}/send_goal", _read_goal),
+            # A request without a goal's id cancels them all.
+            "end": ask("end", CancelGoal, f"{campaigns}/cancel_goal"),
+            "note": self._note,
         }
-        self._acts["mounted"] = self._ask(
-            ConfirmSample, interfaces.CONFIRM_SAMPLE,
-            lambda form: ConfirmSample.Request(sample=form["sample"]), "mounted",
-        )  # fmt: skip
-        # A request without a goal's id cancels them all.
-        self._acts["end"] = self._ask(
-            CancelGoal, f"{interfaces.RUN_CAMPAIGN}/_action/cancel_goal",
-            lambda _: CancelGoal.Request(), "end",
-        )  # fmt: skip
-        self._acts["overrule"] = self._ask(
-            OverruleHit, interfaces.OVERRULE_HIT, self._make_overrule, "overrule"
-        )
-        self._acts["monitor"] = self._ask(
-            SetBool, interfaces.MONITOR_INPUT,
-            lambda form: SetBool.Request(data=form["on"] == "yes"), "monitor",
-        )  # fmt: skip
-        self._acts |= {"start": self._start, "note": self._note}
         self.offer_to_join()
         for topic, callback in (
             (interfaces.SETUP, feed.on_setup),
@@ -192,26 +181,34 @@ class PageNode(RigNode):
 
     # What a person does; called in the server's thread.
 
-    def _ask(self, kind: Any, name: str, make_request: Callable[[Form], Any], act: str) -> Act:
-        """Return an act that calls a service of the rig."""
+    def _ask(
+        self,
+        act: str,
+        kind: Any,
+        name: str,
+        read: Callable[[Form], dict[str, Any]] = lambda _: {},
+    ) -> Act:
+        """Return an act that calls a service of the rig with what `read` finds in a form."""
         client = self.create_client(kind, name)
 
         def call(form: Form) -> "Future[Answer]":
             answer: Future[Answer] = Future()
             if not client.service_is_ready():
                 raise DeviceError(f"no node offers {name}")
-            request, deadline = make_request(form), time.monotonic() + ANSWER_TIMEOUT
+            request, deadline = kind.Request(**read(form)), time.monotonic() + ANSWER_TIMEOUT
 
             def finish(done: Any) -> None:
                 response = done.result()
                 if getattr(response, "later", False) and time.monotonic() < deadline:
                     threading.Timer(RETRY_PERIOD, send).start()
                     return
-                is_done = getattr(response, "success", not getattr(response, "return_code", 0))
-                message = getattr(response, "message", "")
+                # Goals are accepted, their ends have a code, all other acts succeed.
+                is_done = getattr(response, "accepted", not getattr(response, "return_code", 0))
                 if act == "stop":
                     self._status.stopped_by, self._is_shown = form.who, False
-                answer.set_result(Answer(bool(is_done), message))
+                answer.set_result(
+                    Answer(getattr(response, "success", is_done), getattr(response, "message", ""))
+                )
 
             def send() -> None:
                 client.call_async(request).add_done_callback(finish)
@@ -222,7 +219,7 @@ class PageNode(RigNode):
 
         return call
 
-    def _make_overrule(self, form: Form) -> OverruleHit.Request:
+    def _read_overrule(self, form: Form) -> dict[str, Any]:
         """Return what a person makes of a hit; raises `ParameterError` if it cannot be meant."""
         record, verdict = form["record"], form["verdict"]
         names = [item.name.lower() for item in Verdict]
@@ -234,7 +231,7 @@ class PageNode(RigNode):
         number = min(int(record), LARGEST_RECORD)
         overrule = Overrule(number, Verdict[verdict.upper()], form["reason"], form.who)
         identity, stamp = Identity(self._feed.campaign_id), self.get_clock().now().to_msg()
-        return OverruleHit.Request(overrule=overrule_to_msg(overrule, identity, stamp))
+        return {"overrule": overrule_to_msg(overrule, identity, stamp)}
 
     def _write_down(self, form: Form, what: str) -> None:
         """Let the recording know what was done at the page, and by whom."""
@@ -246,24 +243,16 @@ class PageNode(RigNode):
         answer.set_result(Answer(done=True, message="noted"))
         return answer
 
-    def _start(self, form: Form) -> "Future[Answer]":
-        """Begin a campaign."""
-        answer: Future[Answer] = Future()
-        goal = _read_goal(form)
-        if not self._campaigns.server_is_ready():
-            raise DeviceError("no campaign node answers")
 
-        def finish(done: Any) -> None:
-            is_accepted = done.result().accepted
-            message = "the campaign begins" if is_accepted else "another campaign is under way"
-            answer.set_result(Answer(is_accepted, message))
-
-        self._campaigns.send_goal_async(goal).add_done_callback(finish)
-        self._write_down(form, "start")
-        return answer
+def _name_sample(form: Form) -> dict[str, Any]:
+    return {"sample": form["sample"]}
 
 
-def _read_goal(form: Form) -> RunCampaign.Goal:
+def _read_switch(form: Form) -> dict[str, Any]:
+    return {"data": form["on"] == "yes"}
+
+
+def _read_goal(form: Form) -> dict[str, Any]:
     """Return what a filled in form asks for; raises `ParameterError` if it cannot be meant."""
     tries = form["trial"] == "yes"
     impacts = "1" if tries else form["impacts"]
@@ -273,7 +262,7 @@ def _read_goal(form: Form) -> RunCampaign.Goal:
         angles = [math.radians(float(part)) for part in form["angles"].split(",") if part.strip()]
     except ValueError:
         raise ParameterError(f"release angles are {form['angles']!r}: write 5, 10, 20") from None
-    return RunCampaign.Goal(
+    goal = RunCampaign.Goal(
         samples=form.fields.get("sample", ())[: 1 if tries else None],
         impacts=int(impacts),
         attempts_per_impact=int(tries),
@@ -282,3 +271,4 @@ def _read_goal(form: Form) -> RunCampaign.Goal:
         release_angles=angles,
         campaign_id=id_to_msg(make_id()),
     )
+    return {"goal_id": goal.campaign_id, "goal": goal}

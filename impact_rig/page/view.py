@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import lru_cache
+from types import SimpleNamespace
 
 from impact_rig.core.findings import Reason, join_findings
 from impact_rig.core.paper_method import HammerEstimate
@@ -16,6 +16,9 @@ from impact_rig.results.tables import tabulate_summary
 
 LONGEST_LIST = 100
 """Most hits that are listed, the newest [-]."""
+MOST_MARKS = 40
+"""Of the hits of a sample [-]."""
+INPUT_COLUMNS = ("zero", "noise", "largest", "range", "range that suits")
 ADVICE = {
     Reason.NO_TRIGGER: "nothing was recorded: strike harder, or lower the trigger level",
     Reason.DISARMED: "the hammer was disarmed before the contact: it does not count",
@@ -47,51 +50,6 @@ class Sentence:
 
 
 @dataclass(frozen=True)
-class ShownSample:
-    """A line of the list of samples."""
-
-    name: str
-    is_control: bool
-    is_current: bool
-    accepted: int
-    wanted: int
-    rejected: int
-    marks: tuple[str, ...]  # accepted, rejected, or "" for one to come
-
-    @property
-    def is_done(self) -> bool:
-        """Whether it has its hits."""
-        return 0 < self.wanted <= self.accepted
-
-
-@dataclass(frozen=True)
-class ShownHit:
-    """One hit in words."""
-
-    record: int
-    sample: str
-    accepted: bool
-    verdict: str
-    advice: str
-    peak: str
-    contact_time: str
-    overruled: str  # by whom and why; empty: by nobody
-
-
-@dataclass(frozen=True)
-class ShownInput:
-    """What a channel shows, and what that suggests."""
-
-    name: str
-    percent: int  # of the range that is reached now
-    overloaded: bool
-    numbers: tuple[str, ...]  # as `INPUT_COLUMNS` says
-
-
-INPUT_COLUMNS = ("zero", "noise", "largest", "range", "range that suits")
-
-
-@dataclass(frozen=True)
 class Strength:
     """How strong a hit was, and has to be [% of the range]."""
 
@@ -101,39 +59,8 @@ class Strength:
     word: str
 
 
-@dataclass(frozen=True)
-class View:
-    """Everything that the page shows, but for traces."""
-
-    is_simulated: bool | None  # None: no accelerometers have reported
-    origin: str
-    sentence: Sentence
-    stopped: str  # beside STOP, once it was pressed
-    samples: tuple[ShownSample, ...]
-    choices: tuple[str, ...]  # samples that a campaign may have
-    to_mount: str
-    hit: ShownHit | None
-    numbers: tuple[tuple[str, str], ...]  # of the last hit
-    hits: tuple[ShownHit, ...]  # the newest first
-    strength: Strength | None  # of the last hit; None: the range is not known
-    mass: str  # of the sample by the traces, beside the stated one; empty: not known
-    mass_differs: bool
-    hammer: HammerStatus
-    hammer_rows: tuple[tuple[str, str], ...]
-    input_columns: tuple[str, ...]
-    inputs: tuple[ShownInput, ...]
-    is_monitoring: bool
-    trigger_level: str  # that is suggested; empty: none
-    notes: tuple[str, ...]
-    is_running: bool
-    is_paused_by_hand: bool
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    health: tuple[tuple[str, str], ...]
-
-
-def make_view(status: RigStatus, disk: str = "") -> View:
-    """Return what the page shows now.
+def make_view(status: RigStatus, disk: str = "") -> SimpleNamespace:
+    """Return what the page shows now but for traces, by the names that its templates use.
 
     Parameters
     ----------
@@ -142,21 +69,28 @@ def make_view(status: RigStatus, disk: str = "") -> View:
     disk : str
         Room left for the recording, in words; empty: not known.
     """
-    campaign, hammer = status.campaign, status.hammer
-    last = status.last_hit
-    hits = sorted(status.hits.values(), key=lambda hit: -hit.record)[:LONGEST_LIST]
+    campaign, hammer, setup, last = status.campaign, status.hammer, status.setup, status.last_hit
     columns, rows = _tabulate(status)
-    return View(
+    return SimpleNamespace(
+        # None: no accelerometers have reported.
         is_simulated=None if status.acquisition is None else status.acquisition.hammerless,
         origin=_describe_origin(status),
         sentence=make_sentence(status),
         stopped=_describe_stop(status),
-        samples=_show_samples(status),
-        choices=status.setup.samples.names if status.setup else (),
+        campaign=campaign,
+        samples=status.list_samples(),
+        marks=_list_marks(status),
+        control=setup.samples.control_sample if setup else "",
+        choices=setup.samples.names if setup else (),  # that a campaign may have
         to_mount=campaign.sample if campaign.task is Task.MOUNT else "",
-        hit=None if last is None else _show_hit(last),
+        hit=last,
         numbers=() if last is None else list_numbers(status, last),
-        hits=tuple(map(_show_hit, hits)),
+        hits=sorted(status.hits.values(), key=lambda hit: -hit.record)[:LONGEST_LIST],
+        # What a template says of a hit.
+        say_verdict=_say_verdict,
+        advise=_advise,
+        say_by_hand=_say_by_hand,
+        with_unit=_with_unit,
         strength=None if last is None else _measure_strength(status, last),
         mass="" if last is None else _weigh(status, last),
         mass_differs=last is not None and _is_other_sample(last),
@@ -166,11 +100,10 @@ def make_view(status: RigStatus, disk: str = "") -> View:
             ("armed", _describe_arming(hammer)),
         ),
         input_columns=INPUT_COLUMNS,
-        inputs=_show_inputs(status),
+        inputs=_list_inputs(status),
         is_monitoring=bool(status.levels.channels),
         trigger_level=_suggest_trigger_level(status),
         notes=tuple(status.notes),
-        is_running=campaign.is_running,
         is_paused_by_hand=campaign.task is Task.RESUME,
         columns=columns,
         rows=rows,
@@ -238,11 +171,14 @@ def _say_place(status: RigStatus) -> str:
     campaign, last = status.campaign, status.last_hit
     number = min(campaign.progress.accepted + 1, campaign.impacts)
     place = f"{campaign.sample}, hit {number} of {campaign.impacts}."
-    return place if last is None else f"{place} {_say_verdict(last)}"
+    if last is None:
+        return place
+    how = "The last one was good." if last.accepted else f"The last one: {_advise(last)}."
+    return f"{place} {how}"
 
 
 def _say_verdict(hit: HitResults) -> str:
-    return "The last one was good." if hit.accepted else f"The last one: {_advise(hit)}."
+    return "accepted" if hit.accepted else f"rejected: {join_findings(hit.reasons)}"
 
 
 def _say_by_hand(hit: HitResults) -> str:
@@ -261,27 +197,16 @@ def _advise(hit: HitResults) -> str:
     return known[0] if known else join_findings(hit.reasons)
 
 
-def _show_samples(status: RigStatus) -> tuple[ShownSample, ...]:
-    campaign = status.campaign
-    control = status.setup.samples.control_sample if status.setup else ""
-    marks: dict[str, list[str]] = {}
+def _list_marks(status: RigStatus) -> dict[str, list[str]]:
+    """Return the last hits of each sample: accepted, rejected, or empty for one to come."""
+    marks = {count.sample: list[str]() for count in status.list_samples()}
     for hit in status.hits.values():
-        marks.setdefault(hit.sample, []).append("accepted" if hit.accepted else "rejected")
-    return tuple(
-        ShownSample(
-            name=count.sample,
-            is_control=count.sample == control,
-            is_current=campaign.is_running and count.sample == campaign.sample,
-            accepted=count.accepted,
-            wanted=campaign.impacts,
-            rejected=count.rejected,
-            marks=(
-                *marks.get(count.sample, ())[-40:],
-                *[""] * max(0, min(campaign.impacts, 40) - count.accepted),
-            ),
-        )
-        for count in status.list_samples()
-    )
+        word = "accepted" if hit.accepted else "rejected"
+        marks.setdefault(hit.sample, []).append(word)
+    for count in status.list_samples():
+        to_come = min(status.campaign.impacts, MOST_MARKS) - count.accepted
+        marks[count.sample] = marks[count.sample][-MOST_MARKS:] + [""] * to_come
+    return marks
 
 
 def list_numbers(status: RigStatus, hit: HitResults) -> tuple[tuple[str, str], ...]:
@@ -311,20 +236,6 @@ def _compute_speed(status: RigStatus, hit: HitResults) -> float:
     return change * (1.0 + status.setup.hammer_mass / moving) / (1.0 + restitution)
 
 
-@lru_cache(2 * LONGEST_LIST)
-def _show_hit(hit: HitResults) -> ShownHit:
-    return ShownHit(
-        record=hit.record,
-        sample=hit.sample,
-        accepted=hit.accepted,
-        verdict="accepted" if hit.accepted else f"rejected: {join_findings(hit.reasons)}",
-        advice="" if hit.accepted else _advise(hit),
-        peak=_with_unit(hit.hammer_peak, 1, "m/s²"),
-        contact_time=_with_unit(hit.contact_time * MICRO, 2, "µs"),
-        overruled=_say_by_hand(hit),
-    )
-
-
 def _weigh(status: RigStatus, hit: HitResults) -> str:
     """Return the sample's mass by the traces beside the stated one; empty: not known."""
     if status.setup is None or math.isnan(hit.sample_mass):
@@ -348,23 +259,24 @@ def _measure_strength(status: RigStatus, hit: HitResults) -> Strength | None:
     return Strength(percent, least, most, word)
 
 
-def _show_inputs(status: RigStatus) -> tuple[ShownInput, ...]:
+def _list_inputs(status: RigStatus) -> list[tuple[str, int, bool, list[str]]]:
+    """Return name, part of the range reached now [%], overload and numbers of each channel."""
     now = [level.peak for level in status.levels.channels] or [0.0, 0.0]
-    return tuple(
-        ShownInput(
-            name=name,
-            percent=round(100.0 * peak / level.full_scale) if level.full_scale else 0,
-            overloaded=level.overloaded,
-            numbers=(
-                _with_unit(level.zero, 1, "m/s²"),
-                _with_unit(level.noise or math.nan, 1, "m/s²"),
-                _with_unit(level.peak, 1, "m/s²"),
-                _with_unit(level.full_scale or math.nan, 0, "m/s²"),
-                _with_unit(suggest_range(level.peak), 0, "m/s²") if level.has_hit else MISSING,
-            ),
+    rows = []
+    for name, level, peak in zip(("hammer", "sample"), _list_levels(status), now, strict=False):
+        percent = round(100.0 * peak / level.full_scale) if level.full_scale else 0
+        suited = suggest_range(level.peak) if level.has_hit else math.nan
+        unknown = math.nan
+        values = (
+            level.zero,
+            level.noise or unknown,
+            level.peak,
+            level.full_scale or unknown,
+            suited,
         )
-        for name, level, peak in zip(("hammer", "sample"), _list_levels(status), now, strict=False)
-    )
+        texts = [_with_unit(value, 1, "m/s²") for value in values]
+        rows.append((name, percent, level.overloaded, texts))
+    return rows
 
 
 def _list_levels(status: RigStatus) -> tuple[InputLevel, ...]:

@@ -125,7 +125,9 @@ class Stranger:
         other, prepared = Identity(make_id(), make_id()), []
         for _ in range(count):
             topic, publisher = self._random.choose(self._publishers)
-            prepared.append((publisher, serialize_message(other.fill(self._random.make(topic.type)))))
+            prepared.append(
+                (publisher, serialize_message(other.fill(self._random.make(topic.type))))
+            )
         return prepared
 
     def ask(self) -> None:

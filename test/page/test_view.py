@@ -97,7 +97,7 @@ def test_hits_are_listed_newest_first_and_deviate_from_the_others_of_their_sampl
     # 175 from the mean of 170.5, in scatters of 0.577.
     assert status.compute_deviation(odd) == pytest.approx(4.5 / 0.57735, rel=1e-3)
     assert ("off its series", "7.8 times its scatter") in view.numbers
-    assert view.samples[0].marks == ("accepted",) * 5 + ("",) * 7
+    assert view.marks["steel small"] == ["accepted"] * 5 + [""] * 7
 
 
 def test_strength_is_told_once_the_range_is_known():
@@ -133,8 +133,8 @@ def test_the_monitor_holds_the_largest_peaks_and_suggests_by_them():
         status.keep(InputLevels((InputLevel(3.0, 1.5, peak, 2000.0), InputLevel(0.0, 1.5, 4.0))))
     view = make_view(status)
     hammer, sample = view.inputs
-    assert hammer.numbers == ("3.0 m/s²", "1.5 m/s²", "612.0 m/s²", "2000 m/s²", "1300 m/s²")
-    assert sample.numbers[3:] == ("-", "-")
+    assert hammer[3] == ["3.0 m/s²", "1.5 m/s²", "612.0 m/s²", "2000.0 m/s²", "1300.0 m/s²"]
+    assert sample[3][3:] == ["-", "-"]
     assert (view.is_monitoring, view.trigger_level) == (True, "61.2 m/s²")
     # Ended, and what was seen stays; begun again, it is forgotten.
     status.keep(InputLevels())
@@ -152,11 +152,11 @@ def test_a_trial_hit_says_that_it_does_not_count_and_what_suits(hit, told):
     sentence = make_sentence(status)
     assert (sentence.headline, told in sentence.detail) == ("TRIAL HIT", True)
     view = make_view(status)
-    assert [item.numbers[-1] for item in view.inputs] == ["1200 m/s²"]
+    assert [texts[-1] for *_, texts in view.inputs] == ["1200.0 m/s²"]
     assert view.trigger_level == "60 m/s²"
 
 
 def test_another_campaign_begins_afresh():
     status = make_status(hits=(GOOD,))
     status.begin(PAPER_SETUP)
-    assert make_view(status).hits == ()
+    assert make_view(status).hits == []
