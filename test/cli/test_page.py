@@ -184,7 +184,7 @@ def test_the_inputs_are_shown_and_a_trial_hit_suggests_and_does_not_count(page):
     page.get_by_role("button", name="Show the inputs").click()
     rows = monitor.locator("tbody tr")
     sync_api.expect(rows).to_have_count(2)
-    sync_api.expect(rows.first).to_contain_text("2000 m/s²")
+    sync_api.expect(rows.first).to_contain_text("2000.0 m/s²")
     start(page, "steel small", STRANGE, ask=False, button="Trial hit")
     say(page, "RELEASE NOW")
     say(page, "TRIAL HIT")

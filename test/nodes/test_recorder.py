@@ -32,7 +32,11 @@ from impact_rig.recordings.scan import Scan
 COUNT = 20
 POINTS = 1000
 PARAMETERS = "impact_rig/parameters"
-OWN_TOPICS = (interfaces.RECORDER_STATE, interfaces.RECORD_STORED)
+OWN_TOPICS = (
+    interfaces.RECORDER_STATE,
+    interfaces.RECORD_STORED,
+    interfaces.OVERRULE_STORED,
+)
 
 
 def read_by_mcap_ros2(path: Path) -> dict[str, list]:
