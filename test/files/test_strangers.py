@@ -20,7 +20,7 @@ from pyarrow import parquet
 from pyuff import UFF
 from scipy.io import savemat
 
-from impact_rig.analysis.analyze import analyze
+from impact_rig.analysis.analyze import judge
 from impact_rig.analysis.measured_files import MeasuredFiles, make_series
 from impact_rig.configuration.units import parse_quantity
 from impact_rig.core.errors import SignalError
@@ -49,9 +49,8 @@ def read(path: Path, **given: Any) -> tuple[list[float], str]:
     found = MeasuredFiles([path], make_series(MeasurementOptions(cutoff=0.0, **given)))
     if found.errors:
         raise ValueError(found.errors[0])
-    (campaign,) = analyze(found).campaigns
     (taken,) = found.taken
-    return [1e6 * file.contact_time.value for file in campaign.results.files], taken
+    return [1e6 * hit.contact_time for _, _, hits in judge(found) for _, hit in hits], taken
 
 
 def write_tdms(path: Path, *channels: tuple[str, str, np.ndarray], **stated: Any) -> None:
