@@ -38,6 +38,7 @@ from impact_rig.results.numbers import format_count
 
 DEFAULT_NAME = "sample"
 MASSES = ("hammer_mass", "sample_mass", "accelerometer_mass")
+"""Of a file of channels, each with its `_uncertainty`."""
 WINDOW = ("pre_trigger", "record_duration")
 CUT = "a hit is double: if its file holds several hits, --record-duration 20ms makes one of each"
 USELESS = {Reason.NO_PULSE, Reason.NON_FINITE}
@@ -106,7 +107,11 @@ def make_recorded_settings(options: MeasurementOptions) -> dict[str, float]:
 
 
 def _read_setup(path: Path, file: ImportFile) -> RigSetup:
-    if file.control or not all(math.isnan(getattr(file, mass)) for mass in MASSES):
+    given = [
+        not math.isnan(getattr(file, mass)) or getattr(file, f"{mass}_uncertainty")
+        for mass in MASSES
+    ]
+    if file.control or any(given):
         raise ParameterError(
             "--rig-file gives the masses and the control sample: leave out --hammer-mass and"
             " --sample-mass, and in the file of channels mass, accelerometer_mass and control"
@@ -129,28 +134,28 @@ def _make_setup(file: ImportFile) -> RigSetup:
         )
     carried = file.accelerometer_mass
     samples = SampleSet(
-        (Sample(name, file.sample_mass),),
+        (Sample(name, file.sample_mass, mass_uncertainty=file.sample_mass_uncertainty),),
         control_sample=name if file.control else "",
         accelerometer_mass=0.0 if math.isnan(carried) else carried,
+        accelerometer_mass_uncertainty=file.accelerometer_mass_uncertainty,
     )
     # Speed and clock are not stated.
     return RigSetup(
-        samples, file.hammer_mass, math.nan, description=file.description, clock_uncertainty=0.0
+        samples,
+        file.hammer_mass,
+        math.nan,
+        description=file.description,
+        clock_uncertainty=0.0,
+        hammer_mass_uncertainty=file.hammer_mass_uncertainty,
     )
 
 
 def _add_responses(sensors: tuple[Sensor, ...], plan: ChannelPlan) -> tuple[Sensor, ...]:
-    """Return the sensors of a set-up with the responses that a plan states."""
+    """Return the sensors of a set-up with what a plan states of them."""
     known = {sensor.channel: sensor for sensor in sensors}
     for channel, use in zip(CHANNELS, (plan.hammer, plan.specimen), strict=True):
-        if not use.response.is_flat:
-            known[channel] = replace(
-                known.get(channel, Sensor(channel)),
-                resonance=use.response.resonance,
-                resonance_damping=use.response.damping,
-                low_corner=use.response.low_corner,
-                upper_corner=use.response.upper_corner,
-            )
+        if use.stated:
+            known[channel] = replace(known.get(channel, Sensor(channel)), **use.stated)
     return tuple(known[channel] for channel in CHANNELS if channel in known)
 
 

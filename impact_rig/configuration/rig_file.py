@@ -20,11 +20,8 @@ from impact_rig.configuration.units import (
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.sensors import (
     CHANNELS,
-    DEFAULT_RESONANCE_DAMPING,
     QUANTITIES,
     Sensor,
-    SensorResponse,
-    check_response,
     compute_scale,
     normalize_unit,
 )
@@ -103,12 +100,17 @@ SENSOR_KEYS = (
 """Keys of a calibration sheet; the other keys of the table are the driver's."""
 
 
-UNCERTAINTIES = {
+FREQUENCIES = {
+    "resonance": "70 kHz",
     "resonance_uncertainty": "1 kHz",
+    "low_corner": "0.5 Hz",
     "low_corner_uncertainty": "0.1 Hz",
+    "upper_corner": "50 kHz",
     "upper_corner_uncertainty": "2 kHz",
 }
-"""Of frequencies, with an example each."""
+"""Of a sensor, with an example each."""
+RESPONSE_KEYS = (*FREQUENCIES, "resonance_damping", "sensitivity_uncertainty")
+"""What rig files and files of channels say of a sensor alike."""
 
 
 def parse_sensors(source: TomlTable) -> tuple[Sensor, ...]:
@@ -129,11 +131,6 @@ def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
         voltage, unit = found.voltage, _check_unit(table, "sensitivity", found.unit, quantity)
     if quantity == "force" and channel != "hammer":
         raise table.refuse("quantity", "acceleration: force is measured on the hammer only")
-    response = parse_response(table)
-    uncertainties = {
-        key: table.take_quantity(key, "Hz", example, 0.0, low=0.0)
-        for key, example in UNCERTAINTIES.items()
-    }
     return Sensor(
         channel=channel,
         quantity=quantity,
@@ -142,26 +139,23 @@ def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
         full_scale=_take_full_scale(table, quantity, unit),
         serial_number=table.take_text("serial_number"),
         calibration_date=table.take_date("calibration_date"),
-        sensitivity_uncertainty=table.take_number("sensitivity_uncertainty", 0.0, 1.0, 0.0),
-        resonance=response.resonance,
-        resonance_damping=response.damping,
-        low_corner=response.low_corner,
-        upper_corner=response.upper_corner,
-        **uncertainties,
+        **parse_response(table),
     )
 
 
-def parse_response(table: TomlTable) -> SensorResponse:
-    """Return the response of a channel's sensor; raises `ParameterError`."""
-    response = SensorResponse(
-        resonance=table.take_quantity("resonance", "Hz", "70 kHz", 0.0, low=0.0),
-        damping=table.take_number("resonance_damping", 0.0, 1.0, DEFAULT_RESONANCE_DAMPING),
-        low_corner=table.take_quantity("low_corner", "Hz", "0.5 Hz", 0.0, low=0.0),
-        upper_corner=table.take_quantity("upper_corner", "Hz", "50 kHz", 0.0, low=0.0),
-    )
+def parse_response(table: TomlTable) -> dict[str, Any]:
+    """Return what is stated of a sensor, by the fields of `Sensor`; raises `ParameterError`."""
+    stated: dict[str, Any] = {
+        key: table.take_quantity(key, "Hz", example, 0.0, low=0.0)
+        for key, example in FREQUENCIES.items()
+        if key in table
+    }
+    for key in ("resonance_damping", "sensitivity_uncertainty"):
+        if key in table:
+            stated[key] = table.take_number(key, 0.0, 1.0, 0.0)
     with table.locating():
-        check_response("sensor", response)
-    return response
+        Sensor(CHANNELS[0], **stated)
+    return stated
 
 
 def take_trigger_level(source: TomlTable, moving_mass: float) -> float | None:

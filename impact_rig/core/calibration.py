@@ -20,7 +20,14 @@ from impact_rig.core.quantity import Comparable, Quantity
 from impact_rig.core.records import FloatArray, HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.setup import RigSetup
-from impact_rig.core.uncertainty import compute_quantity, make_input, make_scatter
+from impact_rig.core.uncertainty import (
+    ASSUMED_GAIN,
+    ASSUMED_MASS,
+    compute_quantity,
+    make_input,
+    make_scatter,
+    make_stated,
+)
 
 LARGEST_MISFIT = 0.05
 """Misfit above which a hit is not used [-], our choice: what leaves as much, a delay between the
@@ -162,7 +169,7 @@ class Calibration:
     ratio: Quantity  # new sensitivity over the old one [-]
     hits: int  # those that were used [-]
     is_reversed: bool  # the traces have opposite signs: one of the sensors looks the other way
-    remarks: tuple[str, ...]  # what the uncertainty leaves out, in words
+    remarks: tuple[str, ...]  # what is assumed, in words
 
     @property
     def sensitivity(self) -> float:
@@ -206,14 +213,14 @@ def estimate_sensitivity(
     # What the misfit may have changed: its square, taken as rectangular.
     misfit = float(np.mean([fit.misfit for fit in used]))
     distortion = make_input("misfit of the traces", 1.0, misfit**2 / math.sqrt(3.0))
-    reference, unstated = _make_reference(method, setup, sensor)
-    remark = f"the uncertainty of {' and of '.join(unstated)} is not stated, and not in it"
+    reference, assumed = _make_reference(method, setup, sensor)
+    remark = f"assumed is {' and '.join(assumed)}, standard, since nothing states it"
     return Calibration(
         sensor=sensor,
         ratio=compute_quantity(abs(mean), scatter * distortion * reference),
         hits=len(used),
         is_reversed=mean < 0.0,
-        remarks=(remark,) if unstated else (),
+        remarks=(remark,) if assumed else (),
     )
 
 
@@ -238,19 +245,18 @@ def _check_agreement(ratios: FloatArray, sensor: Sensor) -> None:
 def _make_reference(
     method: CalibrationMethod, setup: RigSetup, sensor: Sensor
 ) -> tuple[UncertainNumber, list[str]]:
-    """Return 1 as uncertain as what the sensor is compared with, and what of that is unstated."""
-    standards = {"the reference": method.reference_uncertainty}
-    number = make_input("sensitivity of the reference", 1.0, method.reference_uncertainty)
+    """Return 1 as uncertain as what the sensor is compared with, and what of that is assumed."""
+    gain, stated = method.reference_uncertainty, setup.hammer_mass_uncertainty
+    number = make_stated("sensitivity of the reference", 1.0, gain, ASSUMED_GAIN)
+    assumed = [f"the reference within {100.0 * ASSUMED_GAIN:g} %"] * (not gain)
+    masses = []
     if method.has_known_mass:
-        standards["the known mass"] = method.mass_uncertainty
-        mass = make_input("known mass", method.known_mass, method.mass_uncertainty)
-        number = number / (mass * (1.0 / method.known_mass))
+        masses.append(("known mass", method.known_mass, method.mass_uncertainty, -1.0))
         measured = sensor if sensor.channel == "hammer" else setup.find_sensor("hammer")
         # Where the hammer's force is measured, its mass cancels out.
         if measured.quantity != "force":
-            standards["the mass of the hammer"] = setup.hammer_mass_uncertainty
-            hammer = make_input(
-                "mass of the hammer", setup.hammer_mass, setup.hammer_mass_uncertainty
-            )
-            number = number * (hammer * (1.0 / setup.hammer_mass))
-    return number, [name for name, standard in standards.items() if standard == 0.0]
+            masses.append(("mass of the hammer", setup.hammer_mass, stated, 1.0))
+    for name, mass, standard, power in masses:
+        number = number * (make_stated(name, mass, standard, ASSUMED_MASS) / mass) ** power
+        assumed += [f"the {name} within {100.0 * ASSUMED_MASS:g} %"] * (not standard)
+    return number, assumed

@@ -28,6 +28,7 @@ from impact_rig.core.verdict import (
     check_stream,
     check_strength,
     check_tops,
+    shows_plateau,
 )
 
 
@@ -125,7 +126,7 @@ def judge_hit(
         found.append(Finding(Reason.TRUNCATED, str(error)))
         return JudgedHit(record.label, tuple(found), record.stamp)
     pulse, peaks = hit.pulse, np.abs(hit.traces).max(axis=1).tolist()
-    if not overloaded:
+    if not overloaded and not shows_plateau(record):
         # What comes after a flat top may tilt it.
         found += check_tops(hit.traces) or (check_tops(filtered.traces) if zeros else [])
     found += check_strength(record, peaks, settings, overloaded=overloaded)

@@ -203,7 +203,7 @@ class Sensor(Comparable):
                 " year-month-day, like 2026-03-01",
                 f"calibration date of the {name}",
             )
-        check_response(name, self.response)
+        _check_response(name, self.response)
         for what, standard, unit in (
             ("sensitivity", self.sensitivity_uncertainty, ""),
             ("resonance", self.resonance_uncertainty, "Hz"),
@@ -283,7 +283,7 @@ class Sensor(Comparable):
         return ", ".join(known)
 
 
-def check_response(name: str, response: SensorResponse) -> None:
+def _check_response(name: str, response: SensorResponse) -> None:
     """Refuse a response that no sensor has; raises `ParameterError` that names the sensor."""
     check_not_negative(f"resonance of the {name}", response.resonance, "Hz")
     check_not_negative(f"low corner of the {name}", response.low_corner, "Hz")

@@ -237,6 +237,33 @@ def is_flat(trace: FloatArray) -> bool:
     return half > LIMITS.fewest_top_points and high > 4.5 * (low - high)
 
 
+def shows_plateau(record: Record) -> bool:
+    """Tell whether a flat top is the contact's: both bodies have it, apart in their ranges.
+
+    A body that yields holds the force, on both bodies at once; channels clip each at its own rail.
+    """
+    if len(record.channels) == 1 or not all(trace.full_scale > 0.0 for trace in record.channels):
+        return False
+    quiet, tops, parts = _count_quiet(record), [], []
+    for trace in record.channels:
+        upright = np.abs(trace.acceleration - np.median(trace.acceleration[:quiet]))
+        tops.append(upright > 0.97 * upright.max())
+        parts.append(float(upright.max()) / (0.95 * trace.full_scale))
+    least, most = sorted(parts)
+    shared, either = (np.count_nonzero(top) for top in (tops[0] & tops[1], tops[0] | tops[1]))
+    # At the same part of both ranges an amplifier may cut off both.
+    return bool(most < 1.0 and least < 0.9 * most and shared > 0.8 * either)
+
+
+def _count_quiet(record: Record) -> int:
+    """Return how many points before the pulse show noise and baseline."""
+    # Half the default pre-trigger: a weak pulse begins early.
+    quiet = int(0.05 * record.hammer.acceleration.size)
+    if record.pulse_index is not None:
+        quiet = min(quiet, record.pulse_index)
+    return max(quiet, 1)
+
+
 @dataclass(frozen=True)
 class SecondPulse:
     """A bump in the record of a hit, beside its pulse."""
@@ -344,11 +371,7 @@ def check_stream(record: Record) -> list[Finding]:
 def check_channels(record: Record) -> list[Finding]:
     """Find dead and overloaded channels of a finite record, and points that cannot be."""
     channels = list(zip(CHANNELS, record.channels, strict=False))
-    # Half the default pre-trigger: a weak pulse begins early.
-    quiet = int(0.05 * record.hammer.acceleration.size)
-    if record.pulse_index is not None:
-        quiet = min(quiet, record.pulse_index)
-    quiet = max(quiet, 1)
+    quiet = _count_quiet(record)
     dead = [name for name, trace in channels if _is_dead(trace, quiet)]
     found: list[Finding | None] = []
     if dead and len(dead) < len(channels):
@@ -358,7 +381,7 @@ def check_channels(record: Record) -> list[Finding]:
     for name, trace in channels:
         run = find_longest_rail_run(trace, quiet)
         # One point may be chance.
-        if run > 1:
+        if run > 1 and not shows_plateau(record):
             rail = float(np.max(np.abs(trace.acceleration)))
             text = (
                 f"{run} points in a row of the {name} at the rail of {rail:.4g} m/s^2"

@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TypeVar
 
-from impact_rig.configuration.rig_file import parse_response, parse_settings
+from impact_rig.configuration.rig_file import RESPONSE_KEYS, parse_response, parse_settings
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
 from impact_rig.configuration.units import parse_reading, parse_sensitivity
 from impact_rig.core.errors import FileError
@@ -20,10 +20,8 @@ CHANNEL_KEYS = (
     "sensitivity",
     "full_scale",
     "mass",
-    "resonance",
-    "resonance_damping",
-    "low_corner",
-    "upper_corner",
+    "mass_uncertainty",
+    *RESPONSE_KEYS,
 )
 PRE_TRIGGER_PART = 0.1  # of a record, before its hit; as 0.2 ms of 2 ms
 NAN = math.nan
@@ -40,6 +38,10 @@ class ImportFile(Comparable):
     hammer_mass: float = NAN  # [kg]
     sample_mass: float = NAN  # [kg]
     accelerometer_mass: float = NAN  # [kg]
+    # Of these masses, standard [kg]; 0: not stated
+    hammer_mass_uncertainty: float = 0.0
+    sample_mass_uncertainty: float = 0.0
+    accelerometer_mass_uncertainty: float = 0.0
     hammer_stiffness: float = NAN  # k1 [N/m]
     control: bool = False  # hammer and sample are alike
     settings: Mapping[str, float] = field(default_factory=dict)  # of `AnalysisSettings`, by name
@@ -122,7 +124,8 @@ def parse_import_file(text: str) -> ImportFile:
                         "hammer", "specimen", "analysis")  # fmt: skip
     hammer, specimen = document.take_table("hammer"), document.take_table("specimen")
     hammer.check_keys(*CHANNEL_KEYS, "stiffness")
-    specimen.check_keys(*CHANNEL_KEYS, "accelerometer_mass", "control")
+    specimen.check_keys(*CHANNEL_KEYS, "accelerometer_mass", "accelerometer_mass_uncertainty",
+                        "control")  # fmt: skip
     return ImportFile(
         plan=_parse_plan(document, hammer, specimen),
         sample=document.take_text("sample"),
@@ -130,10 +133,18 @@ def parse_import_file(text: str) -> ImportFile:
         hammer_mass=hammer.take_quantity("mass", "kg", "100 g", NAN),
         sample_mass=specimen.take_quantity("mass", "kg", "102.38 g", NAN),
         accelerometer_mass=specimen.take_quantity("accelerometer_mass", "kg", "3 g", NAN),
+        hammer_mass_uncertainty=_take_standard(hammer, "mass"),
+        sample_mass_uncertainty=_take_standard(specimen, "mass"),
+        accelerometer_mass_uncertainty=_take_standard(specimen, "accelerometer_mass"),
         hammer_stiffness=hammer.take_quantity("stiffness", "N/m", "22.5 MN/m", NAN),
         control=specimen.take_boolean("control"),
         settings=parse_settings(document),
     )
+
+
+def _take_standard(table: TomlTable, mass: str) -> float:
+    """Return the standard uncertainty of a mass [kg]; 0: not stated."""
+    return table.take_quantity(f"{mass}_uncertainty", "kg", "0.1 g", 0.0, low=0.0)
 
 
 def add_options(file: ImportFile, options: MeasurementOptions) -> ImportFile:
@@ -198,7 +209,7 @@ def _parse_use(table: TomlTable) -> ChannelUse:
     unit = table.take_text("unit")
     full_scale, full_scale_unit = 0.0, "m/s^2"
     sensitivity = None
-    response = parse_response(table)
+    stated = parse_response(table)
     with table.locating():
         if "full_scale" in table:
             full_scale, full_scale_unit = parse_reading(
@@ -206,4 +217,4 @@ def _parse_use(table: TomlTable) -> ChannelUse:
             )
         if "sensitivity" in table:
             sensitivity = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
-        return ChannelUse(str(channel), unit, sensitivity, full_scale, full_scale_unit, response)
+        return ChannelUse(str(channel), unit, sensitivity, full_scale, full_scale_unit, stated)

@@ -1,18 +1,17 @@
 """What the user says of the channels of measured files."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from impact_rig.core.errors import ParameterError, check_if_known, check_not_negative
 from impact_rig.core.quantity import Comparable
 from impact_rig.core.sensors import (
-    FLAT,
     FORCES,
     UNITS,
     VOLTAGES,
     Sensitivity,
-    SensorResponse,
-    check_response,
     normalize_unit,
 )
 from impact_rig.files.times import SAMPLES, TIME_UNITS, normalize_time_unit
@@ -31,7 +30,8 @@ class ChannelUse:
     sensitivity: Sensitivity | None = None  # of the sensor, for a channel in V
     full_scale: float = 0.0  # largest value that the channel can show, either sign; 0: not known
     full_scale_unit: str = "m/s^2"  # one of `UNITS`
-    response: SensorResponse = FLAT  # of the sensor
+    # What is stated of the sensor's response and gain, by the fields of `Sensor`.
+    stated: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse unknown units, and a sensitivity of what is no voltage."""
@@ -41,7 +41,6 @@ class ChannelUse:
                     f"{what}unit {unit!r} is unknown: a channel is in {', '.join(UNITS)}"
                 )
         check_not_negative("full scale", self.full_scale, self.full_scale_unit)
-        check_response("channel's sensor", self.response)
         if self.sensitivity and self.unit and normalize_unit(self.unit) not in VOLTAGES:
             raise ParameterError(
                 f"a channel in {self.unit} has no use for a sensitivity: that is for channels in"

@@ -10,6 +10,7 @@ from impact_rig.analysis.measured_files import make_series
 from impact_rig.analysis.sources import find_repeated_files, find_run
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.sensors import FLAT, SensorResponse
+from impact_rig.core.uncertainty import make_rig_numbers
 from impact_rig.files.import_file import MeasurementOptions
 
 
@@ -29,6 +30,25 @@ def test_the_file_describes_the_sensors(channels):
     text = '[hammer]\nresonance = "60 kHz"\nlow_corner = "2 Hz"\nupper_corner = "40 kHz"\n'
     setup = make_series(channels(text)).setup
     assert setup.responses == (SensorResponse(60e3, 0.02, 2.0, 40e3), FLAT)
+
+
+def test_the_file_says_how_sure_gain_corners_and_masses_are(channels):
+    text = (
+        '[hammer]\nmass = "100 g"\nmass_uncertainty = "0.2 g"\nsensitivity_uncertainty = 0.01\n'
+        'upper_corner = "40 kHz"\nupper_corner_uncertainty = "2 kHz"\n'
+        '[specimen]\nmass = "50 g"\nmass_uncertainty = "0.1 g"\naccelerometer_mass = "3 g"\n'
+        'accelerometer_mass_uncertainty = "0.3 g"\nresonance_uncertainty = "1 kHz"\n'
+    )
+    setup = make_series(channels(text)).setup
+    hammer, specimen = (setup.find_sensor(channel) for channel in ("hammer", "specimen"))
+    assert (hammer.sensitivity_uncertainty, hammer.upper_corner_uncertainty) == (0.01, 2e3)
+    assert specimen.resonance_uncertainty == 1e3
+    assert setup.hammer_mass_uncertainty == pytest.approx(2e-4)
+    assert setup.samples.samples[0].mass_uncertainty == pytest.approx(1e-4)
+    assert setup.samples.accelerometer_mass_uncertainty == pytest.approx(3e-4)
+    # Nothing is assumed of what is stated.
+    (note,) = make_rig_numbers(setup, "sample").notes
+    assert "gains of specimen within 3 %" in str(note)
 
 
 def test_options_go_before_the_file(channels):

@@ -105,9 +105,8 @@ def find_contributions(calibration):
 
 
 def test_the_new_sensitivity_is_the_old_one_times_the_ratio():
-    found = estimate_sensitivity(
-        make_fits(1.01, 1.02, 1.03), CalibrationMethod("hammer"), MASSES, HAMMER
-    )
+    method = CalibrationMethod("hammer", reference_uncertainty=1e-9)
+    found = estimate_sensitivity(make_fits(1.01, 1.02, 1.03), method, MASSES, HAMMER)
     assert found.ratio.value == pytest.approx(1.02)
     assert found.sensitivity == pytest.approx(-0.0102)
     assert found.hits == 3
@@ -155,13 +154,21 @@ def test_the_hammers_mass_cancels_out_where_its_force_is_measured():
     assert "mass of the hammer" in find_contributions(found)
 
 
-def test_what_is_not_stated_is_told():
+def test_what_is_not_stated_is_assumed_and_told():
     method = CalibrationMethod("hammer", 0.2)
     setup = replace(MASSES, hammer_mass_uncertainty=0.0)
     found = estimate_sensitivity(make_fits(1.0, 1.01, 1.02), method, setup, HAMMER)
     (remark,) = found.remarks
-    assert remark.startswith("the uncertainty of the reference and of the known mass and of the")
-    assert remark.endswith("mass of the hammer is not stated, and not in it")
+    assert remark == (
+        "assumed is the reference within 3 % and the known mass within 0.5 % and the mass of the"
+        " hammer within 0.5 %, standard, since nothing states it"
+    )
+    assert find_contributions(found) == {
+        "scatter of the hits": pytest.approx(0.01 / math.sqrt(3)),
+        "sensitivity of the reference, assumed": pytest.approx(0.0303),
+        "known mass, assumed": pytest.approx(0.00505),
+        "mass of the hammer, assumed": pytest.approx(0.00505),
+    }
 
 
 def test_force_is_mass_times_acceleration():

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from impact_rig.core.filtering import low_pass
 from impact_rig.core.findings import Finding, Reason
+from impact_rig.core.hits import judge_hit
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.pulses import PULSE_SHAPES, VERSED_SINE, PulseShape, compute_pulse
 from impact_rig.core.records import ChannelBlock, Record
@@ -118,6 +119,36 @@ class TestChannels:
         clipped = np.minimum(make_trace(1.03 * rail * 2000.0), rail * 2000.0)
         record = make_record(np.rint(clipped / step) * step, resolution=step)
         assert find_reasons(check_channels(record)) == [Reason.OVERLOAD]
+
+    @pytest.mark.parametrize(
+        ("tops", "ranges", "is_overload"),
+        [
+            # A body that yields: 60 % of the force, on both bodies.
+            ((0.6, 0.6), (1000.0, 2000.0), False),
+            # An amplifier clips one channel, or both at the same part of their ranges.
+            ((0.6, 1.0), (1000.0, 2000.0), True),
+            ((0.6, 0.6), (1000.0, 500.0), True),
+            # A converter's rail.
+            ((0.6, 0.6), (550.0, 2000.0), True),
+            # Of unknown ranges nothing is told.
+            ((0.6, 0.6), (0.0, 0.0), True),
+        ],
+    )
+    def test_a_plateau_of_both_bodies_apart_in_their_ranges_is_none(
+        self, tops, ranges, is_overload
+    ):
+        channels = [
+            ChannelBlock(
+                np.rint(np.minimum(make_trace(height, noise=0.0), top * height)).astype(np.int32),
+                1.0,
+                0.0,
+                full_scale,
+            )
+            for height, top, full_scale in zip((900.0, 450.0), tops, ranges, strict=True)
+        ]
+        record = replace(make_record(np.zeros(1)), hammer=channels[0], specimen=channels[1])
+        hit = judge_hit(record, replace(SETTINGS, cutoff_frequency=0.0, minimum_peak=0.0))
+        assert (Reason.OVERLOAD in find_reasons(hit.rejections)) is is_overload
 
     @pytest.mark.parametrize("missing", [15, 40])
     @pytest.mark.parametrize("place", [0.3, 0.7])
