@@ -205,15 +205,6 @@ def test_a_given_rate_is_held_against_times_in_any_unit_where_none_is_stated():
     assert map_one(counted, plan(sampling_rate=1e6)).block.sampling_rate == 1e6
 
 
-@pytest.mark.parametrize("digits", [4, 6, 7])
-def test_times_with_too_few_digits_are_called_rounded_and_a_rate_is_proposed(digits):
-    time = np.round(np.arange(COUNT) / 3e6 + 1e-4, digits)
-    if digits == 7:
-        time[5] = time[4]
-    with pytest.raises(SignalError, match=r"rounded.* [Gg]ive --rate"):
-        map_one(columns(time, HAMMER), plan())
-
-
 def test_a_channel_in_kg_is_a_thousand_g_and_says_so():
     found = map_one(stated(channel("a", unit="kg")), plan())
     assert found.block.hammer.scale == pytest.approx(9806.65)

@@ -391,12 +391,6 @@ def test_a_dead_channel_of_the_sample_is_no_crash(tmp_path):
     assert found == pytest.approx(RIGHT, rel=1e-3) or np.isnan(found)
 
 
-def test_times_alone_are_no_trace(tmp_path):
-    write_text(tmp_path / "hit.csv", "Timestamp,X,Y,Z", TIME.tolist())
-    with pytest.raises(ValueError, match="no values beside its times"):
-        read(tmp_path / "hit.csv")
-
-
 def test_channels_of_other_dates_are_no_pair(tmp_path):
     begin = np.datetime64("2026-11-25T12:00:00")
     with TdmsWriter(str(tmp_path / "hit.tdms")) as writer:

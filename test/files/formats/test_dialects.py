@@ -197,14 +197,6 @@ def test_columns_of_words_are_skipped(tmp_path):
         map_channels(file, used)
 
 
-def test_a_channel_beyond_its_range_is_infinite(tmp_path):
-    lines = [*write_picoscope(PAIRS)]
-    lines[150] = lines[150].split(",")[0] + ",-∞"
-    file = read_measurement(save(tmp_path, "picoscope.csv", iter(lines)))
-    with pytest.raises(SignalError, match=r"hammer is -inf at point 147"):
-        map_channels(file, ChannelPlan(SENSOR))
-
-
 @pytest.mark.parametrize(
     ("stated", "rate"),
     [
