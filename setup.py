@@ -55,6 +55,7 @@ setup(
         NAME: [
             "py.typed",
             "configuration/*.toml",
+            "devices/examples/*.toml",
             "files/*.toml",
             "nodes/*.xml",
             "page/templates/*",

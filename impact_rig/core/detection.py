@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from impact_rig.core.records import Block, RawArray, Record
+from impact_rig.core.records import NO_SPEED, Block, RawArray, Record
 from impact_rig.core.setup import AnalysisSettings
 
 
@@ -108,14 +108,9 @@ class Segment:
             for channels in ([part.hammer for part in parts], [part.specimen for part in parts])
         )
         # Only the block of the contact may have the hammer's speed.
-        measured = max(parts, key=lambda part: part.impact_speed)
-        return replace(
-            parts[0],
-            hammer=hammer,
-            specimen=specimen,
-            impact_speed=measured.impact_speed,
-            impact_speed_uncertainty=measured.impact_speed_uncertainty,
-        )
+        speeds = (part.impact_speed for part in parts if part.impact_speed.is_known)
+        speed = next(speeds, NO_SPEED)
+        return replace(parts[0], hammer=hammer, specimen=specimen, impact_speed=speed)
 
     def find_pulse(
         self, baseline: "Baseline", settings: AnalysisSettings, last: int
@@ -310,7 +305,6 @@ def _make_record(
         stamp=first.stamp + round(delay * 1e9),
         origin=first.origin,
         impact_speed=window.impact_speed,
-        impact_speed_uncertainty=window.impact_speed_uncertainty,
         pulse_index=pulse_index,
         flaws=tuple(gap.description for gap in gaps),
     )

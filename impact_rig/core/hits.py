@@ -15,7 +15,16 @@ from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalErr
 from impact_rig.core.filtering import check_cutoff, interpolate_between, low_pass
 from impact_rig.core.findings import Finding, Reason, join_findings
 from impact_rig.core.pulse_width import BASELINE_POINTS, PulseWidth, measure_pulse
-from impact_rig.core.records import UNSTATED, FloatArray, HitLabel, Origin, Record, make_read_only
+from impact_rig.core.records import (
+    NO_SPEED,
+    UNSTATED,
+    FloatArray,
+    HitLabel,
+    MeasuredSpeed,
+    Origin,
+    Record,
+    make_read_only,
+)
 from impact_rig.core.sensors import SensorResponse
 from impact_rig.core.setup import AnalysisSettings
 from impact_rig.core.tail import judge_zeros
@@ -45,8 +54,7 @@ class FilteredHit:
     baseline_points: int  # of the baseline that was removed
     zero_uncertainty: tuple[float, float] = (0.0, 0.0)  # of each zero under the pulse, standard
     label: HitLabel | None = None
-    impact_speed: float = 0.0  # of the hammer, as measured [m/s]; 0: not measured
-    impact_speed_uncertainty: float = 0.0  # its standard uncertainty [m/s]
+    impact_speed: MeasuredSpeed = NO_SPEED  # of the hammer
     origin: int = 0  # point of the pulse's middle, once the hit is shifted
 
     def align(self) -> tuple[FloatArray, int]:
@@ -72,8 +80,7 @@ class JudgedHit:
     width_ratio: float = math.nan  # w10 / w50 [-]
     hammer_peak: float = math.nan  # largest |acceleration| after the low-pass [m/s^2]
     specimen_peak: float = math.nan
-    impact_speed: float = math.nan  # of the hammer, measured at this hit [m/s]
-    impact_speed_uncertainty: float = math.nan  # its standard uncertainty [m/s]
+    impact_speed: MeasuredSpeed = NO_SPEED  # of the hammer, at this hit
     sample_mass: float = math.nan  # m2 by the traces of this hit, accelerometer included [kg]
     filtered: FilteredHit | None = None  # of a hit with a pulse, rejected or not
     overruled: tuple[Finding, ...] = ()  # reasons that were set aside by hand
@@ -239,7 +246,6 @@ def _filter_raw(
         zero_uncertainty=zero_uncertainty,
         label=record.label,
         impact_speed=record.impact_speed,
-        impact_speed_uncertainty=record.impact_speed_uncertainty,
     )
     return raw, hit, findings
 
@@ -293,16 +299,14 @@ class MeanHit:
 
         Empty: at none.
         """
-        speeds = np.array([hit.impact_speed for hit in self.hits])
-        is_known = speeds > 0.0
-        if not is_known.any():
-            return speeds[:0]
-        return np.where(is_known, speeds, speeds[is_known].mean())
+        speeds = np.array([hit.impact_speed.value for hit in self.hits])
+        known = speeds[np.isfinite(speeds)]
+        return np.where(np.isfinite(speeds), speeds, known.mean()) if known.size else known
 
     @property
     def impact_speed_uncertainty(self) -> float:
         """Standard uncertainty that the measured speeds have in common [m/s]."""
-        return max(hit.impact_speed_uncertainty for hit in self.hits)
+        return float(np.nanmax([hit.impact_speed.standard for hit in self.hits]))
 
     def cut_hits(self) -> Iterator[FloatArray]:
         """Yield each of `hits` over the mean's window, of shape (channels, n)."""

@@ -9,8 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.errors import ParameterError, SignalError, check_not_negative, check_positive
-from impact_rig.core.quantity import describe
+from impact_rig.core.errors import (
+    ParameterError,
+    SignalError,
+    check_if_known,
+    check_not_negative,
+    check_positive,
+)
+from impact_rig.core.quantity import Comparable, describe
 
 MEASURED, SIMULATED, IMPORTED = "measured", "simulated", "imported"
 UNKNOWN_KIND, MIXED = "unknown", "mixed"
@@ -143,6 +149,29 @@ class ChannelBlock:
 
 
 @dataclass(frozen=True)
+class MeasuredSpeed(Comparable):
+    """A measured speed; NaN: none was measured."""
+
+    value: float = math.nan  # [m/s]
+    standard: float = math.nan  # its standard uncertainty [m/s]
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be meant."""
+        check_if_known("impact speed", self.value, "m/s")
+        if self.is_known:
+            check_not_negative("impact speed uncertainty", self.standard, "m/s")
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it was measured."""
+        return not math.isnan(self.value)
+
+
+NO_SPEED = MeasuredSpeed()
+"""Of what was not measured."""
+
+
+@dataclass(frozen=True)
 class Block:
     """A contiguous segment of both channels: what a device delivers, and what comes of it."""
 
@@ -156,15 +185,11 @@ class Block:
     last: bool = False  # it ends the record; in a stream the arming, or of no arming the stream
     stamp: int = 0  # of the first point [ns since the epoch]; 0: not known; never computed with
     origin: Origin = UNSTATED
-    # Of the hammer, measured before the contact in this block [m/s]; 0: not measured.
-    impact_speed: float = 0.0
-    impact_speed_uncertainty: float = 0.0  # its standard uncertainty [m/s]
+    impact_speed: MeasuredSpeed = NO_SPEED  # of the hammer, before the contact in this block
 
     def __post_init__(self) -> None:
-        """Refuse channels of different length, a rate that is none, and an impossible speed."""
+        """Refuse channels of different length and a rate that is none."""
         check_positive("sampling rate", self.sampling_rate, "Hz")
-        check_not_negative("impact speed", self.impact_speed, "m/s")
-        check_not_negative("impact speed uncertainty", self.impact_speed_uncertainty, "m/s")
         if self.specimen.output.size not in (0, self.hammer.output.size):
             raise SignalError(
                 f"block at point {self.first_sample} of record {self.label.record} has"

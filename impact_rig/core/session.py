@@ -117,13 +117,7 @@ class Session:
         """
         self._estimated = ()
         judged = judge_hit(record, self.setup.analysis, self.setup.responses)
-        judged = replace(judged, origin=record.origin)
-        if record.impact_speed:
-            judged = replace(
-                judged,
-                impact_speed=record.impact_speed,
-                impact_speed_uncertainty=record.impact_speed_uncertainty,
-            )
+        judged = replace(judged, origin=record.origin, impact_speed=record.impact_speed)
         hit = ask_for_mass(judged, self.setup)
         series = self._series.setdefault(hit.label.sample, HitSeries())
         if self._judged is not None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import metadata
+from importlib import metadata, resources
 from typing import Any
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
@@ -45,6 +45,11 @@ class Driver:
             raise DeviceError(
                 f"driver {self.name!r} of {self.package} cannot be loaded: {error}"
             ) from None
+
+
+def read_example(name: str) -> str:
+    """Return a driver's table of a rig file to copy, of the folder `examples`."""
+    return resources.files(__package__).joinpath("examples", f"{name}.toml").read_text("utf-8")
 
 
 def find_drivers(group: str) -> Mapping[str, Driver]:

@@ -10,6 +10,7 @@ import numpy as np
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.records import Block, FloatArray
+from impact_rig.devices.drivers import read_example
 from impact_rig.devices.protocols import (
     NOT_MEASURED,
     Acquisition,
@@ -193,25 +194,7 @@ class NidaqmxSource(NidaqmxDriver):
     """
 
     description: ClassVar[str] = "digitizers of National Instruments, by NI-DAQmx"
-    example: ClassVar[str] = """\
-[source]
-driver = "nidaqmx"
-sampling_rate = "2.5 MHz"
-trigger_level = "5 g"        # of the hammer's signal, either sign
-
-[source.hammer]
-channel = "Dev1/ai0"
-sensitivity = "10 mV/g"
-iepe_current = "4 mA"        # or "off": the sensor has its own supply
-# coupling = "AC"            # or "DC"; default: AC with a current, else the device's own
-range = "5 V"                # default: the sensor's full_scale
-
-[source.specimen]
-channel = "Dev1/ai1"
-sensitivity = "10 mV/g"
-iepe_current = "4 mA"
-range = "5 V"
-"""
+    example: ClassVar[str] = read_example("nidaqmx_source")
 
     def __init__(self, options: TomlTable) -> None:
         options.check_keys()
@@ -431,12 +414,7 @@ class NidaqmxHolder(NidaqmxDriver, CommandedHolder):
     """
 
     description: ClassVar[str] = "a digital output line of National Instruments, by NI-DAQmx"
-    example: ClassVar[str] = """\
-[holder]
-driver = "nidaqmx"
-line = "Dev1/port0/line0"
-energized = "holds"          # with a high line the hammer is held (default), or "releases"
-"""
+    example: ClassVar[str] = read_example("nidaqmx_holder")
 
     def __init__(self, options: TomlTable) -> None:
         options.check_keys("line", "energized")

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError
 from impact_rig.core.sensors import VOLTAGES, compute_scale, normalize_unit
+from impact_rig.devices.drivers import read_example
 from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, FoundDevice, SourceChannel
 from impact_rig.devices.speed_gate import SpeedGate
 from impact_rig.devices.streaming import StreamedSource
@@ -186,25 +187,7 @@ class OpenDaqSource(StreamedSource):
 
     description: ClassVar[str] = "devices of all makers with openDAQ, Dewesoft's among them"
     measures_speed: ClassVar[bool] = True
-    example: ClassVar[str] = """\
-[source]
-driver = "opendaq"
-device = "daqref://device0"      # its address; impact-rig devices opendaq lists them
-sampling_rate = "1 MHz"          # refused if the device does not take it
-
-# [source.properties]            # of the device, by its maker's names
-# AcquisitionLoopTime = 20
-
-[source.hammer]
-channel = "RefCh0"               # name, number from 1, or the end of a computed signal's path
-sensitivity = "10 mV/g"          # of a channel in V; leave it out where it is in g, m/s^2 or N
-full_scale = "500 g"
-# properties = { NoiseAmplitude = 0.01 }      # of the channel, by its maker's names
-
-[source.specimen]
-channel = "RefCh1"
-sensitivity = "10 mV/g"
-"""
+    example: ClassVar[str] = read_example("opendaq_source")
 
     def __init__(self, options: TomlTable) -> None:
         super().__init__()

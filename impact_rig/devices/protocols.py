@@ -166,7 +166,6 @@ class AccelerationSource(Protocol):
         DeviceError, ModuleNotFoundError
             If the vendor's software is missing.
         """
-        ...
 
     def configure(self, plan: AcquisitionPlan) -> Acquisition:
         """Open the device, see that it is the right one, and set it up.
@@ -178,11 +177,9 @@ class AccelerationSource(Protocol):
         ParameterError
             If it cannot do what the plan says: channel, range, rate.
         """
-        ...
 
     def arm(self) -> None:
         """Wait for one trigger; in continuous mode begin the stream. Points count from 0 again."""
-        ...
 
     def read(self, timeout: float) -> Block | None:
         """Return the next block; None if there is none within `timeout` seconds.
@@ -192,11 +189,9 @@ class AccelerationSource(Protocol):
         completes a record is its `last`, after which there is none until the next `arm`; a
         continuous stream has no last one.
         """
-        ...
 
     def disarm(self) -> None:
         """Stop, and forget what has not been read; nothing happens if it is not armed."""
-        ...
 
     def check(self) -> None:
         """Check that the device is still there; called every second while it is not armed.
@@ -208,11 +203,9 @@ class AccelerationSource(Protocol):
         DeviceError
             If the device is gone, or another one.
         """
-        ...
 
     def close(self) -> None:
         """Close the device in any state; never raises, safe to call twice."""
-        ...
 
 
 @runtime_checkable
@@ -224,11 +217,9 @@ class HammerlessSource(AccelerationSource, Protocol):
 
     def take_setup(self, setup: RigSetup) -> None:
         """Take masses and samples."""
-        ...
 
     def check_sample(self, name: str) -> None:
         """Raise `RigError` if the sample cannot be struck."""
-        ...
 
     def strike(self, label: HitLabel, swing_time: float) -> "VirtualHit | None":
         """Simulate the release for an armed record; contact comes after `swing_time` seconds.
@@ -238,7 +229,6 @@ class HammerlessSource(AccelerationSource, Protocol):
         VirtualHit or None
             The truth behind what `read` will deliver; None: unknown.
         """
-        ...
 
 
 class HolderState(Enum):
@@ -272,7 +262,6 @@ class HammerHolder(Protocol):
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
         """Return what can be found without touching it; as `AccelerationSource.find_devices`."""
-        ...
 
     def configure(self) -> str:
         """Open the device, and hold; return what it is, as far as it tells.
@@ -282,15 +271,12 @@ class HammerHolder(Protocol):
         DeviceError
             If it is not there, held by another program, or does not obey.
         """
-        ...
 
     def hold(self) -> None:
         """Hold, or go on holding."""
-        ...
 
     def release(self) -> None:
         """Release the hammer."""
-        ...
 
     def read_state(self) -> HolderState:
         """Ask the device for its state; where it cannot tell, return the last commanded one.
@@ -300,11 +286,9 @@ class HammerHolder(Protocol):
         DeviceError
             If it is gone, or contradicts the last command.
         """
-        ...
 
     def close(self) -> None:
         """Close the device as it is, holding or not; never raises, safe to call twice."""
-        ...
 
 
 @runtime_checkable
@@ -319,7 +303,6 @@ class AngledHolder(Protocol):
         bool
             Whether it is there; until it is, this is called again.
         """
-        ...
 
 
 def take_energized_state(options: TomlTable, default: HolderState) -> HolderState:

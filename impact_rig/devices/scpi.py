@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError, ParameterError
 from impact_rig.core.records import Block, ChannelBlock
+from impact_rig.devices.drivers import read_example
 from impact_rig.devices.protocols import (
     NOT_MEASURED,
     Acquisition,
@@ -48,6 +49,8 @@ class Instrument:
         If the address cannot be meant.
     """
 
+    library: Any = None  # PyVISA's back end; None: PyVISA-py
+
     def __init__(self, address: str) -> None:
         host, _, port = address.partition(":")
         port = port or str(PORT)
@@ -66,7 +69,7 @@ class Instrument:
 
         milliseconds = round(1e3 * timeout)
         try:
-            self._resource = ResourceManager(PyVisaLibrary()).open_resource(
+            self._resource = ResourceManager(self.library or PyVisaLibrary()).open_resource(
                 self.resource_name,
                 open_timeout=milliseconds,
                 timeout=milliseconds,
@@ -85,13 +88,16 @@ class Instrument:
 
     def send(self, *commands: str) -> None:
         """Send commands that have no answer."""
-        with self._report_errors(commands[-1]):
-            self._resource.write(END.join(commands))
+        for command in commands:
+            with self._report_errors(command):
+                self._resource.write(command)
 
     def ask(self, *commands: str) -> str:
         """Send commands, the last of which is a query, and return its answer, a line of text."""
-        with self._report_errors(commands[-1]):
-            answer: str = self._resource.query(END.join(commands)).strip()
+        *before, query = commands
+        self.send(*before)
+        with self._report_errors(query):
+            answer: str = self._resource.query(query).strip()
             if not answer.isprintable():
                 raise ValueError(f"{answer!r} is no line of text")
             return answer
@@ -169,23 +175,7 @@ class ScpiSource:
     """
 
     description: ClassVar[str] = "Red Pitaya's boards, by their SCPI server"
-    example: ClassVar[str] = """\
-[source]
-driver = "scpi"
-sampling_rate = "2.5 MHz"       # 125 MHz divided by 1, 2, 4, 8 or any whole number from 16 on
-trigger_level = "5 g"
-address = "192.168.1.20:5000"
-board = "125-14"                # as printed on it: 125-14, 125-10, 125-14 4-Input, 250-12
-
-[source.hammer]
-channel = 1
-sensitivity = "5 mV/g"
-range = "1 V"                   # "20 V": with the jumpers of the input set so
-
-[source.specimen]
-channel = 2
-sensitivity = "5 mV/g"
-"""
+    example: ClassVar[str] = read_example("scpi_source")
 
     timeout = TIMEOUT
 

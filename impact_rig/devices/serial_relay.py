@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError
+from impact_rig.devices.drivers import read_example
 from impact_rig.devices.protocols import (
     CommandedHolder,
     FoundDevice,
@@ -44,14 +45,7 @@ class SerialRelay(CommandedHolder):
     """
 
     description: ClassVar[str] = "a relay on a serial port"
-    example: ClassVar[str] = """\
-[holder]
-driver = "serial"
-port = "/dev/ttyUSB0"       # better: a name below /dev/serial/by-id, which stays
-channel = 1                 # relay on the board
-energized = "releases"      # or "holds": what the relay does while it is on
-baud_rate = 9600
-"""
+    example: ClassVar[str] = read_example("serial_holder")
 
     def __init__(self, options: TomlTable) -> None:
         options.check_keys("port", "channel", "energized", "baud_rate")

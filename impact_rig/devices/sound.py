@@ -9,6 +9,7 @@ import numpy as np
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
 from impact_rig.core.errors import DeviceError
+from impact_rig.devices.drivers import read_example
 from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, FoundDevice, SourceChannel
 from impact_rig.devices.speed_gate import SpeedGate
 from impact_rig.devices.streaming import StreamedSource
@@ -110,23 +111,7 @@ class SoundSource(StreamedSource):
 
     description: ClassVar[str] = "sound cards and USB accelerometers that look like one"
     measures_speed: ClassVar[bool] = True
-    example: ClassVar[str] = """\
-[source]
-driver = "sound"
-device = "USB Audio"         # its name, or a part of it; impact-rig devices lists them
-sampling_rate = "192 kHz"
-record_duration = "20 ms"
-
-[source.hammer]
-channel = 1                  # counted from 1: the left one
-sensitivity = "10 mV/g"
-input_range = "1.4 V"        # voltage of the largest count
-full_scale = "500 g"
-
-[source.specimen]
-channel = 2
-full_scale = "500 g"         # without a sensitivity: acceleration of the largest count
-"""
+    example: ClassVar[str] = read_example("sound_source")
 
     def __init__(self, options: TomlTable) -> None:
         super().__init__()

@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.records import FloatArray
+from impact_rig.core.records import NO_SPEED, FloatArray, MeasuredSpeed
 from impact_rig.core.setup import RigSetup
 
 PENDULUM_UNCERTAINTY = 0.05
@@ -16,17 +16,6 @@ PENDULUM_UNCERTAINTY = 0.05
 HYSTERESIS = 0.1
 """How far a signal must pass its level to count as an edge [level], our choice."""
 KEYS = ("channel", "level", "distance", "distance_uncertainty", "edges")
-
-
-class MeasuredSpeed(NamedTuple):
-    """A speed with its standard uncertainty [m/s]."""
-
-    value: float
-    standard: float
-
-
-NO_SPEED = MeasuredSpeed(0.0, 0.0)
-"""Of a hit at which none was measured."""
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.core.records import Block
+from impact_rig.core.records import NO_SPEED, Block, MeasuredSpeed
 from impact_rig.devices.protocols import NOT_MEASURED, Acquisition, AcquisitionPlan, ChannelScale
-from impact_rig.devices.speed_gate import NO_SPEED, EdgeWatch, MeasuredSpeed
+from impact_rig.devices.speed_gate import EdgeWatch
 
 CountArray = NDArray[np.int32] | NDArray[np.float64]
 
@@ -53,9 +53,10 @@ class StreamedSource(ABC):
     def configure(self, plan: AcquisitionPlan) -> Acquisition:
         """Open the device, and see that it delivers; errors as `AccelerationSource.configure`."""
         self._plan = plan
-        self._capacity = max(
-            plan.depth * plan.block_size, 2 * plan.points + plan.pre_trigger_points
-        )
+        # A reader that a busy computer holds up still finds the time before its trigger.
+        late = 0 if plan.continuous else round(self.longest_silence * plan.sampling_rate)
+        record = 2 * plan.points + plan.pre_trigger_points
+        self._capacity = max(plan.depth * plan.block_size, record, late)
         self.blocks.clear()
         self.count, self._end = 0, ""
         self._last_time = time.monotonic()
@@ -92,8 +93,7 @@ class StreamedSource(ABC):
                     self.sampling_rate,
                     hammer,
                     specimen,
-                    impact_speed=speed.value,
-                    impact_speed_uncertainty=speed.standard,
+                    impact_speed=speed,
                 )
             )
             self.count = first + len(counts)

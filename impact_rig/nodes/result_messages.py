@@ -44,8 +44,8 @@ def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
         contact_time=judged.contact_time,
         hammer_peak=judged.hammer_peak,
         specimen_peak=judged.specimen_peak,
-        impact_speed=judged.impact_speed,
-        impact_speed_uncertainty=judged.impact_speed_uncertainty,
+        impact_speed=judged.impact_speed.value,
+        impact_speed_uncertainty=judged.impact_speed.standard,
         sample_mass=judged.sample_mass,
         findings=list(map(str, judged.findings + judged.overruled)),
     )

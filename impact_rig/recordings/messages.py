@@ -20,11 +20,13 @@ from impact_rig.core.errors import ParameterError
 from impact_rig.core.findings import CODED
 from impact_rig.core.quantity import list_fields
 from impact_rig.core.records import (
+    NO_SPEED,
     NOT_ARMED,
     UNSTATED,
     Block,
     ChannelBlock,
     HitLabel,
+    MeasuredSpeed,
     Origin,
     RawArray,
 )
@@ -120,6 +122,13 @@ def _channel_from_msg(message: Any) -> ChannelBlock:
     )
 
 
+def _speed_from_msg(message: Any) -> MeasuredSpeed:
+    """Return the speed of a block; 0, as in a message that nobody has filled, is none."""
+    if not message.impact_speed > 0.0:
+        return NO_SPEED
+    return MeasuredSpeed(float(message.impact_speed), float(message.impact_speed_uncertainty))
+
+
 def block_from_msg(message: Any) -> Block:
     """Return an `AccelerationBlock` or `StreamBlock`, as a `Block` that reads its own counts.
 
@@ -141,8 +150,7 @@ def block_from_msg(message: Any) -> Block:
         last=bool(message.last),
         stamp=stamp_from_msg(message.header.stamp),
         origin=origin_from_msg(message),
-        impact_speed=float(message.impact_speed),
-        impact_speed_uncertainty=float(message.impact_speed_uncertainty),
+        impact_speed=_speed_from_msg(message),
     )
 
 
@@ -262,8 +270,8 @@ def fill_block(message: Any, block: Block) -> None:
     message.sampling_rate = block.sampling_rate
     message.last = block.last
     message.disarmed = block.disarmed
-    message.impact_speed = block.impact_speed
-    message.impact_speed_uncertainty = block.impact_speed_uncertainty
+    message.impact_speed = block.impact_speed.value
+    message.impact_speed_uncertainty = block.impact_speed.standard
     fill_message(message.origin, block.origin)
     _fill_channel(message.hammer, block.hammer)
     _fill_channel(message.specimen, block.specimen)

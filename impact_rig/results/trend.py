@@ -101,4 +101,4 @@ def _describe(values: Sequence[float]) -> str:
     change = find_trend(np.log(known))
     if not change:
         return "shows no trend"
-    return f"changes by {100.0 * change:+.2g} % from the first run to the last, no chance"
+    return f"changes by {100.0 * change:+.2g} % from the first run to the last, beyond chance"

@@ -96,6 +96,11 @@ UNREADABLE = [
     ('"10 mV/g"', '"0 mV/g"', r"line 28: sensitivity"),
     ('full_scale = "200 g"', 'full_scale = "200 N"', r"line 29: full_scale"),
     ("channel = 1\n", 'quantity = "speed"\nchannel = 1\n', r"line 27: quantity"),
+    ('"3.7 deg"', '"3.7 deg"\nimpact_speed_uncertainty = "9 cm/s"',
+     r"line 6: impact speed uncertainty is 0.09 m/s: it must be less"),
+    ("[holder]", "[check_mass]\nmas = 3\n[holder]", r"line 41: .*unknown key 'mas': did you mean"),
+    ("[holder]", "[check_mass]\n[holder]", r"line 40: \[check_mass\] lacks mass"),
+    ("[holder]", '[check_mass]\nmass = "0 g"\n[holder]', r"line 41: mass of sample 'check mass'"),
     ("[holder]", "[holde]", r"line 40: .*'holde': did you mean 'holder'"),
     ("[source.specimen]\n", "[source.specimen\n", r"line 35"),
 ]  # fmt: skip
@@ -132,6 +137,50 @@ def test_what_cannot_work_is_a_fault_with_its_line(old, new, told):
         require_rig(rig)
 
 
+BARRIER = """\
+[source.impact_speed]
+channel = 3
+distance = "5 mm"
+[check_mass]
+mass = "150 g"
+[holder]
+"""
+"""A light barrier and a check mass, in a rig of which nothing is wrong; they begin in line 40."""
+
+
+def add(text: str) -> str:
+    """Return the rig file with a light barrier and a check mass."""
+    return change("[holder]\n", text)
+
+
+def test_of_a_light_barrier_and_a_check_mass_nothing_is_said():
+    assert check_rig(parse_rig_file(add(BARRIER))) == ()
+
+
+BARRED = [
+    ("channel = 3", "channel = 2", True, "line 41: channel of [source.impact_speed] is '2', the"),
+    ("channel = 3", "channel = 1", True, "line 41: channel of [source.impact_speed] is '1', the"),
+    ('"5 mm"', '"50 mm"', True, "line 42: distance of [source.impact_speed] is 50 mm: the ham"),
+    ('"5 mm"', '"1 um"', False, "line 42: distance of [source.impact_speed] is 0.001 mm: from"),
+    ('"150 g"', '"150 kg"', False, "line 44: mass of [check_mass] is 1.5e+05 g beside a hammer"),
+    ('"150 g"', '"1.5 g"', False, "line 44: mass of [check_mass] is 1.5 g beside a hammer of"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "is_fault", "told"), BARRED)
+def test_mistakes_of_barrier_and_check_mass_are_named_with_their_line(old, new, is_fault, told):
+    assert old in BARRIER
+    notes = check_rig(parse_rig_file(add(BARRIER.replace(old, new, 1))))
+    assert any(told in note.text for note in notes if note.is_fault is is_fault), notes
+
+
+def test_a_sample_may_not_be_called_as_the_check_mass():
+    text = add(BARRIER).replace('name = "brass"', 'name = "check mass"')
+    (note,) = check_rig(parse_rig_file(text))
+    assert note.is_fault
+    assert "line 54: a sample is called 'check mass', as that of [check_mass]" in note.text
+
+
 SPECIMEN = RIG[RIG.index("[source.specimen]") : RIG.index("[holder]")]
 HOLDER = RIG[RIG.index("[holder]") : RIG.index("[[sample]]")]
 SOURCE = RIG[RIG.index("[source]") : RIG.index("[holder]")]
@@ -144,6 +193,8 @@ UNWISE = [
     ('"0.1 g"', '"10 g"', "line 3: mass_uncertainty of [hammer] is 8.85 % of the mass"),
     ('"8.19 cm/s"', '"8.19 km/h"', "line 5: release_angle and impact_speed of [hammer] are of a"),
     ('"8.19 cm/s"', '"81.9 m/s"', "line 4: impact_speed of [hammer] is 81.9 m/s: a pendulum"),
+    ('"3.7 deg"', '"3.7 deg"\nimpact_speed_uncertainty = "3 cm/s"',
+     "line 6: impact_speed_uncertainty of [hammer] is 36.6 % of the speed: a light barrier"),
     ("clock_uncertainty = 5e-5", "clock_uncertainty = 0.05", "line 7: clock_uncertainty of"),
     ('"3 g"', '"3 kg"', "line 10: accelerometer_mass of [samples] is 3000 g, beside sample"),
     ('"0.01 g"', '"10 g"', "line 46: mass_uncertainty of sample 'steel' is 9.09 % of the mass"),

@@ -9,7 +9,7 @@ import pytest
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.findings import Reason, Subject
 from impact_rig.core.hits import JudgedHit
-from impact_rig.core.records import Block, ChannelBlock, HitLabel
+from impact_rig.core.records import NO_SPEED, Block, ChannelBlock, HitLabel, MeasuredSpeed
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup, Sample, SampleSet
@@ -52,9 +52,10 @@ def strike(
         )  # fmt: skip
         for number, part in enumerate(whole.split(whole.stop // blocks + 1)):
             # The barrier's value comes with the block of the contact alone.
-            value = barrier * SPEED * speed if number == blocks // 2 else 0.0
-            measured = replace(part, impact_speed=value, impact_speed_uncertainty=COMMON * value)
-            hits += session.feed(measured)
+            value = barrier * SPEED * speed
+            is_there = value and number == blocks // 2
+            measured = MeasuredSpeed(value, COMMON * value) if is_there else NO_SPEED
+            hits += session.feed(replace(part, impact_speed=measured))
     return session.estimate_sample(name), hits
 
 
@@ -69,7 +70,9 @@ SCATTERED = (0.9, 1.05, 1.0, 1.1, 0.95, 1.0)
 def test_e_is_that_of_the_measured_speeds_and_their_scatter_cancels(blocks):
     found, hits = strike(replace(SETUP, impact_speed=2.0 * SPEED), SCATTERED, blocks=blocks)
     checks = found.checks
-    assert [hit.impact_speed for hit in hits] == pytest.approx([SPEED * x for x in SCATTERED])
+    assert [hit.impact_speed.value for hit in hits] == pytest.approx(
+        [SPEED * x for x in SCATTERED]
+    )
     assert checks.impact_speed.value == pytest.approx(SPEED, rel=1e-9)
     assert checks.stated_restitution.value == pytest.approx(0.8, abs=6e-3)
     assert checks.separation_restitution.value == pytest.approx(0.8, abs=6e-3)
@@ -86,7 +89,7 @@ def test_e_is_that_of_the_measured_speeds_and_their_scatter_cancels(blocks):
 
 def test_a_hit_that_the_barrier_missed_has_the_mean_of_the_others():
     found, hits = strike(SETUP, (1.0, 0.0, 1.0, 1.0))
-    assert np.isnan(hits[1].impact_speed)
+    assert not hits[1].impact_speed.is_known
     assert found.checks.impact_speed.value == pytest.approx(SPEED)
 
 

@@ -2,15 +2,18 @@
 
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 pytest.importorskip("nidaqmx", reason="the drivers need the Python package nidaqmx")
 
-from fakes.ni_driver import LINE, FakeDriver, Interpreter
+from fakes.ni_driver import INPUTS, LINE, FakeDriver, Interpreter
 from nidaqmx import Task, utils
+from nidaqmx.constants import AcquisitionType
 from nidaqmx.errors import DaqNotFoundError
+from nidaqmx.stream_readers import AnalogMultiChannelReader
 from nidaqmx.stream_writers import DigitalSingleChannelWriter
 
 from impact_rig.configuration.rig_file import parse_rig_file, read_template
@@ -99,6 +102,27 @@ def strike(driver, source, hit):
     block = source.read(TIMEOUT)
     assert block.last
     return block
+
+
+def test_the_stand_in_does_what_nis_own_tests_ask_of_a_device(driver):
+    """What NI's `test_analog_multi_channel_reader` has of the calls that the driver makes."""
+    with Task() as task:
+        for channel in INPUTS:
+            task.ai_channels.add_ai_voltage_chan(channel, min_val=-5.0, max_val=5.0)
+        mode = AcquisitionType.CONTINUOUS
+        task.timing.cfg_samp_clk_timing(1e5, sample_mode=mode, samps_per_chan=100_000)
+        task.start()
+        volts = [SimpleNamespace(acceleration=np.full(90_000, value)) for value in (1.0, 2.0)]
+        driver.sensitivities = (1.0, 1.0)
+        driver.feed(SimpleNamespace(hammer=volts[0], specimen=volts[1]))
+        reader = AnalogMultiChannelReader(task.in_stream)
+        count = task.number_of_channels
+        data = np.full((count, 50_000), np.inf)
+        assert reader.read_many_sample(data, 50_000) == 50_000
+        assert data[:, -10:] == pytest.approx(np.repeat([[1.0], [2.0]], 10, axis=1), abs=STEP)
+        one = np.full(count, np.inf)
+        reader.read_one_sample(one)
+        assert one == pytest.approx([1.0, 2.0], abs=STEP)
 
 
 def digitize(channel, sensitivity):

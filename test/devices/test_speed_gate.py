@@ -9,8 +9,9 @@ from scipy.integrate import solve_ivp
 
 from impact_rig.configuration.rig_file import parse_rig_file
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.records import NO_SPEED
 from impact_rig.devices.source_table import make_source
-from impact_rig.devices.speed_gate import NO_SPEED, EdgeWatch, SpeedGate
+from impact_rig.devices.speed_gate import EdgeWatch, SpeedGate
 
 LENGTH, ANGLE, RATE = 0.265, math.radians(3.7), 100e3
 SPEED = 2.0 * math.sqrt(9.80665 * LENGTH) * math.sin(ANGLE / 2.0)

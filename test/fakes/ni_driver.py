@@ -194,6 +194,8 @@ class FakeDriver:
             0x2174: bool(overloaded),
             0x2175: ", ".join(overloaded),
             0x1221: task.position,
+            0x2181: len(task.inputs),  # of the task
+            0x217B: len(task.inputs),  # of its reads
             0x1815: max((channel.limit for channel in task.inputs.values()), default=0.0),
         }[attribute]
 
@@ -226,8 +228,8 @@ class FakeDriver:
     ) -> None:  # fmt: skip
         if physical not in INPUTS:
             raise _make_unknown(physical)
-        self._tasks[task].inputs[name] = Input(physical, high)
-        self._newest = name
+        self._newest = name or physical
+        self._tasks[task].inputs[self._newest] = Input(physical, high)
 
     def internal_get_last_created_chan(self) -> str:
         return self._newest

@@ -18,11 +18,12 @@ import numpy as np
 import opendaq
 
 from fakes.relay_board import RelayBoard
-from impact_rig.configuration.rig_file import load_rig_file, read_template
+from impact_rig.configuration.rig_file import read_template
 from impact_rig.core.records import HitLabel
 from impact_rig.core.sensors import STANDARD_GRAVITY
-from impact_rig.core.setup import CONTROL_SAMPLE
+from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.devices.opendaq import make_instance
+from impact_rig.devices.speed_gate import SpeedGate
 from impact_rig.devices.virtual.rig import DigitizerSettings, VirtualRig, VirtualRigSettings
 
 RATE = 1_000_000  # [Hz], the fastest of openDAQ's reference device
@@ -47,11 +48,30 @@ channel = "RefFBModuleScaling_2/Sig/output"
 sensitivity = "20 mV/g"
 full_scale = "400 g"
 
+[source.impact_speed]
+channel = "RefFBModuleScaling_3/Sig/output"
+level = 2.5
+distance = "5 mm"
+distance_uncertainty = "10 um"
+
 [holder]
 driver = "serial"
 port = "{port}"
 swing_time = "20 ms"
 """
+
+
+PRE_TRIGGER, LEAD = 1e-3, 0.1  # [s], of a hit's record, and before it: the flag passes
+BARRIER = SpeedGate("", 2.5, 5e-3, 10e-6, 2, PAPER_SETUP.pendulum_rate)
+
+
+def make_rig(seed: int) -> VirtualRig:
+    """Return what the sensors see."""
+    digitizer = DigitizerSettings(
+        sampling_rate=RATE, pre_trigger=PRE_TRIGGER, record_duration=4e-3, offset=0.0
+    )
+    settings = VirtualRigSettings(seed=seed, digitizer=digitizer, gate=BARRIER)
+    return VirtualRig(PAPER_SETUP, settings)
 
 
 class Stream:
@@ -73,7 +93,7 @@ class Stream:
         builder.value_range = opendaq.Range(-10, 10)
         self._format = builder.build()
         self._signals = []
-        for name in ("hammer", "specimen"):
+        for name in ("hammer", "specimen", "barrier"):
             signal = opendaq.Signal(context, None, name, None)
             signal.descriptor, signal.domain_signal = self._format, self._clock
             block = self._instance.add_function_block("RefFBModuleScaling")
@@ -86,12 +106,12 @@ class Stream:
         }
         config = opendaq.IServerType.cast_from(types[SERVER]).create_default_config()
         self._instance.add_server(SERVER, config)
-        self._hits: list[np.ndarray] = []  # [V], shape (2, n)
+        self._hits: list[np.ndarray] = []  # [V], shape (3, n)
         self._lock = threading.Lock()
         threading.Thread(target=self._send_all, daemon=True).start()
 
     def strike(self, volts: np.ndarray) -> None:
-        """Let both sensors see a hit, shape (2, n), with the next packet."""
+        """Let sensors and barrier see a hit, shape (3, n), with the next packet."""
         with self._lock:
             self._hits.append(volts)
 
@@ -104,7 +124,7 @@ class Stream:
             with self._lock:
                 hits, self._hits = self._hits, []
             count = max(count, *(hit.shape[1] for hit in hits), 1)
-            values = NOISE * noise.standard_normal((2, count))
+            values = NOISE * noise.standard_normal((3, count))
             for hit in hits:
                 values[:, : hit.shape[1]] = hit
             ticks = opendaq.DataPacket(self._ticks, count, sent)
@@ -122,11 +142,7 @@ class OpenDaqBench:
     def __init__(self, rig_file: Path, seed: int) -> None:
         self.sample = ""
         self._strikes: Counter[str] = Counter()
-        digitizer = DigitizerSettings(
-            sampling_rate=RATE, pre_trigger=1e-3, record_duration=4e-3, offset=0.0
-        )
-        settings = VirtualRigSettings(seed=seed, digitizer=digitizer)
-        self._rig = VirtualRig(load_rig_file(None).setup, settings)
+        self._rig = make_rig(seed)
         self._rig.strike(HitLabel(CONTROL_SAMPLE))  # the first one imports for seconds
         self._stream = Stream()
         self.relay = RelayBoard(lambda: threading.Timer(SWING_TIME, self._strike).start())
@@ -138,8 +154,15 @@ class OpenDaqBench:
         self._strikes[self.sample] += 1
         impact = self._strikes[self.sample]
         hit = self._rig.strike(HitLabel(self.sample, record=impact, impact=impact))
-        signals = np.stack([hit.hammer.acceleration, hit.specimen.acceleration])
-        self._stream.strike(signals * (SENSITIVITY / STANDARD_GRAVITY))
+        lead = round(LEAD * RATE)
+        signals = np.zeros((3, lead + hit.hammer.output.size))
+        signals[0, lead:], signals[1, lead:] = hit.hammer.acceleration, hit.specimen.acceleration
+        signals[:2] *= SENSITIVITY / STANDARD_GRAVITY
+        # From its lowest point on, a pendulum is (v / w) sin(w t) away.
+        ways = np.array([0.5e-3 + BARRIER.distance, 0.5e-3]) * BARRIER.rate / hit.speed.value
+        first, last = LEAD + PRE_TRIGGER - np.arcsin(ways) / BARRIER.rate
+        signals[2, round(first * RATE) : round(last * RATE)] = 5.0
+        self._stream.strike(signals)
 
 
 def main() -> None:

@@ -14,6 +14,8 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from terminal import Terminal
 
+from impact_rig.core.records import HitLabel
+
 RIG = (sys.executable, "-m", "impact_rig.cli.main")
 TEST_FOLDER = Path(__file__).parents[1]
 SAMPLES = ("aluminium large", "steel small")
@@ -22,6 +24,8 @@ SEED = 7
 RATE = 1e6
 
 pytest.importorskip("opendaq", reason="pip install opendaq")
+
+from fakes.opendaq_bench import make_rig  # noqa: E402 - it needs openDAQ
 
 
 @contextmanager
@@ -75,6 +79,13 @@ def test_every_hit_comes_through_and_no_block_of_the_stream_is_lost(
     results = json.loads((tmp_path / "results.json").read_text("utf-8"))
     assert [hit["accepted"] for hit in results["hits"]] == [True] * (len(SAMPLES) * IMPACTS)
     assert all(hit["origin_source"].startswith("openDAQ device") for hit in results["hits"])
+    # The light barrier is a third signal, of which the record holds the value alone.
+    bench_rig = make_rig(SEED)
+    for hit in results["hits"]:
+        label = HitLabel(hit["sample"], hit["impact"], hit["impact"])
+        wanted, standard = (hit[f"impact_speed_{kind}m_per_s"] for kind in ("", "u_"))
+        assert wanted == pytest.approx(bench_rig.strike(label).speed.value, rel=1e-3)
+        assert 0.0 < standard < 0.01 * wanted
     seconds = check_stream(tmp_path / "session.mcap")
     record_property("processor seconds per second of the stream", round(used / seconds, 3))
     virtual = {item.name: item for item in strike(SAMPLES, impacts=IMPACTS, seed=SEED).samples}

@@ -8,8 +8,7 @@ from zlib import crc32
 
 import numpy as np
 
-from impact_rig.core.records import Block, ChannelBlock
-from impact_rig.devices.speed_gate import NO_SPEED
+from impact_rig.core.records import NO_SPEED, Block, ChannelBlock
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import (
     CountArray,
@@ -136,8 +135,7 @@ class StreamingDigitizer:
             specimen=specimen,
             stamp=self._start_stamp + round(number * self._period * 1e9),
             origin=self._settings.origin,
-            impact_speed=speed.value,
-            impact_speed_uncertainty=speed.standard,
+            impact_speed=speed,
         )
 
 

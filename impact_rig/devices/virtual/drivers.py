@@ -11,6 +11,7 @@ from impact_rig.core.errors import DeviceError
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import RigSetup
+from impact_rig.devices.drivers import read_example
 from impact_rig.devices.protocols import (
     Acquisition,
     AcquisitionPlan,
@@ -45,27 +46,6 @@ KEYS = (
     "scheduled_faults",
 )  # fmt: skip
 """Of the table [source]."""
-EXAMPLE = f"""\
-[source]
-driver = "virtual"                # every other key may be left out
-# plant = "published"             # or {", ".join(item.value for item in Plant)}
-# seed = 1                        # the same seed gives the same hits
-# sampling_rate = "2.5 MHz"
-# record_duration = "2 ms"
-# pre_trigger = "200 us"
-# noise = 1e-3                    # a part of full scale
-# bits = 12
-# hammer_full_scale = "2000 m/s^2"
-# specimen_full_scale = "4000 m/s^2"
-# contact_time_scatter = 3e-3     # from hit to hit, a part of tau_p
-# amplitude_scatter = 2e-2        # the same of the force
-# contact_exponent = 1.5          # n of the plant contact; there the material gives the
-# restitution = 0.0               # stiffness, and the restitution too unless one is given here
-# fault_probability = 0.0         # of each of `faults`, for each hit
-# faults = "overload, weak_hit"   # those drawn, by default all of
-#                                 # {", ".join(item.value for item in Fault)}
-# scheduled_faults = "3:double_hit, steel small/1:overload"    # at the first attempt
-"""
 TRIGGER_LEVEL = 0.02  # part of the hammer's full scale
 
 
@@ -84,7 +64,7 @@ class VirtualSource:
     """
 
     description: ClassVar[str] = "the virtual rig: hits are simulated, no device is needed"
-    example: ClassVar[str] = EXAMPLE
+    example: ClassVar[str] = read_example("virtual_source")
     measures_speed: ClassVar[bool] = True
 
     def __init__(self, options: TomlTable) -> None:

@@ -14,9 +14,18 @@ from impact_rig.core.errors import (
     check_positive,
 )
 from impact_rig.core.model import ImpactModel
-from impact_rig.core.records import SIMULATED, Block, ChannelBlock, FloatArray, HitLabel, Origin
+from impact_rig.core.records import (
+    NO_SPEED,
+    SIMULATED,
+    Block,
+    ChannelBlock,
+    FloatArray,
+    HitLabel,
+    MeasuredSpeed,
+    Origin,
+)
 from impact_rig.core.setup import RigSetup
-from impact_rig.devices.speed_gate import NO_SPEED, MeasuredSpeed, SpeedGate
+from impact_rig.devices.speed_gate import SpeedGate
 from impact_rig.devices.virtual.choices import IDENTITY, Fault, Plant
 from impact_rig.devices.virtual.contact import HERTZ_EXPONENT, Contact, make_nominal_contact
 from impact_rig.devices.virtual.plants import (
@@ -264,8 +273,7 @@ class VirtualHit:
             last=True,
             stamp=stamp,
             origin=self.origin,
-            impact_speed=self.speed.value,
-            impact_speed_uncertainty=self.speed.standard,
+            impact_speed=self.speed,
         )
         if Fault.MISSED_TRIGGER in self.faults:
             return (replace(whole.cut(0, 0), triggered=False, last=True),)

@@ -143,3 +143,8 @@ def test_a_hit_needs_a_set_up():
     source.configure(make_plan())
     with pytest.raises(DeviceError, match="start the campaign node first"):
         source.check_sample("steel small")
+
+
+def test_the_example_names_every_plant_and_fault():
+    for name in (*Plant, *Fault):
+        assert name.value in VirtualSource.example
