@@ -28,6 +28,7 @@ from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.page.states import NodeHealth
 from impact_rig.page.status import RigStatus
+from impact_rig.page.view import View, make_view
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.recordings.messages import InjectedFaults
@@ -147,6 +148,7 @@ class VisualizerNode(RigNode):
         self._feed: CampaignFeed
         self._campaign: ShownCampaign  # that of the feed
         self._status = RigStatus(self.get_namespace())
+        self._now: View | None = None  # that is shown; None: none is
         self._counts = {"blocks": 0, "hits": 0, "comparisons": 0, "left out": 0}
 
     def configure(self) -> None:
@@ -161,6 +163,7 @@ class VisualizerNode(RigNode):
         )
         if self._view.page is not None:
             notify(Notice.PAGE, self._view.page)
+        self._log(lambda log: log.log_setup("", ()))
         # What is replaced as a whole is replaced once a second.
         self._refreshing = self.create_timer(1.0, self._refresh)
         self._feed = CampaignFeed(self._on_campaign, self._on_finding)
@@ -180,6 +183,9 @@ class VisualizerNode(RigNode):
                 (interfaces.HAMMER_ESTIMATE, self._feed.on_finding),
                 (interfaces.COMPARISON, self._feed.on_finding),
                 (interfaces.DIAGNOSTICS, self._on_diagnostics),
+                (interfaces.CAMPAIGN_STATE, self._on_state),
+                (interfaces.HAMMER_STATE, self._on_state),
+                (interfaces.ACQUISITION_STATE, self._on_state),
             )
         ]
 
@@ -239,6 +245,10 @@ class VisualizerNode(RigNode):
 
     def _refresh(self) -> None:
         self._log_latest()
+        now = make_view(self._status)
+        if now != self._now:
+            self._now = now
+            self._log(lambda log: log.log_now(now))
         if self._view is not None:
             self._is_behind = not self._view.flush()
 
@@ -246,6 +256,7 @@ class VisualizerNode(RigNode):
         self._log_latest()
         setup = received.value
         campaign = self._campaign = ShownCampaign(setup)
+        self._status.begin(setup)
         contact_times = [sample.reference_contact_time for sample in setup.samples.samples]
         self._log(
             lambda log: log.log_setup(
@@ -264,6 +275,7 @@ class VisualizerNode(RigNode):
         campaign.add(found)
         if isinstance(found, HitResults):
             verdict, stamp = campaign.newest_hit, received.stamp
+            self._status.add_hit(verdict)
             self._log(lambda log: log.log_verdicts([verdict], [stamp]))
         if isinstance(found, SampleTraces):
             self._counts["comparisons"] += 1
@@ -279,6 +291,9 @@ class VisualizerNode(RigNode):
         if traces is not None:
             self._counts["hits"] += 1
             self._log(lambda log: log.log_hit(traces))
+
+    def _on_state(self, received: Received[Any]) -> None:
+        self._status.keep(received.value)
 
     def _on_diagnostics(self, received: Received[tuple[NodeHealth, ...]]) -> None:
         if self._status.add_health(received.value):

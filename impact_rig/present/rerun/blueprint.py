@@ -25,13 +25,20 @@ LARGEST_GRID_WIDTH = 4
 BEFORE, AFTER = 1.0, 4.5
 """Time range that plots of samples show first, from the middle of the pulse, in longest contact
 times [-]: some periods of the sample's decay."""
-OVERVIEW = "All [m/s²]: hammer blue, sample orange, model on top, residual grey, contact green"
+OVERVIEW = (
+    "All [m/s²]: hammer blue, sample orange, model on top, contact green, residual grey"
+    " (alone: no hit yet)"
+)
 LAYERS = (entities.CONTACT, entities.OVERLAY, entities.MODELS, entities.POINTS)
 """Layers of a body, from below."""
 
 
 def make_blueprint(
-    sample_names: Sequence[str], contact_times: Sequence[float] = (), hammer_unit: str = "m/s^2"
+    sample_names: Sequence[str],
+    contact_times: Sequence[float] = (),
+    hammer_unit: str = "m/s^2",
+    *,
+    is_live: bool = True,
 ) -> rrb.Blueprint:
     """Lay out the view: tabs of the last hit, the samples, the campaign and the rig's health.
 
@@ -44,6 +51,8 @@ def make_blueprint(
         first. Without any, plots show whole records.
     hammer_unit : str
         Unit of the hammer's sensor.
+    is_live : bool
+        Whether there is a rig with a state, and nodes with a health.
 
     Raises
     ------
@@ -60,24 +69,31 @@ def make_blueprint(
         decay = layout.TimeAxis(view_range=sdk.TimeRange(*limits))
     return layout.Blueprint(
         layout.Tabs(
-            _lay_out_hit(),
+            _lay_out_hit(is_live=is_live),
             _lay_out_samples(sample_names, decay),
             _lay_out_campaign(hammer_unit),
-            _lay_out_health(),
+            *([_lay_out_health()] if is_live else []),
             active_tab=0,
         ),
         # Plots need the time inside the hit; rerun would start with the wall clock.
-        layout.TimePanel(timeline=entities.HIT_TIME, state="collapsed"),
+        layout.TimePanel(
+            timeline=entities.HIT_TIME,
+            state="collapsed",
+            play_state="following" if is_live else "paused",
+        ),
         layout.BlueprintPanel(state="collapsed"),
         layout.SelectionPanel(state="collapsed"),
     )
 
 
-def _lay_out_hit() -> rrb.Container:
+def _lay_out_hit(*, is_live: bool) -> rrb.Container:
+    layout = import_rerun().blueprint
     title = "Measured acceleration [m/s²] over the time in the record"
-    return import_rerun().blueprint.Horizontal(
+    verdict = _make_text_view("Verdict", entities.VERDICT)
+    now = _make_text_view("Now", entities.NOW)
+    return layout.Horizontal(
         _make_time_view(title, [entities.HITS]),
-        _make_text_view("Verdict", entities.VERDICT),
+        layout.Vertical(now, verdict, row_shares=[3, 2]) if is_live else verdict,
         column_shares=[2, 1],
         name=TAB_HIT,
     )
@@ -144,7 +160,7 @@ def _lay_out_campaign(hammer_unit: str) -> rrb.Container:
     """Return a tab with tables, verdicts, and contact time and peaks of each hit."""
     sdk = import_rerun()
     layout = sdk.blueprint
-    when = f"of each hit (timeline {entities.HIT} or {entities.WALL_CLOCK}, chosen below)"
+    when = "of each hit: 7 s is record 7"
     trends = [
         _make_time_view(f"{title} {when}", [(*entities.TRENDS, quantity)])
         for title, quantity in (
@@ -175,13 +191,12 @@ def _lay_out_campaign(hammer_unit: str) -> rrb.Container:
 def _lay_out_health() -> rrb.Container:
     sdk = import_rerun()
     layout = sdk.blueprint
-    when = f"timeline {entities.WALL_CLOCK}"
     losses = _make_time_view(
-        f"Gaps, missing points, dropped, rejected ({when})", [(*entities.HEALTH_HISTORY, LOSSES)]
+        "Gaps, missing points, dropped, rejected", [(*entities.HEALTH_HISTORY, LOSSES)]
     )
     states = layout.StateTimelineView(
         origin=sdk.new_entity_path([*entities.HEALTH_HISTORY, LEVELS]),
-        name=f"State of the nodes ({when})",
+        name="State of the nodes",
     )
     return layout.Horizontal(
         _make_text_view("Nodes", entities.HEALTH),

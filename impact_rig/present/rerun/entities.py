@@ -4,8 +4,10 @@ APPLICATION = "impact_rig"
 """Rerun's application id: viewers keep a user's own layout under it."""
 
 HIT_TIME = "hit_time"
-"""Timeline: time inside a hit. 0 is the first point of a record; for traces on one time axis it is
-the middle of the hammer pulse."""
+"""Timeline of all plots, since a viewer shows one at a time: time inside a hit. 0 is the first
+point of a record; for traces on one time axis it is the middle of the hammer pulse. What is shown
+over the hits has a second for each hit, and the nodes' health the time since their first message.
+"""
 HIT = "hit"
 """Timeline: number of the record."""
 WALL_CLOCK = "wall_clock"
@@ -16,6 +18,8 @@ Path = tuple[str, ...]
 
 HITS: Path = ("hits",)
 """Parent of one entity per record: its hammer and sample traces."""
+NOW: Path = ("now",)
+"""Text on what the rig does and asks for, while it runs."""
 VERDICT: Path = ("verdict",)
 """Text on the last hit."""
 SAMPLES: Path = ("samples",)
@@ -25,11 +29,11 @@ TABLES: Path = ("results",)
 LOG: Path = ("log",)
 """One line per verdict."""
 TRENDS: Path = ("trends",)
-"""Contact time and peaks of each hit, over the number of the hit and the time of day."""
+"""Contact time and peaks of each hit."""
 HEALTH: Path = ("health", "now")
 """State of the nodes."""
 HEALTH_HISTORY: Path = ("health", "history")
-"""Parent of kind / node / figure, over the time of day."""
+"""Parent of kind / node / figure."""
 
 CONTACT_TIME = "contact_time"
 HAMMER_PEAK = "hammer_peak"

@@ -33,7 +33,6 @@ GIGABYTE = 1e9
 SIZE = "size"
 """A figure in bytes."""
 SIGNS = {Level.OK: "✓", Level.WARNING: "⚠", Level.ERROR: "✗", Level.STALE: "?"}
-NO_HEALTH = "No node has published its state. A view of a recording shows none."
 
 
 class HealthLog:
@@ -46,6 +45,7 @@ class HealthLog:
         self._rr = import_rerun()
         self._stream = stream
         self._levels: dict[str, Level] = {}
+        self._start: int | None = None  # [ns since the epoch]; None: nothing was logged
 
     def log(self, nodes: Sequence[NodeHealth], stamp: int) -> None:
         """Add figures and changes of level to the history; `stamp` is in ns since the epoch."""
@@ -71,10 +71,16 @@ class HealthLog:
         self._send(path, stamp, change)
 
     def _send(self, path: entities.Path, stamp: int, columns: rr.ComponentColumnList) -> None:
+        self._start = stamp if self._start is None else self._start
+        rr = self._rr
         moment = np.array([stamp], "datetime64[ns]")
+        since = np.array([stamp - self._start], "timedelta64[ns]")
         self._stream.send_columns(
             self._rr.new_entity_path(path),
-            indexes=[self._rr.TimeColumn(entities.WALL_CLOCK, timestamp=moment)],
+            indexes=[
+                rr.TimeColumn(entities.WALL_CLOCK, timestamp=moment),
+                rr.TimeColumn(entities.HIT_TIME, duration=since),
+            ],
             columns=columns,
         )
 
@@ -95,8 +101,6 @@ def _format_figure(name: str, text: str) -> str:
 
 def format_health(nodes: Sequence[NodeHealth]) -> str:
     """Return the state of the nodes as Markdown, worst first."""
-    if not nodes:
-        return NO_HEALTH
     paragraphs = []
     for node in sorted(nodes, key=lambda node: node.level, reverse=True):
         title = f"{SIGNS[node.level]} {escape_markdown(node.name)}: {node.level.name.lower()}"

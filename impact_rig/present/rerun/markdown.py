@@ -9,8 +9,9 @@ from impact_rig.core.findings import join_findings
 from impact_rig.core.records import SIMULATED
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import ACCELERATION
+from impact_rig.page.view import View
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.numbers import MICRO, MISSING, format_number, show_unit
+from impact_rig.results.numbers import MICRO, MISSING, format_count, format_number, show_unit
 from impact_rig.results.references import explain_misprint, find_expected
 from impact_rig.results.remarks import (
     Remark,
@@ -20,7 +21,10 @@ from impact_rig.results.remarks import (
     tabulate_rejections,
 )
 from impact_rig.results.tables import (
+    Column,
     Table,
+    list_table,
+    make_text_column,
     tabulate_checks,
     tabulate_errors,
     tabulate_methods,
@@ -69,6 +73,30 @@ def format_verdict(hit: HitResults, hammer: tuple[float, str] = ACCELERATION) ->
         faults = ", ".join(fault.replace("_", " ") for fault in hit.injected_faults)
         lines.append(f"Fault of the virtual rig, on purpose: {escape_markdown(faults)}.")
     return "\n\n".join(lines)
+
+
+def format_now(view: View) -> str:
+    """Return what the rig does and asks for now as Markdown, and how far its campaign has come."""
+    sentence = view.sentence
+    lines = [("rig", view.origin), *((f"hammer {name}", text) for name, text in view.hammer_rows)]
+    hits, wanted = (
+        sum(getattr(sample, name) for sample in view.samples) for name in ("accepted", "wanted")
+    )
+    lines.append(("hits", f"{hits} of {wanted}" if wanted else str(hits)))
+    columns = [
+        make_text_column("Sample", [sample.name for sample in view.samples]),
+        Column("Accepted", [f"{item.accepted} of {item.wanted}" for item in view.samples]),
+        Column("Rejected", [str(item.rejected) for item in view.samples]),
+    ]
+    current = [place for place, item in enumerate(view.samples) if item.is_current]
+    return "\n\n".join(
+        [
+            f"# {escape_markdown(sentence.headline)}",
+            escape_markdown(sentence.detail),
+            "\n".join(_format_item(name, text) for name, text in lines if text),
+            *map(format_table, list_table("Progress", columns, marked=current)),
+        ]
+    )
 
 
 def _format_item(about: str, text: str) -> str:
@@ -129,10 +157,13 @@ def _format_remarks(remarks: Sequence[Remark]) -> list[str]:
 def format_summary(results: Results, sample: SampleEstimate) -> str:
     """Return one sample: its values by each method, and its remarks."""
     reference = find_expected(results, sample.name)
+    # Counted as the tables count: an estimate may be older than the last rejected hit.
+    struck = [hit for hit in results.hits if hit.sample == sample.name]
+    accepted = sum(hit.accepted for hit in struck)
     paragraphs = [
         f"# {escape_markdown(sample.name)}",
         escape_markdown(f"Origin: {results.find_origin(sample.name)}"),
-        f"{sample.impacts_accepted} hits in the mean, {sample.impacts_rejected} rejected.",
+        f"{format_count(accepted, 'hit')} in the mean, {len(struck) - accepted} rejected.",
         format_table(tabulate_methods(sample, reference)),
         *map(format_table, tabulate_errors([sample])),
         *map(format_table, tabulate_checks([sample])),

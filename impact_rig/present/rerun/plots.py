@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -47,6 +47,8 @@ if TYPE_CHECKING:
 
 EARLIER = "earlier"
 """Name of all replaced lines."""
+SENTENCE = "sentence"
+"""Entity of a line that says something."""
 
 OPAQUE = 255
 """Full opacity."""
@@ -103,6 +105,7 @@ class PlotLog:
         lines: Sequence[Line],
         *,
         keeps_peaks: bool = True,
+        name: str = "",
     ) -> str:
         """Draw lines beside what the family shows already.
 
@@ -119,13 +122,15 @@ class PlotLog:
         keeps_peaks : bool
             Where several points share a pixel, draw the lowest and the highest. Not for a few
             points whose order matters.
+        name : str
+            Of the entity; empty: a new number.
 
         Returns
         -------
         str
             Path of the entity.
         """
-        path = self._add(family, len(lines), is_points=False)
+        path = self._add(family, len(lines), is_points=False, name=name)
         style = self._rr.SeriesLines(
             names=[line.name for line in lines],
             colors=_pack([line.colour for line in lines]),
@@ -156,6 +161,23 @@ class PlotLog:
         self._stream.log(path, style, static=True)
         return path
 
+    def write(self, family: Path, sentence: str) -> None:
+        """Say in a plot why it shows nothing: as the name of a line at zero."""
+        self.hide(family)
+        line = Line(sentence, GREY, MEAN_WIDTH)
+        moment = np.array([0.0, MOMENT])
+        path = self.draw_lines(family, moment, np.zeros((2, 1)), [line], name=SENTENCE)
+        # It may have been hidden before.
+        self._stream.log(
+            path, self._rr.SeriesLines.from_fields(visible_series=[True]), static=True
+        )
+
+    def write_in_blanks(self, families: Iterable[Path], sentence: str) -> None:
+        """Say it in the plots that show nothing."""
+        for family in families:
+            if family not in self._shown:
+                self.write(family, sentence)
+
     def hide(self, parent: Path = ()) -> None:
         """Hide all lines at or below `parent`; without it, all."""
         for family in [item for item in self._shown if item[: len(parent)] == parent]:
@@ -171,14 +193,11 @@ class PlotLog:
         )
         self._stream.log(drawn.path, hidden, static=True)
 
-    def _add(self, family: Path, count: int, *, is_points: bool) -> str:
-        path = self._make_path(family)
+    def _add(self, family: Path, count: int, *, is_points: bool, name: str = "") -> str:
+        self._versions[family] += not name
+        path = str(self._rr.new_entity_path([*family, name or str(self._versions[family])]))
         self._shown.setdefault(family, []).append(_Drawn(path, count, is_points))
         return path
-
-    def _make_path(self, family: Path) -> str:
-        self._versions[family] += 1
-        return str(self._rr.new_entity_path([*family, str(self._versions[family])]))
 
     def _send(self, path: str, time: FloatArray, values: NDArray[Any]) -> None:
         if time.size == 0:
@@ -233,6 +252,8 @@ CONTACT_HEIGHT = 1.1
 PEAK_MARKERS = {"U1": "up", "U2": "down"}
 EDGE = 1e-9
 """Width of the window's upright lines [s]: the resolution of the timeline."""
+MOMENT = 0.2e-3
+"""Length of the line whose name is a sentence [s]: as a contact, since hidden it has room too."""
 THINNING = 2
 """Of means and models, which are smooth, every second point is drawn, and the peaks."""
 
@@ -264,9 +285,11 @@ def _join_hits(hits: Sequence[AlignedHit], row: int) -> tuple[FloatArray, Float3
 
 def draw_sample(plots: PlotLog, traces: SampleTraces) -> None:
     """Draw mean, models, residuals and marks of a sample; they replace older ones."""
-    bodies = BODIES[: traces.mean.shape[0]]
-    for row, body in enumerate(bodies):
+    for row, body in enumerate(BODIES):
         parent = make_body_path(traces.name, body)
+        if row == traces.mean.shape[0]:
+            plots.write((*parent, entities.MODELS), "Nothing measured.")
+            break
         columns, lines = _gather_lines(traces, row)
         _replace_lines(plots, (*parent, entities.MODELS), traces.time, columns, lines)
         plots.hide((*parent, entities.CONTACT))
@@ -351,13 +374,14 @@ def _draw_points(plots: PlotLog, traces: SampleTraces) -> None:
 def draw_law(plots: PlotLog, sample: str, law: ContactLaw, curves: LawCurves | None) -> None:
     """Draw pulse, law and versed-sine, and both residuals; they replace older ones.
 
-    Without `curves` nothing is drawn.
+    Without `curves` the plots say why.
     """
     pulse = make_body_path(sample, entities.LAW)
     residual = make_body_path(sample, entities.LAW_RESIDUAL)
     if curves is None:
-        plots.hide(pulse)
-        plots.hide(residual)
+        why = "; ".join(note.explanation for note in law.notes)
+        plots.write(pulse, f"No contact law is given{': ' * bool(why)}{why}.")
+        plots.write(residual, "No contact law is given.")
         return
     exponent, restitution = format_quantity(law.exponent, 3), format_quantity(law.restitution, 3)
     models = [

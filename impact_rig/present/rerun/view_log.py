@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +11,14 @@ import numpy as np
 from impact_rig.core.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.setup import ACCELERATION, RigSetup
 from impact_rig.page.states import NodeHealth
+from impact_rig.page.view import View
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.blueprint import make_blueprint
-from impact_rig.present.rerun.entities import Path
+from impact_rig.present.rerun.entities import BODIES, Path
 from impact_rig.present.rerun.health import HealthLog, format_health
 from impact_rig.present.rerun.markdown import (
     format_log_line,
+    format_now,
     format_results,
     format_summary,
     format_verdict,
@@ -59,7 +61,8 @@ TRENDS = {
 }
 """Colours of the accepted hits, by quantity."""
 NO_HIT = "No hit yet."
-"""Text of a campaign without results."""
+NOTHING = "Nothing measured."
+"""Written where nothing can be shown: in texts and in plots."""
 
 
 class ViewLog:
@@ -82,7 +85,7 @@ class ViewLog:
         self._plots = PlotLog(stream)
         self._trends: dict[str, str] = {}
         self._health = HealthLog(stream)
-        self._layout: tuple[str, ...] | None = None
+        self._layout: tuple[object, ...] | None = None
         self._hammer = ACCELERATION
         self._summarised: set[str] = set()
 
@@ -92,6 +95,8 @@ class ViewLog:
         sample_names: Sequence[str],
         contact_times: Sequence[float] = (),
         hammer_reading: tuple[float, str] = ACCELERATION,
+        *,
+        is_live: bool = True,
     ) -> None:
         """Begin a campaign: hide the one before, and lay the view out for a sample set.
 
@@ -108,6 +113,8 @@ class ViewLog:
             the time in which something happens. Without any they begin with whole records.
         hammer_reading : tuple of float and str
             What the hammer's sensor measures at 1 m/s^2, and its unit.
+        is_live : bool
+            Whether there is a rig, whose state and nodes are shown as well.
         """
         self._hammer = hammer_reading
         self._plots.hide()
@@ -115,14 +122,21 @@ class ViewLog:
         summaries = (_make_summary_path(sample) for sample in (*self._summarised, *sample_names))
         for path in dict.fromkeys((entities.VERDICT, entities.TABLES, *summaries)):
             self._log_document(path, NO_HIT)
+        if is_live:
+            self._plots.write_in_blanks(_list_plots(sample_names), NOTHING)
+        self._log_lines([f"campaign of {name or 'the rig'}"], [self._rr.TextLogLevel.INFO])
         if name:
             self._stream.send_recording_name(name)
-        layout = (*sample_names, hammer_reading[1])
+        layout = (*sample_names, hammer_reading[1], is_live)
         if self._layout != layout:
             self._layout = layout
             self._stream.send_blueprint(
-                make_blueprint(sample_names, contact_times, hammer_reading[1])
+                make_blueprint(sample_names, contact_times, hammer_reading[1], is_live=is_live)
             )
+
+    def log_now(self, view: View) -> None:
+        """Show what the rig does and asks for now, and how far its campaign has come."""
+        self._log_document(entities.NOW, format_now(view))
 
     def log_hit(self, traces: HitTraces) -> None:
         """Show the traces of a record; they replace the last one's."""
@@ -157,12 +171,10 @@ class ViewLog:
             rr.TimeColumn(entities.WALL_CLOCK, timestamp=np.array(stamps, "datetime64[ns]")),
         ]
         levels = [rr.TextLogLevel.INFO if hit.accepted else rr.TextLogLevel.WARN for hit in hits]
-        # A line is shown only where the timeline of the plots has it, too.
-        start = rr.TimeColumn(entities.HIT_TIME, duration=np.zeros(len(hits), "timedelta64[ns]"))
-        self._stream.send_columns(
-            rr.new_entity_path(entities.LOG),
-            indexes=[*indexes, start],
-            columns=rr.TextLog.columns(text=list(map(format_log_line, hits)), level=levels),
+        self._log_lines(list(map(format_log_line, hits)), levels, indexes)
+        seconds = np.array([hit.record for hit in hits], "timedelta64[s]")
+        indexes.append(
+            rr.TimeColumn(entities.HIT_TIME, duration=seconds.astype("timedelta64[ns]"))
         )
         values = np.array(
             [
@@ -172,6 +184,8 @@ class ViewLog:
         )
         accepted = np.array([hit.accepted for hit in hits], dtype=bool)
         for quantity, column in zip(TRENDS, values.T, strict=True):
+            if np.isnan(column).all():
+                continue
             rows = np.stack(
                 [np.where(accepted, column, np.nan), np.where(accepted, np.nan, column)], axis=1
             )
@@ -213,11 +227,13 @@ class ViewLog:
         Samples without hits are left out, unless all are.
         """
         results, hits = campaign.results, campaign.hits
+        names = [sample.name for sample in results.samples or results.setup.samples.samples]
         self.log_setup(
             results.setup.name,
-            [sample.name for sample in results.samples or results.setup.samples.samples],
+            names,
             [sample.paper.contact_time.value for sample in results.samples],
             results.setup.hammer_reading,
+            is_live=False,
         )
         if hits:
             self.log_verdicts([hit.result for hit in hits], [hit.stamp for hit in hits])
@@ -229,7 +245,7 @@ class ViewLog:
         for traces in campaign.samples:
             self.log_sample(traces, laws.get(traces.name, NO_LAW), results.setup)
         self.log_results(results)
-        self.log_health((), 0)
+        self._plots.write_in_blanks(_list_plots(names), NOTHING)
 
     def _draw_hits(self, hits: Sequence[HitTraces]) -> None:
         """Draw records; those with equal points of time share an entity.
@@ -246,6 +262,7 @@ class ViewLog:
     def _begin_trend(self, quantity: str) -> str:
         """Return the entity of a trend; each campaign has new ones."""
         if quantity not in self._trends:
+            self._plots.hide((*entities.TRENDS, quantity))
             marks = [
                 Mark(ACCEPTED, TRENDS[quantity], "circle", TREND_SIZE),
                 Mark(REJECTED, GREY, "cross", TREND_SIZE),
@@ -253,10 +270,35 @@ class ViewLog:
             self._trends[quantity] = self._plots.add_points((*entities.TRENDS, quantity), marks)
         return self._trends[quantity]
 
+    def _log_lines(
+        self, lines: Sequence[str], levels: Sequence[str], indexes: Sequence[rr.TimeColumn] = ()
+    ) -> None:
+        """Add lines to the log."""
+        rr = self._rr
+        # They are shown only where the timeline of the plots has them, too.
+        start = rr.TimeColumn(entities.HIT_TIME, duration=np.zeros(len(lines), "timedelta64[ns]"))
+        self._stream.send_columns(
+            rr.new_entity_path(entities.LOG),
+            indexes=[*indexes, start],
+            columns=rr.TextLog.columns(text=lines, level=levels),
+        )
+
     def _log_document(self, path: Path, text: str) -> None:
         document = self._rr.TextDocument(text, media_type=self._rr.MediaType.MARKDOWN)
         # Static: to be seen wherever the time cursor stands.
         self._stream.log(self._rr.new_entity_path(path), document, static=True)
+
+
+def _list_plots(samples: Iterable[str]) -> list[Path]:
+    """Return the families that every view has plots of."""
+    parts = [
+        *((body, entities.MODELS) for body in BODIES), (entities.LAW,), (entities.LAW_RESIDUAL,)
+    ]  # fmt: skip
+    return [
+        entities.HITS,
+        *((*entities.TRENDS, quantity) for quantity in TRENDS),
+        *((*entities.SAMPLES, sample, *part) for sample in samples for part in parts),
+    ]
 
 
 def _make_summary_path(sample: str) -> Path:

@@ -80,11 +80,13 @@ class Recording:
 
     def find_hidden(self) -> set[str]:
         """Return the entities of which every line or point is hidden."""
-        hidden, points = self.find_plots("visible_series"), self.find_plots("markers")
-        for entity in hidden:
-            kind = "Points" if entity in points else "Lines"
-            assert not any(self.find_static(entity, f"Series{kind}:visible_series")), entity
-        return hidden
+        set_by_hand, points = self.find_plots("visible_series"), self.find_plots("markers")
+        kinds = {item: "Points" if item in points else "Lines" for item in set_by_hand}
+        return {
+            item
+            for item, kind in kinds.items()
+            if not any(self.find_static(item, f"Series{kind}:visible_series"))
+        }
 
     def read_blueprint(self) -> list[dict[str, Any]]:
         """Return every row of the blueprint that the viewer takes."""

@@ -5,9 +5,13 @@ from dataclasses import replace
 
 from impact_rig.core.findings import Finding, Reason, join_findings
 from impact_rig.core.records import SIMULATED, Origin
+from impact_rig.page.states import CampaignStatus, HammerStatus, SampleProgress, Step, Task
+from impact_rig.page.status import RigStatus
+from impact_rig.page.view import make_view
 from impact_rig.present.rerun.markdown import (
     escape_markdown,
     format_log_line,
+    format_now,
     format_results,
     format_summary,
     format_verdict,
@@ -79,3 +83,28 @@ def test_results_have_no_sign_that_the_viewer_s_font_has_not(results):
         *(format_summary(results, sample) for sample in results.samples),
     ]
     assert set(re.findall(r"[^\x00-\x7f]", "".join(texts))) <= set(DRAWN)
+
+
+def test_what_to_mount_if_it_is_armed_and_how_far_it_is_stand_in_one_text():
+    counts = (SampleProgress("steel small", 3, 1), SampleProgress("brass large", 1, 0))
+    step = CampaignStatus(
+        Step.WAITING_FOR_SAMPLE, task=Task.MOUNT, impacts=3, counts=counts, sample="brass large"
+    )
+    status = RigStatus(campaign=step, hammer=HammerStatus(message="disarmed by hand"))
+
+    text = format_now(make_view(status))
+
+    assert text.startswith("# MOUNT brass large")
+    assert "- **hammer armed**: no: disarmed by hand" in text
+    assert "- **hits**: 4 of 6" in text
+    assert read_rows(text) == [["steel small", "3 of 3", "1"], ["brass large", "1 of 3", "0"]]
+
+
+def test_hits_are_counted_as_in_the_table_of_rejected_ones(results):
+    sample = results.samples[0]
+    hits = (replace(results.hits[0], accepted=False, reasons=REASONS), *results.hits[1:])
+
+    text = format_summary(replace(results, hits=hits), sample)
+
+    assert sample.impacts_rejected == 0
+    assert "1 hit in the mean, 1 rejected." in text
