@@ -28,7 +28,6 @@ from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.page.states import NodeHealth
 from impact_rig.page.status import RigStatus
-from impact_rig.page.view import View, make_view
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.recordings.messages import InjectedFaults
@@ -148,7 +147,6 @@ class VisualizerNode(RigNode):
         self._feed: CampaignFeed
         self._campaign: ShownCampaign  # that of the feed
         self._status = RigStatus(self.get_namespace())
-        self._now: View | None = None  # that is shown; None: none is
         self._counts = {"blocks": 0, "hits": 0, "comparisons": 0, "left out": 0}
 
     def configure(self) -> None:
@@ -245,10 +243,7 @@ class VisualizerNode(RigNode):
 
     def _refresh(self) -> None:
         self._log_latest()
-        now = make_view(self._status)
-        if now != self._now:
-            self._now = now
-            self._log(lambda log: log.log_now(now))
+        self._log(lambda log: log.log_now(self._status))
         if self._view is not None:
             self._is_behind = not self._view.flush()
 

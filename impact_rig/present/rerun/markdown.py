@@ -9,7 +9,8 @@ from impact_rig.core.findings import join_findings
 from impact_rig.core.records import SIMULATED
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import ACCELERATION
-from impact_rig.page.view import View
+from impact_rig.page.status import RigStatus
+from impact_rig.page.view import make_sentence
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO, MISSING, format_count, format_number, show_unit
 from impact_rig.results.references import explain_misprint, find_expected
@@ -75,25 +76,24 @@ def format_verdict(hit: HitResults, hammer: tuple[float, str] = ACCELERATION) ->
     return "\n\n".join(lines)
 
 
-def format_now(view: View) -> str:
+def format_now(status: RigStatus) -> str:
     """Return what the rig does and asks for now as Markdown, and how far its campaign has come."""
-    sentence = view.sentence
-    lines = [("rig", view.origin), *((f"hammer {name}", text) for name, text in view.hammer_rows)]
-    hits, wanted = (
-        sum(getattr(sample, name) for sample in view.samples) for name in ("accepted", "wanted")
-    )
-    lines.append(("hits", f"{hits} of {wanted}" if wanted else str(hits)))
+    sentence, hammer, wanted = make_sentence(status), status.hammer, status.campaign.impacts
+    samples = status.list_samples()
+    armed = "armed" if hammer.armed else f"not armed: {hammer.message}"
+    accepted = [sample.accepted for sample in samples]
     columns = [
-        make_text_column("Sample", [sample.name for sample in view.samples]),
-        Column("Accepted", [f"{item.accepted} of {item.wanted}" for item in view.samples]),
-        Column("Rejected", [str(item.rejected) for item in view.samples]),
+        make_text_column("Sample", [item.sample for item in samples]),
+        Column("Accepted", [f"{count} of {wanted}" for count in accepted]),
+        Column("Rejected", [str(item.rejected) for item in samples]),
     ]
-    current = [place for place, item in enumerate(view.samples) if item.is_current]
+    current = [at for at, item in enumerate(samples) if item.sample == status.campaign.sample]
     return "\n\n".join(
         [
             f"# {escape_markdown(sentence.headline)}",
             escape_markdown(sentence.detail),
-            "\n".join(_format_item(name, text) for name, text in lines if text),
+            escape_markdown(f"The hammer is {armed}."),
+            f"{sum(accepted)} of {format_count(wanted * len(samples), 'hit')}.",
             *map(format_table, list_table("Progress", columns, marked=current)),
         ]
     )

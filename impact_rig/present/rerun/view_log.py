@@ -11,7 +11,7 @@ import numpy as np
 from impact_rig.core.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.setup import ACCELERATION, RigSetup
 from impact_rig.page.states import NodeHealth
-from impact_rig.page.view import View
+from impact_rig.page.status import RigStatus
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.blueprint import make_blueprint
 from impact_rig.present.rerun.entities import BODIES, Path
@@ -87,6 +87,7 @@ class ViewLog:
         self._health = HealthLog(stream)
         self._layout: tuple[object, ...] | None = None
         self._hammer = ACCELERATION
+        self._now = ""  # shown last
         self._summarised: set[str] = set()
 
     def log_setup(
@@ -134,9 +135,12 @@ class ViewLog:
                 make_blueprint(sample_names, contact_times, hammer_reading[1], is_live=is_live)
             )
 
-    def log_now(self, view: View) -> None:
+    def log_now(self, status: RigStatus) -> None:
         """Show what the rig does and asks for now, and how far its campaign has come."""
-        self._log_document(entities.NOW, format_now(view))
+        text = format_now(status)
+        if text != self._now:
+            self._now = text
+            self._log_document(entities.NOW, text)
 
     def log_hit(self, traces: HitTraces) -> None:
         """Show the traces of a record; they replace the last one's."""

@@ -7,7 +7,6 @@ from impact_rig.core.findings import Finding, Reason, join_findings
 from impact_rig.core.records import SIMULATED, Origin
 from impact_rig.page.states import CampaignStatus, HammerStatus, SampleProgress, Step, Task
 from impact_rig.page.status import RigStatus
-from impact_rig.page.view import make_view
 from impact_rig.present.rerun.markdown import (
     escape_markdown,
     format_log_line,
@@ -92,11 +91,11 @@ def test_what_to_mount_if_it_is_armed_and_how_far_it_is_stand_in_one_text():
     )
     status = RigStatus(campaign=step, hammer=HammerStatus(message="disarmed by hand"))
 
-    text = format_now(make_view(status))
+    text = format_now(status)
 
     assert text.startswith("# MOUNT brass large")
-    assert "- **hammer armed**: no: disarmed by hand" in text
-    assert "- **hits**: 4 of 6" in text
+    assert "The hammer is not armed: disarmed by hand." in text
+    assert "4 of 6 hits." in text
     assert read_rows(text) == [["steel small", "3 of 3", "1"], ["brass large", "1 of 3", "0"]]
 
 

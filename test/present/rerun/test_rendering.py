@@ -13,7 +13,6 @@ import pytest
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.page.states import CampaignStatus, Level, NodeHealth, Step, Task
 from impact_rig.page.status import RigStatus
-from impact_rig.page.view import make_view
 from impact_rig.present.rerun.blueprint import (
     TAB_CAMPAIGN,
     TAB_HEALTH,
@@ -166,7 +165,7 @@ def early_viewer(open_viewer):
     times = [sample.reference_contact_time for sample in PAPER_SETUP.samples.samples]
     return open_viewer(
         lambda log: log.log_setup("rig", PAPER_SETUP.samples.names, times),
-        lambda log: log.log_now(make_view(status)),
+        lambda log: log.log_now(status),
         *(lambda log, i=i: log.log_health(nodes, i * 10**9) for i in (7, 8)),
     )
 
