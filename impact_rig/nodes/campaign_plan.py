@@ -14,7 +14,6 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.setup import RigSetup, Sample
 from impact_rig.nodes.identity import id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.messages import setup_to_msg
-from impact_rig.recordings.campaigns import is_trial
 from impact_rig.recordings.messages import NO_ID, SETUP_TYPE, setup_from_msg
 from impact_rig.recordings.run import Run
 
@@ -89,7 +88,7 @@ def read_newest_campaign(folder: Path) -> msg.RigSetup:
     newest: msg.RigSetup | None = None
     for raw in Run(folder).read_messages({SETUP_TYPE}):
         message = deserialize_message(raw.data, msg.RigSetup)
-        if message.plan.impacts and not is_trial(message):
+        if message.plan.impacts:
             newest = message
     if newest is None:
         raise FileError(f"{folder} holds no campaign that could go on")
