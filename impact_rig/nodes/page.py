@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from typing import Any
 from action_msgs.srv import CancelGoal
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.srv import ConfirmSample, OverruleHit
+from rclpy.node import Node
+from rclpy.task import Future as RosFuture
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -28,12 +31,13 @@ from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.async_node import ANSWER_TIMEOUT
 from impact_rig.nodes.campaign_feed import CampaignFeed
+from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.identity import Identity, id_to_msg, make_id
-from impact_rig.nodes.intake import Received
+from impact_rig.nodes.intake import Intake, Received
 from impact_rig.nodes.result_messages import overrule_to_msg
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.page.server import Act, Address, Answer, Form, PageServer
-from impact_rig.page.states import NodeHealth
+from impact_rig.page.states import HammerStatus, NodeHealth
 from impact_rig.page.status import RigStatus
 from impact_rig.page.traces import integrate_hammer, pack_traces
 from impact_rig.page.view import make_view
@@ -64,7 +68,13 @@ class PageNode(RigNode):
         self._server: PageServer | None = None
         self._is_shown = True
         self._traced = ""  # sample of the newest trace
+        self._lock = threading.Lock()  # of what the rig has said
         self._notes = self.advertise(interfaces.NOTE)
+        self._hands = _Hands(self)
+        hammer = replace(
+            interfaces.HAMMER_STATE, name=self.resolve_topic_name(interfaces.HAMMER_STATE.name)
+        )
+        Intake(self._hands.node).subscribe(hammer, self._on_hammer)
         ask, campaigns = self._ask, f"{interfaces.RUN_CAMPAIGN}/_action"
         start = RunCampaign.Impl.SendGoalService
         self._acts: dict[str, Act] = {
@@ -81,7 +91,6 @@ class PageNode(RigNode):
         for topic, callback in (
             (interfaces.SETUP, feed.on_setup),
             (interfaces.CAMPAIGN_STATE, self._on_state),
-            (interfaces.HAMMER_STATE, self._on_state),
             (interfaces.ACQUISITION_STATE, self._on_state),
             (interfaces.RECORDER_STATE, self._on_state),
             (interfaces.INPUT_LEVELS, self._on_state),
@@ -92,6 +101,7 @@ class PageNode(RigNode):
             (interfaces.IMPACT_TRACE, feed.on_finding),
         ):
             self.listen(topic, callback)
+        self._hands.start()
         self.create_timer(SHOW_PERIOD, self._show)
         self.create_timer(1.0, self._look_round)
         self._disk = ""
@@ -116,6 +126,11 @@ class PageNode(RigNode):
             self.get_logger().info(f"the page is at {self._server.link}")
             notify(Notice.PAGE, self._server.link)
 
+    def close(self) -> None:
+        """Close, and let nothing more be done."""
+        super().close()
+        self._hands.end()
+
     def cleanup(self) -> None:
         """Close the page."""
         if self._server is not None:
@@ -128,12 +143,20 @@ class PageNode(RigNode):
         self, topic: interfaces.Topic, callback: Callable[[Any], None], received: Received[Any]
     ) -> None:
         """Call back, and show soon; health is looked at once a second."""
-        super().on_received(topic, callback, received)
+        with self._lock:
+            super().on_received(topic, callback, received)
         is_quiet = topic is interfaces.INPUT_LEVELS and self._status.campaign.is_running
         self._is_shown &= is_quiet or topic is interfaces.DIAGNOSTICS
 
     def _on_campaign(self, received: Received[RigSetup]) -> None:
         self._status.begin(received.value, is_trial=is_trial(received.message))
+
+    def _on_hammer(self, received: Received[HammerStatus]) -> None:
+        """Show at once whether the hammer is armed."""
+        with self._lock:
+            self._status.keep(received.value)
+        self._is_shown = False
+        self._show()
 
     def _on_state(self, received: Received[Any]) -> None:
         self._status.keep(received.value)
@@ -163,9 +186,10 @@ class PageNode(RigNode):
             self._traced = label.sample
 
     def _show(self) -> None:
-        if self._server is not None and not self._is_shown:
-            self._server.show(make_view(self._status, self._disk))
+        if (server := self._server) is not None and not self._is_shown:
             self._is_shown = True
+            with self._lock:
+                server.show(make_view(self._status, self._disk))
 
     def _look_round(self) -> None:
         """Show soon what has changed of the disk and of the nodes' health."""
@@ -189,7 +213,7 @@ class PageNode(RigNode):
         read: Callable[[Form], dict[str, Any]] = lambda _: {},
     ) -> Act:
         """Return an act that calls a service of the rig with what `read` finds in a form."""
-        client = self.create_client(kind, name)
+        client = self._hands.node.create_client(kind, self.resolve_service_name(name))
 
         def call(form: Form) -> "Future[Answer]":
             answer: Future[Answer] = Future()
@@ -242,6 +266,44 @@ class PageNode(RigNode):
         self._write_down(form, f"{form['about']} {form['text']}".strip())
         answer.set_result(Answer(done=True, message="noted"))
         return answer
+
+
+class _Hands:
+    """A node in a thread of its own: acts wait for none of the rig's other messages.
+
+    Parameters
+    ----------
+    page : RigNode
+        Of the same context and namespace.
+    """
+
+    def __init__(self, page: RigNode) -> None:
+        self.node = Node(
+            f"{page.get_name()}_acts",
+            context=page.context,
+            namespace=page.get_namespace(),
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._executor = make_executor(page.context)
+        self._executor.add_node(self.node)
+        self._stop = RosFuture()
+        self._thread = threading.Thread(
+            target=spin_until, args=(self._executor, self._stop), daemon=True
+        )
+
+    def start(self) -> None:
+        """Begin to listen and to act."""
+        self._thread.start()
+
+    def end(self) -> None:
+        """End; safe to call twice."""
+        if not self._stop.done():
+            self._stop.set_result(None)
+            self._thread.join()
+            self._executor.shutdown()
+            self.node.destroy_node()
 
 
 def _name_sample(form: Form) -> dict[str, Any]:
