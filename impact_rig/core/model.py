@@ -5,46 +5,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 
 from impact_rig.core.equations import estimate_equivalent_mass
 from impact_rig.core.errors import ParameterError, check_not_negative, check_positive
 from impact_rig.core.records import FloatArray
-
-
-class ContactSpan(NamedTuple):
-    """The points in the contact."""
-
-    # The first point in the contact, and the first one beyond it; the number of points, if there
-    # is none.
-    first: int
-    free: int
-    begin: float  # time of `first`, counted from the start of the contact [s]
-    late: float  # time of `free`, counted from the end of the contact [s]
-
-
-def find_contact(
-    start: float, contact_time: float, sampling_rate: float, count: int
-) -> ContactSpan:
-    """Find the points with 0 <= t <= tau_p.
-
-    Parameters
-    ----------
-    start : float
-        Time of the first point, counted from the start of the contact [s].
-    contact_time : float
-        tau_p [s].
-    sampling_rate : float
-        [Hz]
-    """
-    times = start + np.arange(count) / sampling_rate
-    first, free = int(times.searchsorted(0.0)), int(times.searchsorted(contact_time, "right"))
-    begin, late = start + first / sampling_rate, start + free / sampling_rate - contact_time
-    # Where the grid has no such point, a harmless time.
-    return ContactSpan(first, free, min(max(begin, 0.0), contact_time), max(late, 0.0))
-
 
 FULL_TURN = 2.0 * math.pi
 """w tau_p [rad]."""
@@ -130,73 +96,40 @@ def simulate_impact(
     hammer, specimen : ndarray, shape (count,)
         x1'' and x2'' [m/s^2]. With v1 and c1 the printed model steps at t = 0 and at tau_p:
         that is the model, and nothing here smooths it.
-    """
-    result = simulate_impacts([model], sampling_rate, count, start=start, variant=variant)
-    return result[0, 0], result[0, 1]
-
-
-def simulate_impacts(
-    models: Sequence[ImpactModel],
-    sampling_rate: float,
-    count: int,
-    *,
-    start: float | FloatArray = 0.0,
-    variant: ModelVariant = ModelVariant.PRINTED,
-) -> FloatArray:
-    """Simulate many impacts at once; parameters as `simulate_impact`, one start or one each.
-
-    Returns
-    -------
-    ndarray, shape (models, 2, count)
-        x1'' and x2'' of each [m/s^2].
 
     Raises
     ------
     ParameterError
-        If the sampling rate is no positive number, or a start none at all.
+        If the sampling rate is no positive number, or the start none at all.
     """
     check_positive("sampling rate", sampling_rate, "Hz")
-    starts = start.tolist() if isinstance(start, np.ndarray) else [start] * len(models)
-    if not all(map(math.isfinite, starts)):
+    if not math.isfinite(start):
         raise ParameterError("the start of a time grid must be a finite number")
-    spans = [
-        find_contact(start, model.contact_time, sampling_rate, count)
-        for model, start in zip(models, starts, strict=True)
-    ]
-    systems = [_describe(model, sampling_rate, variant) for model in models]
-    during, ends = _follow(
-        np.array([matrix for matrix, _ in systems]),
-        np.array([state for _, state in systems]),
-        np.array([span.begin * sampling_rate for span in spans]),
-        np.array([model.contact_time * sampling_rate for model in models]),
-        max(1, *(span.free - span.first for span in spans)),
-        sampling_rate,
-    )
-    # The driven hammer rests after the contact.
-    moving = slice(0, 2) if variant is ModelVariant.PRINTED else slice(1, 2)
+    rate, contact_time = sampling_rate, model.contact_time
+    # The first point in the contact, and the first one beyond it.
+    first = min(max(math.ceil(-start * rate), 0), count)
+    free = min(max(math.floor((contact_time - start) * rate) + 1, 0), count)
+    begin = min(max(start + first / rate, 0.0), contact_time)
+    result = np.zeros((2, count))
+    result[:, first:free], end = _follow(model, variant, rate, begin * rate, free - first)
+    late = max(start + free / rate - contact_time, 0.0)
+    scale = contact_time / FULL_TURN
     decays = [
-        _find_decays(
-            body, position * model.contact_time / FULL_TURN, speed, span.late, sampling_rate
-        )
-        for model, span, end in zip(models, spans, ends.tolist(), strict=True)
-        for body, position, speed in [
+        _find_decays(body, scale * position, speed, late, rate)
+        for body, position, speed in (
             (model.hammer, end[0], end[2]),
             (model.specimen, end[1], end[3]),
-        ][moving]
+        )
     ]
-    longest = max(1, *(count - span.free for span in spans))
-    free = _let_decay(decays, longest).reshape(len(models), -1, longest)
-    result = np.zeros((len(models), 2, count))
-    for number, span in enumerate(spans):
-        contact = during[number, :, : span.free - span.first]
-        result[number, :, span.first : span.free] = contact
-        result[number, moving, span.free :] = free[number, :, : count - span.free]
-    return result
+    # The driven hammer rests after the contact.
+    moving = slice(0, 2) if variant is ModelVariant.PRINTED else slice(1, 2)
+    result[moving, free:] = _let_decay(decays[moving], count - free)
+    return result[0], result[1]
 
 
 def _describe(
     model: ImpactModel, sampling_rate: float, variant: ModelVariant
-) -> tuple[Sequence[Sequence[float]], Sequence[float]]:
+) -> tuple[FloatArray, FloatArray]:
     """Return A of y' = A y during the contact, its time counted in points, and y at the start.
 
     The state y is the positions of both bodies times w = 2 pi / tau_p, their velocities, and 1,
@@ -221,61 +154,48 @@ def _describe(
         (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -turn),
         (0.0, 0.0, 0.0, 0.0, 0.0, turn, 0.0),
     )
-    return matrix, (0.0, 0.0, speed, 0.0, 1.0, 1.0, 0.0)
+    return np.array(matrix), np.array((0.0, 0.0, speed, 0.0, 1.0, 1.0, 0.0))
 
 
-DIRECT = 32
-"""Points that are exponentials of the start [-], measured; the others are made of them."""
+def _follow(
+    model: ImpactModel, variant: ModelVariant, rate: float, begin: float, count: int
+) -> tuple[FloatArray, list[float]]:
+    """Return both accelerations at points from `begin` on, (2, count), and the state at the end.
+
+    By doubling, since e^(2 A t) = (e^(A t))^2.
+    """
+    matrix, state = _describe(model, rate, variant)
+    end = model.contact_time * rate
+    last = max(min(int(end - begin), count - 1), 0)
+    jump, step, rest = _exponentiate(matrix, [begin, 1.0, end - begin - last])
+    path = np.empty((max(count, 1), state.size))
+    path[0] = jump @ state
+    done, power = 1, step.T
+    while done < count:
+        more = min(done, count - done)
+        np.matmul(path[:more], power, out=path[done : done + more])
+        done += more
+        power = power @ power
+    return (rate * matrix[2:4]) @ path[:count].T, (rest @ path[last]).tolist()
+
+
 ORDER = 16
 """Of the exponential's series [-]: what it leaves out, 1 / 17!, is below 3e-15."""
 
 
-def _follow(
-    matrices: FloatArray,
-    states: FloatArray,
-    first: FloatArray,
-    end: FloatArray,
-    count: int,
-    rate: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return both accelerations at points from `first` on, and the states at `end`.
-
-    Of shapes (systems, 2, count) and (systems, 7); by doubling, since e^(2 A t) = (e^(A t))^2.
-    """
-    last = np.minimum((end - first).astype(np.int_), count - 1)
-    times = np.empty((len(first), DIRECT + 2))
-    times[:, :-1] = np.arange(DIRECT + 1)
-    times[:, :DIRECT] += first[:, np.newaxis]
-    times[:, -1] = end - first - last
-    jumps = _exponentiate(matrices, times)
-    path = np.empty((len(first), max(count, DIRECT), states.shape[1]))
-    path[:, :DIRECT] = (jumps[:, :DIRECT] @ states[:, np.newaxis, :, np.newaxis])[..., 0]
-    done, power = DIRECT, jumps[:, DIRECT].swapaxes(1, 2)
-    while done < count:
-        power = power @ power if done > DIRECT else power
-        more = min(done, count - done)
-        np.matmul(path[:, :more], power, out=path[:, done : done + more])
-        done += more
-    ends = jumps[:, -1] @ path[np.arange(len(path)), last, :, np.newaxis]
-    return (rate * matrices[:, 2:4]) @ path.swapaxes(1, 2), ends[..., 0]
-
-
-def _exponentiate(matrices: FloatArray, times: FloatArray) -> FloatArray:
-    """Return e^(A t) of each system at its own times, shape (systems, times, d, d)."""
-    count, size, _ = matrices.shape
-    identity = np.eye(size)
-    norm = float(np.abs(matrices).sum(axis=1).max() * times.max())
+def _exponentiate(matrix: FloatArray, times: Sequence[float]) -> FloatArray:
+    """Return e^(A t) at each time, shape (times, d, d)."""
+    size = len(matrix)
+    norm = float(np.abs(matrix).sum(axis=0).max() * max(times))
     squarings = max(math.frexp(norm)[1], 0)
-    powers = np.empty((count, ORDER, size, size))
-    powers[:, 0] = matrices
+    powers = np.empty((ORDER, size, size))
+    powers[0] = matrix
     for done in (1, 2, 4, 8):
-        np.matmul(
-            powers[:, :done], powers[:, done - 1, np.newaxis], out=powers[:, done : 2 * done]
-        )
-    terms = (0.5**squarings * times[..., np.newaxis]) / np.arange(1.0, ORDER + 1)
-    series = np.multiply.accumulate(terms, axis=2)
-    result: FloatArray = series @ powers.reshape(count, ORDER, -1)
-    result = result.reshape(count, -1, size, size)
+        np.matmul(powers[:done], powers[done - 1], out=powers[done : 2 * done])
+    terms = (0.5**squarings * np.array(times)[:, np.newaxis]) / np.arange(1.0, ORDER + 1)
+    series = np.multiply.accumulate(terms, axis=1)
+    result: FloatArray = (series @ powers.reshape(ORDER, -1)).reshape(-1, size, size)
+    identity = np.eye(size)
     # e^A - 1 is squared, which keeps the digits of small matrices beside large ones.
     for _ in range(squarings):
         result = result @ (result + 2.0 * identity)
@@ -287,13 +207,13 @@ NEARLY_CRITICAL = 1e-5
 apart, which changes a trace by 1e-10, and keeps the digits of their difference."""
 
 
-def _find_decays(
-    body: Body, position: float, speed: float, late: float, rate: float
-) -> tuple[tuple[complex, complex], tuple[complex, complex]]:
-    """Return the two decays whose sum is the acceleration of a body left alone.
+Decay = tuple[complex, complex, complex, complex]
+"""Of two terms whose sum is the acceleration of a body left alone: first values, then factors from
+point to point."""
 
-    First values, at a time `late` after the state, and rates per point.
-    """
+
+def _find_decays(body: Body, position: float, speed: float, late: float, rate: float) -> Decay:
+    """Return the decay of a body from a time `late` after its state on."""
     stiffness = body.stiffness / body.mass
     half = body.damping_coefficient / body.mass / 2.0
     root = cmath.sqrt(half * half - stiffness)
@@ -302,23 +222,25 @@ def _find_decays(
     fast = -half - root
     # Their product is k / m: -c / 2m + root would lose its digits to a large c.
     slow = stiffness / fast
-    values = (
+    return (
         slow**2 * (speed - fast * position) / (slow - fast) * cmath.exp(slow * late),
         fast**2 * (slow * position - speed) / (slow - fast) * cmath.exp(fast * late),
+        slow / rate,
+        fast / rate,
     )
-    return values, (slow / rate, fast / rate)
 
 
-def _let_decay(
-    decays: Sequence[tuple[tuple[complex, complex], tuple[complex, complex]]], count: int
-) -> FloatArray:
-    """Return sums of two decays each, of first values and rates per point, shape (n, count)."""
-    block = math.isqrt(count - 1) + 1
+def _let_decay(decays: Sequence[Decay], count: int) -> FloatArray:
+    """Return the accelerations of bodies left alone, shape (bodies, count).
+
+    All points are products of two powers, of twice the root of their number.
+    """
+    block = math.isqrt(max(count - 1, 0)) + 1
     powers = np.empty((len(decays), block, 4), dtype=np.complex128)
-    powers[:, 0] = [(*values, 1.0, 1.0) for values, _ in decays]
+    powers[:, 0] = [(*values, 1.0, 1.0) for *values, _, _ in decays]
     powers[:, 1:] = [
         [[cmath.exp(part * each) for part in (block, 1.0) for each in rates]]
-        for _, rates in decays
+        for _, _, *rates in decays
     ]
     np.multiply.accumulate(powers, axis=1, out=powers)
     far, near = np.conj(powers[..., :2]), powers[..., 2:].copy()

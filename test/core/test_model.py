@@ -22,7 +22,6 @@ from impact_rig.core.model import (
     ModelVariant,
     compute_peak_force,
     simulate_impact,
-    simulate_impacts,
 )
 
 from .blocks import make_plain_mean
@@ -68,19 +67,6 @@ def test_peak_force_carries_the_momentum_of_an_elastic_impact(moving_mass):
     common = 0.1 * 0.0819 / (0.1 + moving_mass)
     hammer_after = common - moving_mass * 0.0819 / (0.1 + moving_mass)
     assert impulse == pytest.approx(0.1 * (0.0819 - hammer_after), rel=1e-9)
-
-
-MODELS = [make_model(*ratios) for ratios in ((0.0, 0.0), (1.0, 1.0), (0.01, 3.0), (8.0, 0.2))]
-
-
-@pytest.mark.parametrize("variant", ModelVariant)
-def test_many_impacts_in_one_call_are_those_of_single_calls(variant):
-    starts = np.random.default_rng(1).uniform(-2e-4, 4e-4, len(MODELS))
-    found = simulate_impacts(MODELS, RATE, 700, start=starts, variant=variant)
-    assert found.shape == (len(MODELS), 2, 700)
-    for traces, model, start in zip(found, MODELS, starts.tolist(), strict=True):
-        one = np.stack(simulate_impact(model, RATE, 700, start=start, variant=variant))
-        np.testing.assert_allclose(traces, one, rtol=0, atol=1e-9 * np.abs(one).max())
 
 
 MODEL = make_model()
