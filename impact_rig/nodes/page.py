@@ -105,7 +105,6 @@ class PageNode(RigNode):
         self.create_timer(SHOW_PERIOD, self._show)
         self.create_timer(1.0, self._look_round)
         self._disk = ""
-        self._troubles: tuple[str, ...] = ()
 
     def configure(self) -> None:
         """Listen for browsers."""
@@ -192,16 +191,14 @@ class PageNode(RigNode):
                 server.show(make_view(self._status, self._disk))
 
     def _look_round(self) -> None:
-        """Show soon what has changed of the disk and of the nodes' health."""
+        """Show what has changed of the disk and of the nodes' health."""
         path = self._status.recorder.uri
         try:
             free = shutil.disk_usage(Path(path).parent).free if path else math.nan
         except OSError:  # it is on another computer
             free = math.nan
-        disk = "" if math.isnan(free) else f"{free / 1e9:.0f} GB left"
-        troubles = self._status.list_troubles()
-        self._is_shown &= (disk, troubles) == (self._disk, self._troubles)
-        self._disk, self._troubles = disk, troubles
+        self._disk = "" if math.isnan(free) else f"{free / 1e9:.0f} GB left"
+        self._is_shown = False
 
     # What a person does; called in the server's thread.
 

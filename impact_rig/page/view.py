@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from impact_rig.core.findings import Reason, join_findings
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.page.levels import InputLevel, suggest_range, suggest_trigger_level
-from impact_rig.page.states import NO_HAMMER, HammerStatus, Step, Task
+from impact_rig.page.states import NO_HAMMER, Step, Task
 from impact_rig.page.status import RigStatus
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO, MISSING, format_number
@@ -72,11 +72,12 @@ def make_view(status: RigStatus, disk: str = "") -> SimpleNamespace:
     campaign, hammer, setup, last = status.campaign, status.hammer, status.setup, status.last_hit
     columns, rows = _tabulate(status)
     return SimpleNamespace(
-        # None: no accelerometers have reported.
-        is_simulated=None if status.acquisition is None else status.acquisition.hammerless,
-        origin=_describe_origin(status),
+        acquisition=status.acquisition,
+        recorder=status.recorder,
+        disk=disk,
+        troubles=status.list_troubles(),
+        stopped_by=status.stopped_by,
         sentence=make_sentence(status),
-        stopped=_describe_stop(status),
         campaign=campaign,
         samples=status.list_samples(),
         marks=_list_marks(status),
@@ -91,14 +92,12 @@ def make_view(status: RigStatus, disk: str = "") -> SimpleNamespace:
         advise=_advise,
         say_by_hand=_say_by_hand,
         with_unit=_with_unit,
+        format_clock=_format_clock,
         strength=None if last is None else _measure_strength(status, last),
         mass="" if last is None else _weigh(status, last),
         mass_differs=last is not None and _is_other_sample(last),
         hammer=hammer,
-        hammer_rows=(
-            ("where", "unknown" if hammer is NO_HAMMER else hammer.state.name.lower()),
-            ("armed", _describe_arming(hammer)),
-        ),
+        place="unknown" if hammer is NO_HAMMER else hammer.state.name.lower(),
         input_columns=INPUT_COLUMNS,
         inputs=_list_inputs(status),
         is_monitoring=bool(status.levels.channels),
@@ -107,7 +106,6 @@ def make_view(status: RigStatus, disk: str = "") -> SimpleNamespace:
         is_paused_by_hand=campaign.task is Task.RESUME,
         columns=columns,
         rows=rows,
-        health=_describe_health(status, disk),
     )
 
 
@@ -319,40 +317,6 @@ def _tabulate(status: RigStatus) -> tuple[tuple[str, ...], tuple[tuple[str, ...]
     if not tables:
         return (), ()
     return tuple(column.header for column in tables[0].columns), tuple(tables[0].rows)
-
-
-def _describe_stop(status: RigStatus) -> str:
-    """Return since when the hammer is stopped, and by whom; empty: it is not."""
-    if not status.hammer.is_stopped:
-        return ""
-    who = f", by {status.stopped_by}" if status.stopped_by else ""
-    return f"since {_format_clock(status.hammer.since)}{who}"
-
-
-def _describe_arming(hammer: HammerStatus) -> str:
-    if hammer.armed:
-        return f"yes, since {_format_clock(hammer.since)}"
-    return f"no: {hammer.message}"
-
-
-def _describe_origin(status: RigStatus) -> str:
-    acquisition = status.acquisition
-    if acquisition is None:
-        return ""
-    if acquisition.hammerless:
-        return f"SIMULATED: {acquisition.source}, no hammer strikes"
-    return f"MEASURED: {acquisition.source}"
-
-
-def _describe_health(status: RigStatus, disk: str) -> tuple[tuple[str, str], ...]:
-    recorder = status.recorder
-    rows = [
-        ("recording", recorder.uri if recorder.recording else f"nothing: {recorder.message}"),
-        ("disk", disk),
-        ("lost", f"{recorder.messages_lost} messages"),
-        ("nodes", "; ".join(status.list_troubles())),
-    ]
-    return tuple((name, text) for name, text in rows if text)
 
 
 def _format_clock(moment: float) -> str:
