@@ -10,12 +10,13 @@ import time
 import psutil
 import pytest
 
+from impact_rig.core.setup import CONTROL_SAMPLE
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import results_to_json
 
 from .conftest import PATIENCE, finish, start_command, start_python
 
-SAMPLES = ("steel small",)
+SAMPLES = (CONTROL_SAMPLE,)
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +60,21 @@ def cluster():
         n_workers=1, threads_per_worker=3, dashboard_address=":0", silence_logs=50
     ) as running:
         yield running
+
+
+def test_the_control_sample_is_followed_from_run_to_run(run, folders, runs):
+    outcome = run("analyze", *folders, "--trend", "--json")
+    assert outcome.exit_code == 0
+    found = json.loads(outcome.stdout)
+    assert [point["sample"] for point in found] == [CONTROL_SAMPLE] * 3
+    times = {point["run"]: point["contact_time_s"] for point in found}
+    assert times == {
+        recorded.path.parent.name: recorded.results.samples[0].paper.contact_time.value
+        for recorded in runs
+    }
+    told = run("analyze", *folders, "--trend").stdout
+    assert f"Control sample from run to run: {CONTROL_SAMPLE}" in told
+    assert "it takes 5" in told
 
 
 def test_workers_without_the_software_are_refused(run, folders, tmp_path):
