@@ -25,7 +25,15 @@ def hit_results_from_msg(message: msg.Impact) -> HitResults:
     ParameterError
         If a number or a reason cannot be meant.
     """
-    return from_message(HitResults, message, injected_faults=(), origin=origin_from_msg(message))
+    return from_message(
+        HitResults,
+        message,
+        injected_faults=(),
+        origin=origin_from_msg(message),
+        # 0, as in a message that nobody has filled, is none.
+        impact_speed=message.impact_speed or math.nan,
+        impact_speed_uncertainty=message.impact_speed_uncertainty or math.nan,
+    )
 
 
 def traces_from_msg(message: msg.ModelComparison) -> SampleTraces:
