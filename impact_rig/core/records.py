@@ -247,3 +247,33 @@ class Record(Block):
 
     pulse_index: int | None = None  # first point above the detection level; None: there is none
     flaws: tuple[str, ...] = ()  # gaps, in words
+
+
+@dataclass(frozen=True)
+class PackedRecord:
+    """A record in little memory: counts that fit take two bytes each."""
+
+    rest: Record  # without its points
+    _outputs: tuple[NDArray[Any], ...]  # of the hammer and of the sample
+
+    @classmethod
+    def pack(cls, record: Record) -> "PackedRecord":
+        """Return a record packed."""
+        outputs = (record.hammer.output, record.specimen.output)
+        rest = _replace_outputs(record, [np.empty(0, output.dtype) for output in outputs])
+        return cls(rest, tuple(map(_shorten_counts, outputs)))
+
+    def unpack(self) -> Record:
+        """Return the record as it was, bit by bit."""
+        return _replace_outputs(self.rest, self._outputs)
+
+
+def _shorten_counts(output: RawArray) -> NDArray[Any]:
+    short = output.astype(np.int16) if output.dtype == np.int32 else output
+    return short if np.array_equal(short, output) else output
+
+
+def _replace_outputs(record: Record, outputs: Iterable[NDArray[Any]]) -> Record:
+    channels = zip((record.hammer, record.specimen), outputs, strict=True)
+    hammer, specimen = (replace(channel, output=output) for channel, output in channels)
+    return replace(record, hammer=hammer, specimen=specimen)

@@ -36,7 +36,7 @@ from impact_rig.core.paper_method import (
     read_mean_hit,
 )
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import Block, Record
+from impact_rig.core.records import Block, PackedRecord, Record
 from impact_rig.core.sample import (
     SampleEstimate,
     SampleParts,
@@ -82,9 +82,9 @@ class Session:
         self, setup: RigSetup, overrules: Overrules = NO_OVERRULES, *, keeps_hits: bool = False
     ) -> None:
         self.setup = setup
-        # Of each sample, as they were judged by themselves, for who is overruled later; None: of
-        # a long series they are too much.
-        self._judged: dict[str, list[JudgedHit]] | None = {} if keeps_hits else None
+        # Of each sample, to judge its hits again when one is overruled; None: of a long series
+        # they are too much.
+        self._records: dict[str, list[PackedRecord]] | None = {} if keeps_hits else None
         self._detector = ImpactDetector(setup.analysis)
         self._overrules = overrules
         self._series: dict[str, HitSeries] = {}
@@ -116,15 +116,19 @@ class Session:
         What is accepted here may still turn out an outlier once more hits have come.
         """
         self._estimated = ()
-        judged = judge_hit(record, self.setup.analysis, self.setup.responses)
-        judged = replace(judged, origin=record.origin, impact_speed=record.impact_speed)
-        hit = ask_for_mass(judged, self.setup)
+        hit = self._judge_alone(record)
         series = self._series.setdefault(hit.label.sample, HitSeries())
-        if self._judged is not None:
-            self._judged.setdefault(hit.label.sample, []).append(hit)
+        if self._records is not None:
+            self._records.setdefault(hit.label.sample, []).append(PackedRecord.pack(record))
         hit = overrule_hit(series.check(hit), self._overrules)
         series.add(hit)
         return hit
+
+    def _judge_alone(self, record: Record) -> JudgedHit:
+        """Judge one record by itself."""
+        judged = judge_hit(record, self.setup.analysis, self.setup.responses)
+        judged = replace(judged, origin=record.origin, impact_speed=record.impact_speed)
+        return ask_for_mass(judged, self.setup)
 
     @property
     def overrules(self) -> Overrules:
@@ -154,9 +158,9 @@ class Session:
             If a person asks for what cannot be; nothing has changed then.
         """
         overrules, record = self._overrules.add(overrule), overrule.record
-        judged = self._judged or {}
+        kept = self._records or {}
         found = [
-            name for name, hits in judged.items() for hit in hits if hit.label.record == record
+            name for name, items in kept.items() for it in items if it.rest.label.record == record
         ]
         if not found and is_asked:
             raise ParameterError(f"the campaign has no hit of record {record}")
@@ -166,9 +170,9 @@ class Session:
             self._overrules = overrules
             return None
         series = HitSeries()
-        for hit in judged[found[0]]:
-            checked = series.check(hit)
-            is_meant = hit.label.record == record and overrule.verdict is Verdict.ACCEPT
+        for item in kept[found[0]]:
+            checked = series.check(self._judge_alone(item.unpack()))
+            is_meant = checked.label.record == record and overrule.verdict is Verdict.ACCEPT
             if is_asked and is_meant and (objection := find_objection(checked)) is not None:
                 raise ParameterError(objection)
             series.add(overrule_hit(checked, overrules))

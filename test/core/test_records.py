@@ -1,5 +1,7 @@
 """Blocks and where their numbers come from: copied, read-only, and checked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,8 @@ from impact_rig.core.records import (
     ChannelBlock,
     HitLabel,
     Origin,
+    PackedRecord,
+    Record,
     join_origins,
 )
 
@@ -73,3 +77,26 @@ def test_one_simulated_hit_among_measured_ones_is_not_lost():
 
 def test_words_of_a_source_do_not_steer_a_terminal():
     assert Origin(MEASURED, "scope\x1b[2J\n").source == "scope?[2J?"
+
+
+@pytest.mark.parametrize(
+    ("output", "size"),
+    [
+        (np.array([-32768, 0, 32767], np.int32), 2),
+        (np.array([0, 32768, -40_000], np.int32), 4),
+        (np.array([0.5, np.nan, -1e300]), 8),
+    ],
+)
+def test_a_packed_record_comes_back_bit_by_bit(output, size):
+    channel = ChannelBlock(output, 0.25, -1.5, 512.0, overloaded=True)
+    absent = ChannelBlock(np.empty(0), 1.0, 0.0, 0.0)
+    for specimen in (channel, absent):
+        record = Record(7, 2.5e6, channel, specimen, HitLabel("oak", 3), pulse_index=1)
+        packed = PackedRecord.pack(record)
+        assert packed._outputs[0].itemsize == size
+        found = packed.unpack()
+        assert replace(found, hammer=channel, specimen=specimen) == record
+        for one, other in zip(found.channels, record.channels, strict=True):
+            assert one.output.dtype == other.output.dtype
+            assert one.output.tobytes() == other.output.tobytes()
+            assert (one.scale, one.offset, one.overloaded) == (0.25, -1.5, True)
