@@ -30,7 +30,7 @@ MAY_IMPORT = {
     "devices": {"core", "configuration", "devices"},
     "files": {"core", "configuration", "recordings", "files"},
     "simulators": {"core", "results", "simulators"},
-    "present": {"core", "page", "results", "present"},
+    "present": {"core", "configuration", "page", "results", "present"},
     "page": {"core", "results", "page"},
     "analysis": {"core", "configuration", "files", "recordings", "results", "analysis"},
     "nodes": {"nodes", *BELOW} - {"analysis", "files", "simulators"},
@@ -52,8 +52,8 @@ MAY_IMPORT = {
 }
 """Imports run one way; those side by side know nothing of each other, but for the devices,
 whose tables come from the rig file. Other instruments' files become recordings. What shows results
-knows results and what a rig says of itself, not where they come from; the analysis makes them of
-files."""
+knows results, and what a rig and its file say of themselves, not where they come from; the
+analysis makes them of files."""
 
 PURE = {
     "GTC", "abc", "array", "cmath", "collections", "dataclasses", "enum", "functools", "itertools",

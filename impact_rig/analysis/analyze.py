@@ -123,6 +123,8 @@ def analyze(
     accept: Sequence[str] = (),
     reject: Sequence[str] = (),
     *,
+    reason: str = "",
+    who: str = "",
     keep_traces: bool = False,
     report: Report = lambda *_: None,
 ) -> Analysis:
@@ -135,6 +137,8 @@ def analyze(
     accept, reject : sequence of str
         Hits that a person takes into the mean or leaves out, by name (see `find_label`), or by
         the file that they were imported from.
+    reason, who : str
+        Why, and that person's name.
     keep_traces : bool
         Whether the traces are wanted as well.
 
@@ -146,6 +150,7 @@ def analyze(
         If the settings cannot be used, or `accept` or `reject` name no hit.
     """
     overrules = _find_overrules(source, settings, accept, reject)
+    overrules = replace(overrules, reason=reason, who=who)
     judged: list[_JudgedCampaign] = []
     assembler = TraceAssembler()
     reading = _bind(report, "reading", source.size)
@@ -257,6 +262,7 @@ def _finish(
         for label, alone in campaign.alone.items()
     )
     results = replace(results_from_session(found, faults), files=files)
+    by_hand = ((hit.label, session.overrules.find(hit.label)) for hit in results.hits)
     return TracedCampaign(
         results=results if source.has_scale else drop_scale(results),
         samples=tuple(item for item in samples if item is not None),
@@ -271,4 +277,5 @@ def _finish(
             for recorded in campaign.traces
             if (hit := judged.get(recorded.label)) is not None
         ),
+        overrules=tuple((label, found) for label, found in by_hand if found is not None),
     )

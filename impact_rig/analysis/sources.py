@@ -38,12 +38,6 @@ class RunSource:
         is_run = self.results.name == RESULTS_NAME
         return self.results.absolute().parent.name if is_run else self.results.stem
 
-    @property
-    def place(self) -> str:
-        """File and its folder, without where on this machine that is."""
-        path = self.results if self.run is None else self.run.files[0]
-        return str(Path(*path.absolute().parts[-2:]))
-
 
 def find_run(named: Path, namespace: str | None = None) -> RunSource:
     """Find what a person means by a run.
@@ -73,7 +67,17 @@ def find_run(named: Path, namespace: str | None = None) -> RunSource:
     return RunSource(named, run, run.folder / RESULTS_NAME)
 
 
-def read_runs(source: RunSource) -> tuple[ReportedCampaign, ...]:
+@dataclass(frozen=True)
+class ByHand:
+    """What a person decides of hits, as `analyze` takes it."""
+
+    accept: Sequence[str] = ()
+    reject: Sequence[str] = ()
+    reason: str = ""
+    who: str = ""
+
+
+def read_runs(source: RunSource, by_hand: ByHand = ByHand()) -> tuple[ReportedCampaign, ...]:
     """Read every campaign of a source.
 
     A run that cannot be evaluated is described by the results beside it, if they are there, with a
@@ -83,6 +87,8 @@ def read_runs(source: RunSource) -> tuple[ReportedCampaign, ...]:
     ----------
     source : RunSource
         See `find_run`. Several campaigns in it are numbered.
+    by_hand : ByHand
+        Of hits of a recording.
 
     Raises
     ------
@@ -92,9 +98,10 @@ def read_runs(source: RunSource) -> tuple[ReportedCampaign, ...]:
     if source.run is None:
         return (_read_results_alone(source),)
     try:
-        return _read_recorded(source, source.run)
+        return _read_recorded(source, source.run, by_hand)
     except FileError as error:
-        if not source.run.is_of_recorder or not source.results.is_file():
+        has_results = source.run.is_of_recorder and source.results.is_file()
+        if not has_results or by_hand != ByHand():
             raise
         warning = f"{error}: this is the {RESULTS_NAME} beside it"
         return (_read_results_alone(replace(source, run=None), (warning,)),)
@@ -109,16 +116,15 @@ def _read_results_alone(source: RunSource, warnings: tuple[str, ...] = ()) -> Re
     except ParameterError as error:
         raise FileError(f"results {source.results}: {error}") from None
     campaign = TracedCampaign(results)
-    return ReportedCampaign(source.title, source.place, campaign, warnings=warnings)
+    return ReportedCampaign(source.title, campaign, warnings=warnings)
 
 
-def _read_recorded(source: RunSource, run: Run) -> tuple[ReportedCampaign, ...]:
-    traced = analyze(run, keep_traces=True)
+def _read_recorded(source: RunSource, run: Run, by_hand: ByHand) -> tuple[ReportedCampaign, ...]:
+    traced = analyze(run, keep_traces=True, **vars(by_hand))
     many = len(traced.campaigns) > 1
     return tuple(
         ReportedCampaign(
             name=f"{source.title}, campaign {number}" if many else source.title,
-            source=source.place,
             campaign=campaign,
             warnings=traced.warnings,
         )

@@ -472,11 +472,32 @@ def view() -> None:
     \b
     Examples:
       impact-rig report runs/2025-01-31T12-00-00
-      impact-rig report session.mcap -o steel.html
+      impact-rig report session.mcap -o steel.html --set report.number=4711
+      impact-rig report runs/2025-01-31T12-00-00 --check
+      impact-rig report session.mcap --reject 17 --reason "loose cable" --who "A. Berg"
     Nothing is overwritten. A browser prints the page on A4.
     """)
 @click.argument("path", metavar="RUN", type=FILE)
 @options.make_output_option("The HTML file. [report.html in RUN]")
+@click.option(
+    "--rig-file",
+    type=FILE,
+    help="Laboratory, report, items, limits from this file. [that of the recording]",
+)
+@options.make_list_option("--set", "TABLE.KEY=TEXT", "Say this in place of the rig file", "texts")
+@click.option(
+    "--check", "is_check", is_flag=True, help="List what a formal report (ISO/IEC 17025) lacks."
+)
+@options.make_list_option("--accept", "HIT", "Take a hit into the mean, as in analyze")
+@options.make_list_option("--reject", "HIT", "Leave a hit out of the mean")
+@click.option("--reason", default="", metavar="TEXT", help="Why.")
+@click.option("--who", default="", metavar="NAME", help="Who decided that.")
+@click.option(
+    "--printed-model",
+    "with_printed",
+    is_flag=True,
+    help="Draw the model as printed in every figure. [where it is nearest to the sample]",
+)
 @options.recorded_rig_option
 def report() -> None:
     """Write a report: one HTML file that needs no other file.

@@ -9,6 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig.configuration.parameters import PARAMETERS
+from impact_rig.configuration.particulars import (
+    INSTRUMENT_KEYS,
+    MEASURANDS,
+    NOTHING_STATED,
+    SAMPLE_KEYS,
+    Particulars,
+    parse_particulars,
+)
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
 from impact_rig.configuration.units import (
     Given,
@@ -86,8 +94,7 @@ SENSOR_KEYS = (
     "quantity",
     "sensitivity",
     "full_scale",
-    "serial_number",
-    "calibration_date",
+    *INSTRUMENT_KEYS,
     "sensitivity_uncertainty",
     "resonance",
     "resonance_uncertainty",
@@ -203,19 +210,13 @@ def read_today() -> str:
     return datetime.now().astimezone().date().isoformat()
 
 
-REFERENCE_QUANTITIES = {
-    "reference_contact_time": ("s", "203.2 us"),
-    "reference_stiffness": ("N/m", "45.29 MN/m"),
-    "reference_damping_coefficient": ("N*s/m", "1170 N*s/m"),
-}
-
-
 @dataclass(frozen=True)
 class RigFile:
     """The content of a rig file."""
 
     setup: RigSetup
     path: Path | None = None  # None: the paper's rig
+    particulars: Particulars = NOTHING_STATED  # for reports
     release_angles: tuple[float, ...] = ()  # [rad], for every sample; empty: the set-up's own
     check_mass: Sample | None = None  # struck once a day, before all else; None: it is not
     hammer: Mapping[str, Any] = field(default_factory=dict)  # parameters of the hammer node
@@ -257,11 +258,13 @@ def parse_rig_file(text: str) -> RigFile:
     """
     document = parse_toml_table(text)
     document.check_keys("name", "description", "hammer", "digitizer", "analysis", "samples",
-                        "sample", "check_mass", "source", "holder")  # fmt: skip
+                        "sample", "check_mass", "source", "holder", "laboratory", "report",
+                        "balance")  # fmt: skip
     source, holder = document.take_table("source"), document.take_table("holder")
     setup = _parse_setup(document, parse_sensors(source))
     return RigFile(
         setup=setup,
+        particulars=parse_particulars(document),
         release_angles=_parse_angles(document.take_table("hammer"), setup),
         check_mass=_parse_check_mass(document),
         hammer=_parse_swing(holder),
@@ -282,7 +285,7 @@ def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
     with document.take_table("analysis").locating():
         analysis = AnalysisSettings(**settings)
     digitizer = document.take_table("digitizer")
-    digitizer.check_keys("clock_uncertainty")
+    digitizer.check_keys("clock_uncertainty", *INSTRUMENT_KEYS)
     numbers = {
         "hammer_mass": hammer.take_quantity("mass", "kg", "100 g"),
         "impact_speed": hammer.take_quantity("impact_speed", "m/s", "8.19 cm/s"),
@@ -393,14 +396,15 @@ def _parse_samples(document: TomlTable) -> SampleSet:
 
 
 def _parse_sample(table: TomlTable) -> Sample:
-    table.check_keys("name", "material", "mass", "mass_uncertainty", *REFERENCE_QUANTITIES)
+    references = {f"reference_{name}": found for name, found in MEASURANDS.items()}
+    table.check_keys("name", "material", "mass", "mass_uncertainty", *references, *SAMPLE_KEYS)
     name, material = table.take_text("name"), table.take_text("material")
     numbers = {
         "mass": table.take_quantity("mass", "kg", "21.31 g"),
         "mass_uncertainty": table.take_quantity("mass_uncertainty", "kg", "0.003 g", 0.0),
         **{
             key: table.take_quantity(key, unit, example)
-            for key, (unit, example) in REFERENCE_QUANTITIES.items()
+            for key, (unit, example) in references.items()
             if key in table
         },
     }

@@ -15,6 +15,7 @@ from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalErr
 from impact_rig.core.filtering import check_cutoff, interpolate_between, low_pass
 from impact_rig.core.findings import Finding, Reason, join_findings
 from impact_rig.core.pulse_width import BASELINE_POINTS, PulseWidth, measure_pulse
+from impact_rig.core.quantity import INTERNAL
 from impact_rig.core.records import (
     NO_SPEED,
     UNSTATED,
@@ -410,13 +411,19 @@ class Overrule:
     verdict: Verdict
     reason: str = ""  # in the person's words
     who: str = ""  # empty: not told
+    # When it was taken [ns since the epoch]; 0: not told.
+    stamp: int = field(default=0, compare=False, metadata=INTERNAL)
+
+    @property
+    def decision(self) -> str:
+        """What the person decided."""
+        return "accepted by hand" if self.verdict is Verdict.ACCEPT else "left out by hand"
 
     @property
     def finding(self) -> Finding:
         """What is to be said of the hit."""
-        what = "accepted by hand" if self.verdict is Verdict.ACCEPT else "left out by hand"
         by, why = f", by {self.who}" * bool(self.who), f": {self.reason}" * bool(self.reason)
-        return Finding(Reason.OPERATOR, f"{what}{by}{why}")
+        return Finding(Reason.OPERATOR, f"{self.decision}{by}{why}")
 
 
 @dataclass(frozen=True)
@@ -426,6 +433,8 @@ class Overrules:
     # As the analysis was asked; they go before what is recorded.
     accepted: frozenset[HitLabel] = frozenset()
     rejected: frozenset[HitLabel] = frozenset()
+    reason: str = ""  # for these, in the words of the person
+    who: str = ""  # that person; empty: not told
     # The newest of each hit of a campaign, by record.
     recorded: Mapping[int, Overrule] = field(default_factory=dict)
 
@@ -440,7 +449,7 @@ class Overrules:
         """Return what a person makes of a hit; None: nothing."""
         for labels, verdict in ((self.accepted, Verdict.ACCEPT), (self.rejected, Verdict.REJECT)):
             if label in labels:
-                return Overrule(label.record, verdict)
+                return Overrule(label.record, verdict, self.reason, self.who)
         return self.recorded.get(label.record)
 
     def add(self, overrule: Overrule) -> "Overrules":

@@ -149,7 +149,7 @@ def make_model_pictures(results: Results, samples: Sequence[SampleTraces]) -> li
 
 def draw_widths(rows: Sequence[FigureRow]) -> "Figure":
     """Draw tau_p over m_eq: hits, means and expected values."""
-    panel = make_panel(3.6)
+    panel = make_panel(3.2)
     (axes,) = panel.axes
     for place, row in enumerate(rows):
         mass = row.relative_mass * GRAM

@@ -1,12 +1,12 @@
 """One sample: its hits, their mean and the models; the law of its contact."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from impact_rig.core.sample import SampleEstimate
 from impact_rig.present.picture import (
     WIDTH,
     Picture,
@@ -17,10 +17,8 @@ from impact_rig.present.picture import (
 )
 from impact_rig.results.numbers import (
     MICRO,
-    SAMPLE_MEASURANDS,
     format_count,
     format_error,
-    format_quantity,
 )
 from impact_rig.results.palette import BLUE, GREEN, PURPLE, VERMILION, format_hex
 from impact_rig.results.traces import (
@@ -47,55 +45,75 @@ LOOKS: dict[str, dict[str, Any]] = {
     DRIVEN: {"color": format_hex(VERMILION), "linestyle": (0, (5, 1.5))},
     PRINTED: {"color": format_hex(PURPLE), "linestyle": (0, (5, 1.5, 1, 1.5))},
 }
-LAW_LOOKS: dict[str, dict[str, Any]] = {
-    "law": {"color": format_hex(BLUE)},
-    "versed-sine": {"color": format_hex(VERMILION), "linestyle": (0, (5, 1.5))},
-}
-TALL, LOW = 2.6, 1.2
+LAW_LOOK: dict[str, Any] = {"color": format_hex(BLUE), "linestyle": (0, (1, 1))}
+TALL, LOW = 2.2, 0.8
 """Heights of traces, and of the residuals below them [inch]."""
 MEASURED_LOOK: dict[str, Any] = {"color": "black", "linewidth": 2.6, "alpha": 0.35}
 
 
+SAMPLE_CAPTION = (
+    "In each figure, thin lines: the hits; bold: their mean; shaded: the contact, τp long; w50:"
+    " the width at half amplitude; U1, U2: the peaks of the log decrement. Time counts from the"
+    " middle of the hammer pulse. Below: measured less model, in its colour and dashes."
+)
+LOOP_CAPTION = (
+    " Force over indentation follows from both traces and the law's impact speed; the loop's area"
+    " is the energy lost."
+)
+
+
 def make_sample_picture(
-    sample: SampleEstimate, traces: SampleTraces, hits: Sequence[AlignedHit]
+    traces: SampleTraces,
+    hits: Sequence[AlignedHit],
+    curves: LawCurves | None,
+    *,
+    with_printed: bool,
 ) -> Picture:
-    """Draw the traces of one sample, hammer and sample apart, residuals below.
+    """Draw the traces of one sample, hammer and sample apart, and the loop of its law.
 
     Parameters
     ----------
-    sample : SampleEstimate
-        The numbers.
     traces : SampleTraces
         Mean hit and models.
     hits : sequence of AlignedHit
         Those of the mean.
+    curves : LawCurves or None
+        Of the contact law; None: there is none.
+    with_printed : bool
+        Whether the model as printed is drawn even where the driven one is nearer to the sample.
     """
-    numbers = [
-        f"{item.sample_symbol} {item.format(item.read(sample))} {item.unit}"
-        for item in SAMPLE_MEASURANDS
-        if item.read(sample).is_known
+    if not with_printed:
+        traces = _leave_out_printed(traces)
+    panels = [
+        partial(draw_channel, traces, hits, channel, curves=curves)
+        for channel in range(len(traces.mean))
     ]
-    return make_picture(
-        f"{sample.name}: {', '.join(numbers)}",
-        "Thin lines: the hits; bold: their mean; shaded: the contact, τp long; w50: the width at"
-        " half amplitude; U1, U2: the peaks of the log decrement. Time counts from the middle of"
-        " the hammer pulse. Below: measured less model, each model in its colour and dashes.",
-        [partial(draw_channel, traces, hits, channel) for channel in range(len(traces.mean))],
-    )
+    if curves is not None and curves.indentation.size:
+        panels.append(partial(draw_law_loop, curves))
+    return make_picture(traces.name, "", panels)
+
+
+def _leave_out_printed(traces: SampleTraces) -> SampleTraces:
+    """Return traces without the model as printed, where the driven one is nearer to the sample."""
+    driven, printed = traces.find_model(DRIVEN), traces.find_model(PRINTED)
+    if driven is None or printed is None or printed.mse_percent[-1] < driven.mse_percent[-1]:
+        return traces
+    return replace(traces, models=tuple(item for item in traces.models if item is not printed))
 
 
 def draw_sample(
     traces: SampleTraces, hits: Sequence[AlignedHit], curves: LawCurves | None
 ) -> "Figure":
-    """Draw what the two pictures show of one sample into a figure of pyplot, and return it.
+    """Draw the traces of one sample into a figure of pyplot, and return it.
 
-    Above hammer and sample with their models and residuals, below the law of the contact.
+    Above hammer and sample with their models and residuals, below the loop of the contact.
     """
     from matplotlib import pyplot as plt
 
-    rows = [[partial(draw_channel, traces, hits, channel) for channel in range(len(traces.mean))]]
+    draw = partial(draw_channel, traces, hits, curves=curves)
+    rows = [[partial(draw, channel) for channel in range(len(traces.mean))]]
     if curves is not None:
-        rows.append([partial(draw_law_pulse, curves), partial(draw_law_loop, curves)])
+        rows.append([partial(draw_law_loop, curves)])
     columns = max(map(len, rows))
     heights = [TALL + LOW * bool(traces.models), TALL + LOW][: len(rows)]
     # Before the style, whose end would undo what the first figure sets up: notebooks show it.
@@ -113,9 +131,12 @@ def draw_channel(
     hits: Sequence[AlignedHit],
     channel: int,
     make_panel: MakePanel = reuse_panel,
+    curves: LawCurves | None = None,
 ) -> "Figure":
-    """Draw traces above and residuals below, on one time axis."""
-    panel: Figure = make_panel(TALL, *[LOW] * bool(traces.models))
+    """Draw traces above and residuals below, on one time axis; the law on the hammer's."""
+    law = curves if channel == HAMMER else None
+    has_models = bool(traces.models) or law is not None
+    panel: Figure = make_panel(TALL, *[LOW] * has_models)
     upper, lower = panel.axes[0], panel.axes[-1]
     start = -1.2 * traces.contact_time
     stop = np.nanmax([4.0 * traces.contact_time, 1.2 * traces.second_peak_time])
@@ -135,13 +156,17 @@ def draw_channel(
         label = f"{MODEL_NAMES[model.model]}, MSE {error} %"
         plot(upper, traces.time, model.traces[channel], **look, label=label)
         plot(lower, traces.time, traces.compute_residual(model)[channel], **look)
+    if law is not None:
+        plot(upper, law.time, law.acceleration, **LAW_LOOK, label="contact law")
+        measured = np.interp(law.time, traces.time, traces.mean[HAMMER])
+        plot(lower, law.time, measured - law.acceleration, **LAW_LOOK)
     half = 0.5 * MICRO * traces.contact_time
     for axes in panel.axes:
         axes.axvspan(-half, half, color=format_hex(GREEN), alpha=0.13, linewidth=0.0)
     _mark_points(upper, traces, channel)
-    upper.set(title=TITLES[channel], ylabel="acceleration [m/s²]")
-    if traces.models:
-        lower.set_ylabel("residual [m/s²]")
+    upper.set(title=TITLES[channel], ylabel="a [m/s²]")
+    if has_models:
+        lower.set_ylabel("residual", fontsize="small")
     lower.set_xlabel("time from the middle of the hammer pulse [µs]")
     panel.legend(loc="lower center", ncols=2)
     return panel
@@ -160,34 +185,6 @@ def _mark_points(axes: "Axes", traces: SampleTraces, channel: int) -> None:
         axes.annotate(name, (MICRO * time, level), (5.0, 3.0), textcoords="offset points")
 
 
-def make_law_picture(sample: SampleEstimate, curves: LawCurves) -> Picture:
-    """Draw pulse, residuals and force-indentation loop of one contact."""
-    law = sample.contact_law
-    exponent, restitution = format_quantity(law.exponent, 3), format_quantity(law.restitution, 3)
-    return make_picture(
-        f"{sample.name}: contact law, n = {exponent}, e = {restitution}",
-        "Law and versed-sine are filtered like the measured pulse; the versed-sine has its height"
-        " and lasts τp. The measured loop follows from both traces and the law's impact speed; its"
-        " area is the energy lost.",
-        [partial(draw_law_pulse, curves), partial(draw_law_loop, curves)],
-    )
-
-
-def draw_law_pulse(curves: LawCurves, make_panel: MakePanel = reuse_panel) -> "Figure":
-    """Draw force over time, and below the residuals of law and versed-sine."""
-    panel: Figure = make_panel(TALL, LOW)
-    forces, residuals = panel.axes
-    time = curves.time * MICRO
-    forces.plot(time, curves.measured, **MEASURED_LOOK, label="mean")
-    for name, force in (("law", curves.law), ("versed-sine", curves.versed_sine)):
-        forces.plot(time, force, **LAW_LOOKS[name], label=name)
-        residuals.plot(time, curves.measured - force, **LAW_LOOKS[name])
-    forces.set(title="a) pulse", ylabel="force [N]")
-    residuals.set(xlabel="time from the middle of the hammer pulse [µs]", ylabel="residual [N]")
-    panel.legend(loc="lower center", ncols=3)
-    return panel
-
-
 def draw_law_loop(curves: LawCurves, make_panel: MakePanel = reuse_panel) -> "Figure":
     """Draw force over indentation."""
     panel: Figure = make_panel(TALL + LOW)
@@ -195,7 +192,7 @@ def draw_law_loop(curves: LawCurves, make_panel: MakePanel = reuse_panel) -> "Fi
     if curves.indentation.size:
         indentation = curves.indentation * MICRO
         axes.plot(indentation, curves.loop_force, **MEASURED_LOOK, label="from both traces")
-    axes.plot(curves.law_indentation * MICRO, curves.law_force, **LAW_LOOKS["law"], label="law")
-    axes.set(title="b) force over indentation", xlabel="indentation [µm]", ylabel="force [N]")
+    axes.plot(curves.law_indentation * MICRO, curves.law_force, **LAW_LOOK, label="law")
+    axes.set(title="c) force over indentation", xlabel="indentation [µm]", ylabel="force [N]")
     panel.legend(loc="lower center", ncols=2)
     return panel

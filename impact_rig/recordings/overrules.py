@@ -5,7 +5,7 @@ from typing import Any
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.hits import NO_OVERRULES, Overrule, Overrules, Verdict
-from impact_rig.recordings.messages import PACKAGE, campaign_id_from_msg
+from impact_rig.recordings.messages import PACKAGE, campaign_id_from_msg, stamp_from_msg
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.scan import Scan
 
@@ -27,7 +27,8 @@ def overrule_from_msg(message: Any) -> Overrule:
         raise ParameterError(f"verdict is {message.verdict}: it must be one of {known}")
     # On one line, whatever was typed.
     reason, who = (" ".join(text.split())[:LONGEST_TEXT] for text in (message.reason, message.who))
-    return Overrule(int(message.record), Verdict(message.verdict), reason, who)
+    stamp = stamp_from_msg(message.header.stamp)
+    return Overrule(int(message.record), Verdict(message.verdict), reason, who, stamp)
 
 
 def read_overrules(

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from impact_rig.core.checks import NO_CHECKS
 from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.findings import Finding
+from impact_rig.core.findings import Finding, Reason
 from impact_rig.core.hits import JudgedHit
 from impact_rig.core.paper_estimate import PEAK, TIME, PaperEstimate
 from impact_rig.core.paper_method import BASE_WIDTH, CONTACT_TIME, WIDTH, HammerEstimate
@@ -57,6 +57,12 @@ class HitResults(Comparable):
     findings: tuple[Finding, ...] = ()  # what was corrected, is doubted or asked
     injected_faults: tuple[str, ...] = ()  # what the virtual rig did on purpose
     origin: Origin = field(default=UNSTATED, metadata=INLINE)
+
+    @property
+    def is_by_hand(self) -> bool:
+        """Whether a person decided on it."""
+        found = (*self.reasons, *self.findings)
+        return any(item.reason is Reason.OPERATOR for item in found)
 
     @property
     def label(self) -> HitLabel:

@@ -21,6 +21,8 @@ SCALES = {
 SMALLEST_ERROR = 1e-4
 """Mean square error below which no more is said than that [%], our choice: a hundredth of a
 thousandth of the paper's smallest bound says nothing more of a model."""
+MOST_FREEDOM = 999
+"""Degrees of freedom above which k is that of a normal distribution [-]."""
 UNCERTAINTY_DIGITS = 2
 """Significant digits of an uncertainty [-], GUM 7.2.6: more would claim too much."""
 
@@ -100,6 +102,26 @@ def format_quantity(quantity: Quantity, digits: int, scale: float = 1.0) -> str:
     if math.isinf(above):
         return "{} +∞ -{}".format(*_round_alike(below, value, below))
     return "{} +{} -{}".format(*_round_alike(min(below, above), value, above, below))
+
+
+def format_relative(quantity: Quantity) -> str:
+    """Return the expanded uncertainty in per cent of the value."""
+    part = 100.0 * quantity.expanded / abs(quantity.value) if quantity.value else math.nan
+    return f"{part:.2g}" if math.isfinite(part) else MISSING
+
+
+def format_coverage(quantity: Quantity) -> str:
+    """Return the coverage factor k of an expanded uncertainty (GUM 7.2.3)."""
+    is_uncertain = is_beyond_rounding(quantity.standard, quantity.value)
+    return format_number(quantity.expanded / quantity.standard, 2) if is_uncertain else MISSING
+
+
+def format_freedom(quantity: Quantity) -> str:
+    """Return the effective degrees of freedom, cut to a whole number (GUM G.4.2)."""
+    freedom = quantity.degrees_of_freedom
+    if freedom > MOST_FREEDOM:
+        return f"> {MOST_FREEDOM}"
+    return str(math.floor(freedom)) if math.isfinite(freedom) else MISSING
 
 
 def format_error(value: float) -> str:

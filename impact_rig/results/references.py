@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from functools import partial
 
+from impact_rig.core.findings import Subject
 from impact_rig.core.quantity import Comparable
 from impact_rig.core.records import SIMULATED, Origin
 from impact_rig.core.setup import (
@@ -44,12 +45,15 @@ class Plant:
     description: str
     has_expected_values: bool = True  # those of the set-up are its own
     has_damping: bool = True  # the sample rings after the contact
+    explained: frozenset[Subject] = frozenset()  # of the notes that the description makes needless
 
 
 PLANTS = {
     "virtual rig, plant published": Plant(
         "Bodies made from the paper's tables: agreement tests the software, not the paper."
-        " The pulse is the paper's versed-sine, which no contact law makes."
+        " Their pulse is the paper's versed-sine, which no contact law makes, and each hangs on"
+        " its spring.",
+        explained=frozenset({Subject.CONTACT_LAW, Subject.MOMENTA}),
     ),
     "virtual rig, plant dynamics": Plant(
         "Equations (1) and (2), the sample driven by the force alone, k and c of the paper."

@@ -2,17 +2,25 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
 from impact_rig.core.findings import Note, Reason, Subject
+from impact_rig.core.hits import Overrule, describe_label
 from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.records import MIXED, SIMULATED, UNKNOWN_KIND, Origin, join_origins
+from impact_rig.core.records import (
+    MIXED,
+    SIMULATED,
+    UNKNOWN_KIND,
+    HitLabel,
+    Origin,
+    join_origins,
+)
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PULSE_NAME, RigSetup
 from impact_rig.results.campaign import FileResults, HitResults, Results
-from impact_rig.results.numbers import MISSING, format_number, show_unit
+from impact_rig.results.numbers import MISSING, format_number, format_time, show_unit
 from impact_rig.results.references import Plant, find_plant
 from impact_rig.results.tables import (
     Column,
@@ -54,6 +62,7 @@ class Remark:
     text: str
     about: str = ""  # subject; empty: the whole run
     effect: float = 0.0  # on a result, as a part of it [-]
+    is_opinion: bool = False  # it interprets results, and says what to do
 
 
 NO_RESULT, MISSING_RESULT = math.inf, 1e-3
@@ -137,11 +146,24 @@ def select_attention(remarks: Sequence[Remark]) -> list[Remark]:
     return [remark for remark in remarks if remark.effect > 0.0]
 
 
-def gather_sample_remarks(sample: SampleEstimate) -> list[Remark]:
-    """Return what needs attention in one sample, in its own numbers."""
-    notes = [*sample.warnings, *sample.notes]
+def gather_sample_remarks(sample: SampleEstimate, left_out: Collection[Note] = ()) -> list[Remark]:
+    """Return what needs attention in one sample, in its own numbers, without some notes."""
+    notes = dict.fromkeys(_list_own(sample))
     checked = [replace(remark, about="") for remark in _check([sample])]
-    return checked + [Remark(str(note)) for note in notes]
+    return checked + [Remark(str(note)) for note in notes if note not in left_out]
+
+
+def find_common_notes(results: Results) -> set[Note]:
+    """Return the notes that are said of all samples at once, or with their origin."""
+    plant = find_plant(results.origin)
+    notes = [_list_own(sample) for sample in results.samples if sample.impacts_accepted]
+    common = set.intersection(*map(set, notes)) if notes else set()
+    explained = plant.explained if plant is not None else frozenset()
+    return common | {note for own in notes for note in own if note.about in explained}
+
+
+def _list_own(sample: SampleEstimate) -> list[Note]:
+    return [*sample.warnings, *sample.notes]
 
 
 def _check(samples: Sequence[SampleEstimate]) -> list[Remark]:
@@ -153,7 +175,8 @@ def _check(samples: Sequence[SampleEstimate]) -> list[Remark]:
             least, most = min(found.values()), max(found.values())
             percents = dict.fromkeys(f"{100.0 * part:.2g}" for part in (least, most))
             about = _name_subjects([*found], len(samples))
-            remarks.append(Remark(text.format(percent=" to ".join(percents)), about, most))
+            said = text.format(percent=" to ".join(percents))
+            remarks.append(Remark(said, about, most, is_opinion=True))
     return remarks
 
 
@@ -199,6 +222,8 @@ def _list_notes(
             sample.paper.damping_coefficient.is_known or not has_damping
         )
         for note in dict.fromkeys(sample.notes):
+            if plant is not None and note.about in plant.explained:
+                continue
             is_other = is_complete or note.about in FURTHER_METHODS
             (others if is_other else needed).append((sample.name, note))
     told = {note for _, note in needed}
@@ -252,6 +277,67 @@ def tabulate_rejections(results: Results) -> list[Table]:
     return list_table(f"Rejected hits: {len(hits)}", columns, notes)
 
 
+IN_MEAN, LEFT_OUT = "✓", "✗"
+
+
+def tabulate_marks(results: Results) -> list[Table]:
+    """Return every hit as a mark, sample by sample."""
+    found: dict[str, list[HitResults]] = {}
+    for hit in sorted(results.hits, key=lambda hit: hit.record):
+        found.setdefault(hit.sample, []).append(hit)
+    accepted = [sum(hit.accepted for hit in hits) for hits in found.values()]
+    columns = [
+        make_text_column("Sample", list(found)),
+        make_text_column(
+            "Hits, as they came", [" ".join(map(_mark, hits)) for hits in found.values()]
+        ),
+        Column("In the mean", list(map(str, accepted))),
+        Column(
+            "Left out",
+            [str(len(hits) - kept) for hits, kept in zip(found.values(), accepted, strict=True)],
+        ),
+    ]
+    note = f"{IN_MEAN}: in the mean; {LEFT_OUT}: left out; in brackets: as a person decided."
+    return list_table(f"Hits: {len(results.hits)}", columns, [note])
+
+
+def _mark(hit: HitResults) -> str:
+    mark = IN_MEAN if hit.accepted else LEFT_OUT
+    return f"({mark})" if hit.is_by_hand else mark
+
+
+def tabulate_overrules(
+    results: Results, overrules: Sequence[tuple[HitLabel, Overrule]]
+) -> list[Table]:
+    """Return who decided on hits, why and when."""
+    found = {hit.label: hit for hit in results.hits}
+    columns = [
+        make_text_column("Hit", [describe_label(label) for label, _ in overrules]),
+        make_text_column("Decision", [item.decision for _, item in overrules]),
+        make_text_column("Why", [item.reason or MISSING for _, item in overrules]),
+        make_text_column("Who", [item.who or MISSING for _, item in overrules]),
+        make_text_column(
+            "When",
+            [
+                format_time(item.stamp) if item.stamp else "for this report"
+                for _, item in overrules
+            ],
+        ),
+        make_text_column(
+            "The analysis says",
+            [
+                "\n".join(
+                    str(item)
+                    for item in (*found[label].reasons, *found[label].findings)
+                    if item.reason is not Reason.OPERATOR
+                )
+                for label, _ in overrules
+            ],
+        ),
+    ]
+    return list_table(f"Hits on which a person decided: {len(overrules)}", columns)
+
+
 def tabulate_accepted(results: Results) -> list[Table]:
     """Return the hits in the means, each as it was by itself."""
     hits = [hit for hit in results.hits if hit.accepted]
@@ -260,7 +346,6 @@ def tabulate_accepted(results: Results) -> list[Table]:
         read_column("τp [µs]", hits, "contact_time", 2, is_optional=True),
         _make_hammer_column(hits, results.setup),
         read_column("Sample peak [m/s²]", hits, "specimen_peak", 1, is_optional=True),
-        make_text_column("By hand", [_list_by_hand(hit) for hit in hits]),
         *_make_origin_columns(hits),
     ]
     note = "τp: of this hit alone. Peaks: largest value after the low-pass, either sign."
@@ -284,10 +369,6 @@ def _make_origin_columns(hits: Sequence[HitResults]) -> list[Column]:
         make_text_column("File", [PurePath(origin.file).name for origin in origins]),
         make_text_column("Place", [origin.place for origin in origins]),
     ]
-
-
-def _list_by_hand(hit: HitResults) -> str:
-    return "\n".join(item.explanation for item in hit.findings if item.reason is Reason.OPERATOR)
 
 
 def _list_reasons(hit: HitResults | FileResults) -> str:

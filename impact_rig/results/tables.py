@@ -32,9 +32,12 @@ from impact_rig.results.numbers import (
     SCALES,
     STIFFNESS,
     Measurand,
+    format_coverage,
     format_error,
+    format_freedom,
     format_number,
     format_quantity,
+    format_relative,
     is_beyond_rounding,
 )
 from impact_rig.results.references import (
@@ -47,6 +50,8 @@ LONGEST_UNBROKEN = 24
 """Rows of a table that are kept on one page of paper [-], our choice: a third of it."""
 LONGEST_LABEL = 28
 """Characters of words in a cell that stay on one line [-], our choice."""
+LARGE_SHARE = 0.2
+"""Share of the variance from which a contribution stands in the short list [-], our choice."""
 SMALLEST_SHARE = 5e-4
 """Share of the variance below which a contribution is named only [-], our choice."""
 
@@ -168,8 +173,10 @@ def read_column(
     return replace(column, cells=tuple(cells))
 
 
+APART = "!"
 DEVIATION = (
-    "±: 95 %. Δ/U: measured minus expected, over ±; marked beyond 1, where ± does not explain it."
+    f"±: 95 %. Δ/U: measured minus expected, over ±; {APART}: beyond 1, where ± does not explain"
+    " it."
 )
 
 
@@ -199,6 +206,15 @@ class _Row:
         width = found.compute_half_width(expected) if is_uncertain else math.nan
         return (found.value - expected) / width
 
+    def is_apart(self, quantity: Measurand) -> bool:
+        """Return whether the uncertainty does not explain the difference from what is expected."""
+        return abs(self.compute_deviation(quantity)) > 1.0
+
+    def format(self, quantity: Measurand) -> str:
+        """Return what was found, with a mark where it is apart from what is expected."""
+        text = quantity.format(self.read(quantity))
+        return f"{text} {APART}" if self.is_apart(quantity) else text
+
 
 def _make_rows(results: Results, *, with_hammer: bool) -> list[_Row]:
     bodies: list[tuple[str, SampleEstimate | HammerEstimate]] = [
@@ -215,7 +231,7 @@ def _make_deviations(rows: Sequence[_Row], quantity: Measurand) -> Column:
 
 def _mark(rows: Sequence[_Row], quantity: Measurand) -> list[int]:
     """Return the rows whose difference from what is expected exceeds the uncertainty."""
-    return [place for place, row in enumerate(rows) if abs(row.compute_deviation(quantity)) > 1.0]
+    return [place for place, row in enumerate(rows) if row.is_apart(quantity)]
 
 
 def tabulate_contact_times(results: Results) -> Table:
@@ -286,6 +302,14 @@ def tabulate_damping(results: Results) -> list[Table]:
     return [_tabulate_bodies(caption, results, DAMPING_COEFFICIENT, columns, [])]
 
 
+def count_expected(results: Results) -> tuple[int, int]:
+    """Return how many values agree with what is expected, within U, and how many do not."""
+    rows = _make_rows(results, with_hammer=results.hammer.stiffness.is_known)
+    deviations = [row.compute_deviation(item) for row in rows for item in SAMPLE_MEASURANDS]
+    found = [abs(item) <= 1.0 for item in deviations if math.isfinite(item)]
+    return found.count(True), found.count(False)
+
+
 def _is_known(results: Results, quantity: Measurand) -> bool:
     return any(quantity.read(body).is_known for body in (*results.samples, results.hammer))
 
@@ -317,9 +341,7 @@ def _tabulate_bodies(
                 for value in expected.values()
             ],
         ),
-        Column(
-            f"Measured [{quantity.unit}]", [quantity.format(row.read(quantity)) for row in rows]
-        ),
+        Column(f"Measured [{quantity.unit}]", [row.format(quantity) for row in rows]),
         _make_deviations(rows, quantity),
         *more,
     ]
@@ -345,8 +367,7 @@ def tabulate_summary(results: Results) -> list[Table]:
         return []
     columns = [make_text_column("Sample", [row.marked_name for row in rows])]
     for item in SAMPLE_MEASURANDS:
-        cells = [item.format(row.read(item)) for row in rows]
-        columns.append(Column(f"{item.symbol} [{item.unit}]", cells))
+        columns.append(Column(f"{item.symbol} [{item.unit}]", [row.format(item) for row in rows]))
         columns.append(replace(_make_deviations(rows, item), is_optional=True))
     # A remark may recommend them in place of those before.
     laws = [
@@ -569,35 +590,46 @@ def tabulate_free_decays(samples: Sequence[SampleEstimate]) -> list[Table]:
 
 
 def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
-    """Return what each method says of one sample, beside what is expected."""
-    paper, law, decay = sample.paper, sample.contact_law, sample.free_decay
-    methods = {
-        "paper's method": [paper.contact_time, paper.stiffness, paper.damping_coefficient],
-        "contact law": [law.duration, law.equivalent_stiffness, UNKNOWN],
-        "free decay": [UNKNOWN, decay.stiffness, decay.damping_coefficient],
-    }
-    ratios = {"paper's method": paper.damping_ratio, "free decay": decay.damping_ratio}
-    expected = [
-        format_number(item.read_reference(reference) * item.scale, item.digits)
-        for item in SAMPLE_MEASURANDS
+    """Return what each method says of one sample, with coverage and what is expected."""
+    law, decay = sample.contact_law, sample.free_decay
+    others = [
+        (CONTACT_TIME, "contact law", law.duration),
+        (STIFFNESS, "law's linear spring", law.equivalent_stiffness),
+        (STIFFNESS, "free decay", decay.stiffness),
+        (DAMPING_COEFFICIENT, "free decay", decay.damping_coefficient),
     ]
-    names = [f"{item.symbol} [{item.unit}]" for item in SAMPLE_MEASURANDS]
+    lines = []
+    for item in SAMPLE_MEASURANDS:
+        expected = format_number(item.read_reference(reference) * item.scale, item.digits)
+        name = f"{item.sample_symbol} [{item.unit}]"
+        lines.append((name, "the paper's", item.read(sample), item, expected))
+        lines += [
+            (name, method, found, item, "")
+            for quantity, method, found in others
+            if quantity is item and found.is_known
+        ]
+    plain = Measurand("", "", "", 3, "")
+    lines += [
+        (symbol, method, found, plain, "")
+        for symbol, method, found in (
+            ("ζ", "log decrement", sample.paper.damping_ratio),
+            ("ζ", "free decay", decay.damping_ratio),
+            ("e", "contact law", law.restitution),
+            ("n", "contact law", law.exponent),
+        )
+        if found.is_known
+    ]
+    found = [quantity for _, _, quantity, _, _ in lines]
     columns = [
-        make_text_column("", [*names, "ζ"]),
-        *(
-            Column(
-                method,
-                [
-                    *(item.format(it) for item, it in zip(SAMPLE_MEASURANDS, found, strict=True)),
-                    format_quantity(ratios.get(method, UNKNOWN), 3),
-                ],
-            )
-            for method, found in methods.items()
-        ),
-        Column("expected", [*expected, ""]),
+        make_text_column("", [name for name, *_ in lines]),
+        make_text_column("Method", [method for _, method, *_ in lines]),
+        Column("Value ± U", [item.format(quantity) for _, _, quantity, item, _ in lines]),
+        Column("U [%]", [format_relative(quantity) for quantity in found]),
+        Column("k", [format_coverage(quantity) for quantity in found]),
+        Column("DoF", [format_freedom(quantity) for quantity in found]),
+        Column("Expected", [expected for *_, expected in lines]),
     ]
-    note = "Contact law: k of the linear spring between free bodies with its duration."
-    return make_table("By method", columns, [note] if law.is_known else [])
+    return make_table("By method", columns)
 
 
 def tabulate_budgets(name: str, body: SampleEstimate | HammerEstimate) -> Iterator[Table]:
@@ -612,6 +644,24 @@ def tabulate_budgets(name: str, body: SampleEstimate | HammerEstimate) -> Iterat
         value = format_quantity(quantity, 3, scale)
         caption = f"{name}: {field.description.symbol} = {value} {unit}".rstrip()
         yield tabulate_budget(caption, quantity.budget, unit, scale)
+
+
+def tabulate_shares(results: Results) -> list[Table]:
+    """Return where each uncertainty comes from, in one line a body."""
+    bodies = _make_rows(results, with_hammer=True)
+    rows = [row for row in bodies if any(row.read(item).budget for item in SAMPLE_MEASURANDS)]
+    columns = [make_text_column("Sample", [row.name for row in rows])]
+    for item in SAMPLE_MEASURANDS:
+        cells = [_describe_shares(row.read(item).budget) for row in rows]
+        columns.append(make_text_column(f"of {item.symbol}", cells))
+    note = "Largest parts of the variance [%], down to a fifth of it."
+    return list_table("Uncertainty budgets, in short", columns, [note])
+
+
+def _describe_shares(budget: Sequence[BudgetLine]) -> str:
+    return ", ".join(
+        f"{line.source} {100.0 * line.share:.0f}" for line in budget if line.share >= LARGE_SHARE
+    )
 
 
 def tabulate_budget(caption: str, budget: Sequence[BudgetLine], unit: str, scale: float) -> Table:

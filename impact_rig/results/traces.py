@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.hits import FilteredHit, MeanHit
+from impact_rig.core.hits import FilteredHit, MeanHit, Overrule
 from impact_rig.core.law_pulses import LossForm, compute_pulses, find_places
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.pulses import compute_pulse
@@ -269,6 +269,7 @@ class LawCurves:
     measured: FloatArray
     law: FloatArray
     versed_sine: FloatArray
+    acceleration: FloatArray  # shape (n,): the law, as the hammer's trace has it [m/s^2]
     # Shape (k,): measured over the contact, from both traces and the law's impact speed [m, N];
     # empty: there is one trace only.
     indentation: FloatArray
@@ -297,7 +298,8 @@ def compute_law_curves(law: ContactLaw, traces: SampleTraces, setup: RigSetup) -
     unit = law.impulse.value / height / (1.0 + float(pulse.restitution[0]))
     rate, time, hammer_mass = traces.sampling_rate, traces.time, setup.hammer_mass
     chain = setup.find_chains(rate)[0]
-    upright = traces.mean * np.sign(traces.mean.sum(axis=1, keepdims=True))
+    signs = np.sign(traces.mean.sum(axis=1, keepdims=True))
+    upright = traces.mean * signs
 
     def compute_force(begin: float) -> FloatArray:
         return chain.show(height * pulse.compute_force((time - begin) / unit)[0])
@@ -311,11 +313,13 @@ def compute_law_curves(law: ContactLaw, traces: SampleTraces, setup: RigSetup) -
     peak = float(upright[0].max())
     shown = np.abs(time) < (0.5 + MARGIN) * law.duration.value
     touching = (time >= begin) & (time <= begin + law.duration.value)
+    force = compute_force(begin)[shown]
     loop = _integrate_loop(upright[:, touching], speed, rate, hammer_mass)
     return LawCurves(
         time=time[shown],
         measured=hammer_mass * upright[0, shown],
-        law=compute_force(begin)[shown],
+        law=force,
+        acceleration=signs[0] * force / hammer_mass,
         versed_sine=hammer_mass * chain.show(peak * versed)[shown],
         indentation=loop[0],
         loop_force=loop[1],
@@ -353,6 +357,7 @@ class TracedCampaign:
     samples: tuple[SampleTraces, ...] = ()  # those with a mean hit; empty without traces
     hits: tuple[TracedHit, ...] = ()  # all, in the order of arrival; empty without traces
     began: int = 0  # time of the first hit's first point [ns since the epoch]; 0: not known
+    overrules: tuple[tuple[HitLabel, Overrule], ...] = ()  # by persons, as far as they are known
 
 
 @dataclass(frozen=True)
@@ -375,7 +380,6 @@ class Provenance:
     losses: str = ""  # what was lost while it was recorded; empty: nothing
     ended: str = ""  # why the recording ended, by the recorder
     versions: tuple[tuple[str, str], ...] = ()  # of software and libraries
-    parameters: tuple[tuple[str, str], ...] = ()  # of every node, as YAML
     # What an operator said, and when [ns since the epoch]; 0: before the recording.
     notes: tuple[tuple[int, str], ...] = ()
 
@@ -385,7 +389,6 @@ class ReportedCampaign:
     """One campaign of a report."""
 
     name: str  # unique in the report
-    source: str  # file or folder it was read from, with its folder's name
     campaign: TracedCampaign
     provenance: Provenance | None = None  # None: results alone
     warnings: tuple[str, ...] = ()  # about the file

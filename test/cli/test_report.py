@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from impact_rig.configuration.rig_file import read_template
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import write_results
@@ -39,7 +40,7 @@ def test_the_report_of_a_run_lies_in_its_folder_and_is_never_overwritten(run, fo
     path = folder / "report.html"
     assert outcome.stderr == f"report: {path}\n"
     text = read_text(path)
-    assert "monday/session.mcap" in text
+    assert "session.mcap" in text
     assert str(folder) not in text  # the folder's path here is private
     for words in ("Paper", "[µs]", "brass medium *", "Fig. 3", "data:image/svg+xml", "2500"):
         assert words in text
@@ -53,6 +54,69 @@ def test_the_report_of_a_run_lies_in_its_folder_and_is_never_overwritten(run, fo
     other = folder / "new" / "other.html"
     assert run("report", folder / "session.mcap", "-o", other).exit_code == 0
     assert other.read_bytes() == path.read_bytes()
+
+
+def test_what_is_set_is_in_the_report_and_what_is_missing_is_listed(run, folder):
+    lacking = run("report", folder, "--check")
+    assert lacking.exit_code == 1
+    assert "Measured hits: these are simulated" in lacking.stdout
+    assert "Report number (7.8.2.1 d): number in [report]" in lacking.stdout
+    assert not (folder / "report.html").exists()
+    number = ("--set", "report.number=4711")
+    assert "Report number" not in run("report", folder, "--check", *number).stdout
+    assert run("report", folder, *number).exit_code == 0
+    assert "End of the report 4711." in read_text(folder / "report.html")
+    wrong = run("report", folder, "-o", folder / "x.html", "--set", "report.nummer=1")
+    assert wrong.exit_code == 2
+    assert "'report.nummer=1' sets nothing: write it like report.number=TEXT" in wrong.stderr
+
+
+def test_the_rig_file_says_what_the_recording_does_not(run, folder):
+    rig = folder / "rig.toml"
+    rig.write_text(
+        read_template().replace(
+            'name = "brass medium"', 'name = "brass medium"\nmaximum_contact_time = "100 us"'
+        )
+        + '[laboratory]\nname = "Lab 7"\n'
+    )
+    assert run("report", folder, "--rig-file", rig).exit_code == 0
+    text = read_text(folder / "report.html")
+    assert "Lab 7" in text
+    assert "of 1 value with limits 1 failed" in text
+
+
+def test_a_recording_brings_its_rig_file_and_what_a_person_decided(run, folder):
+    from impact_rig_msgs.msg import Overrule
+
+    from impact_rig.nodes import interfaces, messages
+
+    from ..nodes.replays import write_recording
+
+    decided = Overrule(record=2, verdict=Overrule.REJECT, reason="loose cable", who="Ann")
+    decided.header.stamp = messages.stamp_to_msg(1_700_000_000_000_000_000)
+    rig = read_template() + '[laboratory]\nname = "Lab 7"\n'
+    write_recording(
+        folder / "session-2.mcap",
+        [(9.0, interfaces.OVERRULE, decided)],
+        attachment=("rig.toml", "application/toml", rig.encode()),
+    )
+    assert run("report", folder).exit_code == 0
+    text = read_text(folder / "report.html")
+    for words in ("Lab 7", "left out by hand", "loose cable", "Ann", "2023-11-14 22:13:20 UTC"):
+        assert words in text
+
+
+def test_a_hit_is_left_out_with_reason_and_name(run, folder):
+    asked = ("report", folder, "--reject", "brass medium/1")
+    assert "add --reason" in run(*asked).stderr
+    assert "belong to --accept or --reject" in run("report", folder, "--who", "A").stderr
+    assert run(*asked, "--reason", "loose cable", "--who", "A. Berg").exit_code == 0
+    text = read_text(folder / "report.html")
+    assert "Hits on which a person decided: 1" in text
+    for words in ("left out by hand", "loose cable", "A. Berg", "for this report", "(✗) ✓"):
+        assert words in text
+    results = run("report", folder / "results.json", *asked[2:], "--reason", "x", "-o", "x.html")
+    assert "has no traces: --accept and --reject need them" in results.stderr
 
 
 def test_results_that_contradict_themselves_are_refused_in_one_sentence(run, folder):

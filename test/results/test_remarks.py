@@ -6,6 +6,7 @@ import pytest
 
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.findings import Finding, Note, Reason, Subject
+from impact_rig.core.hits import Overrule, Verdict
 from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
@@ -21,9 +22,12 @@ from impact_rig.results.references import PLANTS
 from impact_rig.results.remarks import (
     Remark,
     describe_origin,
+    find_common_notes,
     gather_remarks,
     gather_sample_remarks,
     select_attention,
+    tabulate_marks,
+    tabulate_overrules,
 )
 
 KNOWN = {"stiffness": Quantity(45e6), "damping_coefficient": Quantity(1170.0)}
@@ -153,6 +157,41 @@ def test_a_sample_by_itself_has_its_own_numbers():
         Remark("hits: odd"),
         Remark("free decay: none"),
     ]
+
+
+def test_notes_of_all_samples_are_said_of_them_at_once_and_those_of_a_plant_with_its_origin():
+    of_all, own, known = (
+        Note(about, "x") for about in (Subject.K1, Subject.HITS, Subject.MOMENTA)
+    )
+    samples = (make_sample("tin", of_all, own, known), make_sample("zinc", of_all))
+    results = Results(PAPER_SETUP, HAMMER, samples, ())
+    assert find_common_notes(results) == {of_all}
+    origin = Origin(SIMULATED, "virtual rig, plant published")
+    hit = HitResults("tin", 1, 1, 1, accepted=True, origin=origin)
+    simulated = replace(results, hits=(hit,))
+    assert find_common_notes(simulated) == {of_all, known}
+    assert gather_sample_remarks(samples[0], find_common_notes(simulated)) == [Remark("hits: x")]
+
+
+def test_every_hit_has_a_mark_in_its_order_with_brackets_where_a_person_decided():
+    overrule = Overrule(3, Verdict.REJECT, "loose cable", "Ann", 1_700_000_000_000_000_000)
+    double = Finding(Reason.DOUBLE_HIT, "a second pulse")
+    hits = (
+        HitResults("tin", 2, 1, 3, reasons=(double, overrule.finding)),
+        HitResults("tin", 1, 1, 1, accepted=True),
+        HitResults("tin", 1, 2, 2, reasons=(double,)),
+    )
+    results = Results(PAPER_SETUP, HAMMER, (make_sample(),), hits)
+    (marks,) = tabulate_marks(results)
+    assert marks.rows == [("tin", "✓ ✗ (✗)", "1", "2")]
+    (decided,) = tabulate_overrules(results, [(hits[0].label, overrule)])
+    assert decided.rows == [
+        ("3 (tin/2.1)", "left out by hand", "loose cable", "Ann", "2023-11-14 22:13:20 UTC",
+         "double_hit: a second pulse"),
+    ]  # fmt: skip
+    (asked,) = tabulate_overrules(results, [(hits[0].label, replace(overrule, stamp=0))])
+    assert asked.rows[0][4] == "for this report"
+    assert tabulate_overrules(results, []) == []
 
 
 @pytest.mark.parametrize("plant", Plant)

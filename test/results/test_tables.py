@@ -115,7 +115,7 @@ def test_the_summary_has_every_result_and_how_far_it_is_from_what_is_expected():
     (table,) = tables.tabulate_summary(make_results(sample, hammer=hammer))
     # By hand: (204.2 - 203.2) / 0.5, (45.0 - 45.29) / 1.16, (22.0 - 22.54) / 1.08.
     assert table.rows == [
-        ("steel medium", "204.20 ± 0.50", "2.0", "45.0 ± 1.2", "-0.2", "1200.0"),
+        ("steel medium", "204.20 ± 0.50 !", "2.0", "45.0 ± 1.2", "-0.2", "1200.0"),
         ("hammer", "-", "-", "22.0 ± 1.1", "-0.5", "-"),
     ]
     assert table.marked == {0}
@@ -186,17 +186,27 @@ def test_a_budget_names_each_source_and_sums_up_what_is_small():
     assert table.notes == ("Below 0.05 %: sampling clock.",)
 
 
-@pytest.mark.parametrize(("row", "expected"), [(0, "203.20"), (1, "45.29"), (2, "1170.0")])
-def test_a_sample_by_itself_has_the_values_of_every_method(row, expected):
-    law = ContactLaw(duration=Quantity(200e-6), equivalent_stiffness=Quantity(46e6))
-    sample = replace(SAMPLE, contact_law=law)
-    table = tables.tabulate_methods(sample, find_expected(make_results(SAMPLE), "steel medium"))
+def test_a_sample_by_itself_has_every_method_with_coverage_factor_and_freedom():
+    stiffness = replace(SAMPLE.paper.stiffness, standard=0.5e6, degrees_of_freedom=9.7)
+    sample = replace(SAMPLE, paper=replace(SAMPLE.paper, stiffness=stiffness))
+    table = tables.tabulate_methods(sample, find_expected(make_results(sample), "steel medium"))
     assert [column.header for column in table.columns] == [
-        "", "paper's method", "contact law", "free decay", "expected",
+        "", "Method", "Value ± U", "U [%]", "k", "DoF", "Expected",
     ]  # fmt: skip
-    assert table.rows[row][-1] == expected
-    assert table.rows[1][1:3] == ("45.0 ± 1.2", "46.00")
-    assert table.rows[0][2] == "200.00"
+    rows = {row[:2]: row[2:] for row in table.rows}
+    # k is U over u; the degrees of freedom are cut, not rounded (GUM G.4.2).
+    assert rows["k2 [MN/m]", "the paper's"] == (
+        "45.0 ± 1.2", "2.7", f"{1.2 / 0.5:.2f}", "9", "45.29",
+    )  # fmt: skip
+    assert rows["c2 [N s/m]", "free decay"][0] == "1180 ± 25"
+    expected = [row[-1] for row in table.rows if row[1] == "the paper's"]
+    assert expected == ["203.20", "45.29", "1170.0"]
+
+
+def test_where_uncertainties_come_from_stands_in_a_line_a_body():
+    (table,) = tables.tabulate_shares(make_results(SAMPLE))
+    assert table.rows[0][:1] == ("steel medium",)
+    assert "mass of the accelerometer 80" in table.rows[0]
 
 
 def test_a_contact_law_stands_with_its_uncertainty_and_what_is_said_of_several_once():

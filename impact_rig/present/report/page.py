@@ -36,22 +36,14 @@ class Facts:
 
 
 @dataclass(frozen=True)
-class Listing:
-    """Preformatted text."""
-
-    title: str
-    text: str
-
-
-@dataclass(frozen=True)
 class Folded:
-    """Contents that unfold on a click, and are always printed."""
+    """Contents that unfold on a click, and are printed as far as they are unfolded."""
 
     title: str
     parts: tuple["Part", ...]
 
 
-Part = Paragraph | Remarks | Facts | Table | Picture | Listing | Folded
+Part = Paragraph | Remarks | Facts | Table | Picture | Folded
 
 
 @dataclass(frozen=True)
@@ -61,7 +53,7 @@ class Section:
     title: str
     parts: tuple[Part, ...] = ()
     sections: tuple["Section", ...] = ()
-    is_page: bool = False
+    is_whole: bool = False  # its parts stand beside each other, on one page of paper
 
 
 @dataclass(frozen=True)
@@ -71,10 +63,12 @@ class Document:
     title: str
     subtitle: str
     name: str
+    number: str  # of the report, on every page of paper; may be empty
     banner: str
     is_warning: bool
     facts: tuple[tuple[str, str], ...]
     sections: tuple[Section, ...]
+    laws: frozenset[str] = frozenset()  # forms of loss in its contact laws, whose sources it names
 
 
 def drop_empty(*sections: Section | None) -> tuple[Section, ...]:
@@ -115,4 +109,11 @@ def _make_environment() -> "jinja2.Environment":
         undefined=jinja2.StrictUndefined,
     )
     environment.filters["kind"] = lambda part: type(part).__name__
+    environment.filters["quote"] = _quote_css
     return environment
+
+
+def _quote_css(text: str) -> str:
+    """Return a text as a string of CSS, which nothing in it can end."""
+    letters = (item if item.isalnum() else f"\\{ord(item):x} " for item in text)
+    return f'"{"".join(letters)}"'

@@ -1,7 +1,10 @@
 """The whole report of a run: its first page, its samples, tables of all, hits, method."""
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
 
+from impact_rig.configuration.particulars import NOTHING_STATED, Particulars
+from impact_rig.core.findings import Note
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.records import IMPORTED, MEASURED, join_origins
 from impact_rig.core.sample import SampleEstimate
@@ -12,7 +15,6 @@ from impact_rig.present.campaign_figures import (
 )
 from impact_rig.present.report.page import (
     Document,
-    Facts,
     Folded,
     Paragraph,
     Part,
@@ -20,85 +22,143 @@ from impact_rig.present.report.page import (
     Section,
     drop_empty,
 )
-from impact_rig.present.report.setup import format_date, make_setup_section
-from impact_rig.present.sample_figures import make_law_picture, make_sample_picture
+from impact_rig.present.report.setup import format_date, make_items_section, make_setup_section
+from impact_rig.present.sample_figures import LOOP_CAPTION, SAMPLE_CAPTION, make_sample_picture
 from impact_rig.results import tables
 from impact_rig.results.campaign import Results
-from impact_rig.results.numbers import format_count, format_time, is_dated
+from impact_rig.results.limits import JudgedValue, judge_values, tabulate_conformity
+from impact_rig.results.numbers import (
+    SAMPLE_MEASURANDS,
+    format_count,
+    format_number,
+    format_time,
+    is_dated,
+)
 from impact_rig.results.references import find_expected
 from impact_rig.results.remarks import (
     Remark,
-    count_reasons,
     describe_origin,
+    find_common_notes,
     gather_remarks,
     gather_sample_remarks,
     select_attention,
     tabulate_accepted,
+    tabulate_marks,
+    tabulate_overrules,
     tabulate_rejections,
 )
 from impact_rig.results.traces import ReportedCampaign, compute_law_curves
 
+SCOPE = "The results relate only to the items tested. Only the whole report may be reproduced."
 
-def make_run_sections(run: ReportedCampaign) -> tuple[Section, ...]:
-    """Return the sections on one run: results, samples, tables, hits, set-up."""
+
+def make_run_sections(
+    run: ReportedCampaign, stated: Particulars, *, with_printed: bool
+) -> tuple[Section, ...]:
+    """Return the sections on one run: results, items, samples, tables, hits, set-up."""
     results = run.campaign.results
     remarks = gather_run_remarks(run)
     others = tuple(remark for remark in remarks if not remark.effect)
+    common = find_common_notes(results)
+    samples = [
+        _make_sample_section(run, item, common, with_printed=with_printed)
+        for item in results.samples
+    ]
     return drop_empty(
-        _make_results_section(results, select_attention(remarks)),
-        Section("Samples", (), tuple(_make_sample_section(run, item) for item in results.samples)),
-        *_make_table_sections(run),
-        _make_hits_section(results),
-        Section("Further remarks", (Remarks(others),) if others else ()),
-        _make_budgets_section(results),
+        _make_results_section(results, select_attention(remarks), stated),
+        make_items_section(run, stated),
         make_setup_section(run),
+        Section("Samples", _explain_figures(run), tuple(samples)),
+        _make_tables_section(run),
+        _make_hits_section(run),
+        Section("Further remarks", (Remarks(others),) if others else ()),
     )
 
 
-def _make_results_section(results: Results, remarks: Sequence[Remark]) -> Section:
-    """Return the first page: one table, what needs attention."""
+def _make_results_section(
+    results: Results, remarks: Sequence[Remark], stated: Particulars
+) -> Section:
+    """Return the first page: the conclusion, one table, what needs attention."""
+    limits = {name: item.limits for name, item in stated.items.items()}
+    judged = judge_values(results, limits)
     left_out = len(results.rejections)
     accepted = format_count(len(results.hits) - left_out, "hit")
     parts: list[Part] = [
+        Paragraph(conclude(results, judged)),
         *tables.tabulate_summary(results),
-        Paragraph(f"{accepted} accepted, {left_out} rejected."),
+        *tabulate_conformity(judged),
+        Paragraph(f"{accepted} accepted, {left_out} rejected. {SCOPE}"),
     ]
     if remarks:
         parts += [Paragraph("What needs attention:"), Remarks(tuple(remarks), is_warning=True)]
     return Section("Results", tuple(parts))
 
 
-def _make_table_sections(run: ReportedCampaign) -> tuple[Section, ...]:
-    """Return the tables and figures of all samples; empty without an accepted hit."""
+def conclude(results: Results, judged: Sequence[JudgedValue]) -> str:
+    """Return in one sentence what was found, and whether it is as expected or required."""
+    clauses = []
+    for item in SAMPLE_MEASURANDS:
+        values = [
+            found.value * item.scale
+            for sample in results.samples
+            if (found := item.read(sample)).is_known
+        ]
+        if values:
+            digits = max(item.digits - 1, 0)
+            ends = dict.fromkeys(format_number(end, digits) for end in (min(values), max(values)))
+            clauses.append(f"{item.name} {item.symbol} {' to '.join(ends)} {item.unit}")
+    text = "; ".join(clauses) or "nothing could be determined"
+    expected = tables.count_expected(results)
+    if any(expected):
+        text += f"; {expected[0]} of {sum(expected)} values agree with what is expected, within U"
+    if judged:
+        counts = Counter(item.conformity.value for item in judged)
+        told = ", ".join(f"{count} {name}" for name, count in counts.items())
+        text += f"; of {format_count(len(judged), 'value')} with limits {told}"
+    return f"{format_count(len(results.samples), 'sample')}: {text}."
+
+
+def _make_tables_section(run: ReportedCampaign) -> Section | None:
+    """Return the tables and figures of all samples; None without an accepted hit."""
     results = run.campaign.results
     samples = results.samples
     if not any(sample.impacts_accepted for sample in samples):
-        return ()
-    models = make_model_pictures(results, run.campaign.samples)
-    decays, errors = tables.tabulate_free_decays(samples), tables.tabulate_errors(samples)
-    times = tables.tabulate_contact_times(results)
-    return drop_empty(
-        Section("Contact time", (times, *make_contact_pictures(results))),
-        Section("Stiffness", tuple(tables.tabulate_stiffness(results))),
-        Section("Damping", (*tables.tabulate_damping(results), *decays)),
-        Section("Model against measurement", (*models, *errors)),
-        Section("Pulse shape", tuple(tables.tabulate_pulse_shapes(samples))),
-        Section("Contact law", tuple(tables.tabulate_contact_laws(samples))),
-        Section("Momenta", tuple(tables.tabulate_momenta(samples))),
-        _make_speed_section(results),
-    )
-
-
-def _make_speed_section(results: Results) -> Section | None:
-    """Return the section on the impact speed; None if there is only one speed."""
-    found = tables.tabulate_speed_exponents(results.speed_exponents)
-    if not found:
         return None
-    return Section("Contact over impact speed", (*found, make_speed_picture(results)))
+    speeds = tables.tabulate_speed_exponents(results.speed_exponents)
+    budgets = [part for item in samples for part in _fold_budgets(item.name, item)]
+    parts = (
+        tables.tabulate_contact_times(results),
+        *make_contact_pictures(results),
+        *tables.tabulate_stiffness(results),
+        *tables.tabulate_damping(results),
+        *tables.tabulate_free_decays(samples),
+        *make_model_pictures(results, run.campaign.samples),
+        *tables.tabulate_errors(samples),
+        *tables.tabulate_pulse_shapes(samples),
+        *tables.tabulate_contact_laws(samples),
+        *tables.tabulate_momenta(samples),
+        *speeds,
+        *(make_speed_picture(results) for _ in speeds),
+        *tables.tabulate_shares(results),
+        *budgets,
+        *_fold_budgets("hammer", results.hammer),
+    )
+    return Section("All samples", parts)
 
 
-def _make_sample_section(run: ReportedCampaign, sample: SampleEstimate) -> Section:
-    """Return the page of one sample: its traces with the models, its law, its remarks."""
+def _explain_figures(run: ReportedCampaign) -> tuple[Part, ...]:
+    """Return what the figures of all samples show, as far as they show it."""
+    if not run.campaign.samples:
+        return ()
+    laws = [sample.contact_law for sample in run.campaign.results.samples]
+    has_loop = any(law.impact_speed.is_known for law in laws)
+    return (Paragraph(SAMPLE_CAPTION + LOOP_CAPTION * has_loop),)
+
+
+def _make_sample_section(
+    run: ReportedCampaign, sample: SampleEstimate, common: Collection[Note], *, with_printed: bool
+) -> Section:
+    """Return what there is of one sample: its traces with the models, methods, remarks."""
     results = run.campaign.results
     traces = next((item for item in run.campaign.samples if item.name == sample.name), None)
     parts: list[Part] = []
@@ -108,23 +168,13 @@ def _make_sample_section(run: ReportedCampaign, sample: SampleEstimate) -> Secti
             for hit in run.campaign.hits
             if hit.aligned is not None and hit.result.accepted and hit.result.sample == sample.name
         ]
-        parts.append(make_sample_picture(sample, traces, hits))
         curves = compute_law_curves(sample.contact_law, traces, results.setup)
-        if curves is not None:
-            parts.append(make_law_picture(sample, curves))
+        parts.append(make_sample_picture(traces, hits, curves, with_printed=with_printed))
     if sample.impacts_accepted:
         parts.append(tables.tabulate_methods(sample, find_expected(results, sample.name)))
-    if remarks := gather_sample_remarks(sample):
+    if remarks := gather_sample_remarks(sample, common):
         parts.append(Remarks(tuple(remarks)))
-    return Section(sample.name, tuple(parts), is_page=True)
-
-
-def _make_budgets_section(results: Results) -> Section:
-    parts: list[Part] = []
-    for sample in results.samples:
-        parts += _fold_budgets(sample.name, sample)
-    parts += _fold_budgets("hammer", results.hammer)
-    return Section("Uncertainty budgets", tuple(parts))
+    return Section(sample.name, tuple(parts), is_whole=True)
 
 
 def _fold_budgets(name: str, body: SampleEstimate | HammerEstimate) -> list[Part]:
@@ -133,17 +183,17 @@ def _fold_budgets(name: str, body: SampleEstimate | HammerEstimate) -> list[Part
     return [Folded(f"Uncertainty budget of {name}", budgets)] if budgets else []
 
 
-def _make_hits_section(results: Results) -> Section:
+def _make_hits_section(run: ReportedCampaign) -> Section:
     """Return the section with every hit of a campaign."""
-    rejected, accepted = results.rejections, [hit for hit in results.hits if hit.accepted]
-    text = (
-        f"Of {len(results.hits)} hits {len(accepted)} are in the means and {len(rejected)} were"
-        " left out"
-    )
-    if rejected:
-        text += f": {count_reasons(rejected)}. A hit may have several reasons"
+    results = run.campaign.results
     folded = [Folded(table.caption, (table,)) for table in tabulate_accepted(results)]
-    return Section("Hits", (Paragraph(f"{text}."), *tabulate_rejections(results), *folded))
+    parts: tuple[Part, ...] = (
+        *tabulate_marks(results),
+        *tabulate_overrules(results, run.campaign.overrules),
+        *tabulate_rejections(results),
+        *folded,
+    )
+    return Section("Hits", parts)
 
 
 def gather_run_remarks(run: ReportedCampaign) -> list[Remark]:
@@ -160,47 +210,14 @@ def gather_run_remarks(run: ReportedCampaign) -> list[Remark]:
 
 
 TITLE = "Impact test report"
-GUIDE = {
-    "±": (
-        "The half-width of the interval that holds the true value with a probability of 95 %"
-        " (expanded uncertainty U, GUM). u is a standard uncertainty. A value is rounded to"
-        " the second digit of its uncertainty. Where U is above 10 % of what a formula makes of"
-        " τp, as k ~ 1/τp², the interval has its own half-widths: 0.45 +0.44 -0.18."
-    ),
-    "Contact time τp": (
-        "Twice the width of the mean hammer pulse at half its amplitude, w50: right for a"
-        " versed-sine pulse. Hits are laid over each other at the middle of the pulse and"
-        " averaged."
-    ),
-    "Stiffness k": (
-        "k_eq = m_eq (π/τp)², with m_eq = m1 m2/(m1 + m2) and m2 the sample with its"
-        " accelerometer. k1 = 2 k_eq of the control sample, which is alike to the hammer; then"
-        " 1/k2 = 1/k_eq - 1/k1."
-    ),
-    "Damping c": (
-        "From the logarithmic decrement Δ = ln(U1/U2) of two successive peaks:"
-        " ζ = Δ/√(4π² + Δ²) and c = 2ζ√(km). U1 lies inside the contact, where the response is"
-        " still forced: the free decay after the contact is given beside it."
-    ),
-    "Model": (
-        "Two bodies, each with a spring and a damper, pressed together by a versed-sine force."
-        " “driven”: the force alone drives the sample. “printed”: equations (1) and (2) as"
-        " they stand in the paper. Both with k and c by the paper's method."
-    ),
-    "Paper, reference": (
-        "The published value of the same sample, or the value that the rig's set-up expects."
-        " Δ/U is measured minus expected, over the half-width of the measured value's interval."
-    ),
-    "Hits left out": (
-        "A hit is judged before it counts: overload, double hit, too weak, truncated, no"
-        " pulse, dead channel, gap, outlier of its sample. A person can overrule that."
-    ),
-}
-"""How to read the report: signs, methods and words."""
 
 
 def make_report(
-    runs: Sequence[ReportedCampaign], report: Callable[[int], None] = lambda _: None
+    runs: Sequence[ReportedCampaign],
+    stated: Particulars = NOTHING_STATED,
+    report: Callable[[int], None] = lambda _: None,
+    *,
+    with_printed: bool = False,
 ) -> Document:
     """Return the report of a run.
 
@@ -208,8 +225,12 @@ def make_report(
     ----------
     runs : sequence of ReportedCampaign
         The campaigns of a recording, usually one.
+    stated : Particulars
+        What a person says of laboratory, report, items and instruments.
     report : callable, optional
         Gets the number of finished campaigns.
+    with_printed : bool
+        Whether every figure shows the model as printed.
 
     Raises
     ------
@@ -219,17 +240,20 @@ def make_report(
     kind = join_origins(run.campaign.results.origin for run in runs).kind
     sections: list[Section] = []
     for number, run in enumerate(runs, start=1):
-        parts = make_run_sections(run)
+        parts = make_run_sections(run, stated, with_printed=with_printed)
         sections += parts if len(runs) == 1 else [Section(run.name, (), parts)]
         report(number)
+    laws = [item.contact_law for run in runs for item in run.campaign.results.samples]
     return Document(
         title=TITLE if kind == MEASURED else f"{TITLE}: {kind}",
         subtitle=_describe_rigs(runs),
         name=", ".join(run.name for run in runs),
+        number=stated.get("report", "number"),
         banner=_describe_origins(runs),
         is_warning=kind not in (MEASURED, IMPORTED),
-        facts=_list_facts(runs),
-        sections=(*sections, Section("Method", (Facts(tuple(GUIDE.items())),))),
+        facts=_list_facts(runs, stated),
+        sections=tuple(sections),
+        laws=frozenset(form for law in laws for form in law.form.split(" + ") if form),
     )
 
 
@@ -248,18 +272,17 @@ def _describe_rigs(runs: Sequence[ReportedCampaign]) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _list_facts(runs: Sequence[ReportedCampaign]) -> tuple[tuple[str, str], ...]:
-    """Return the facts beside the title."""
+def _list_facts(
+    runs: Sequence[ReportedCampaign], stated: Particulars
+) -> tuple[tuple[str, str], ...]:
+    """Return the facts below the title: what a person states, and of the runs."""
     results = [run.campaign.results for run in runs]
     rigs = dict.fromkeys(item.setup.name for item in results if item.setup.name)
-    names = dict.fromkeys(sample.name for item in results for sample in item.samples)
-    hits = sum(len(item.hits) for item in results)
-    left_out = sum(len(item.rejections) for item in results)
     facts = [
+        *stated.list_facts("laboratory"),
+        *stated.list_facts("report"),
         ("Run", ", ".join(run.name for run in runs)),
         ("Rig", ", ".join(rigs)),
-        ("Recorded", format_date(runs[0].provenance)),
-        ("Samples", str(len(names))),
-        ("Hits in the means", f"{hits - left_out} of {hits}"),
+        ("Tested on", format_date(runs[0].provenance)),
     ]
     return tuple((name, text) for name, text in facts if text)

@@ -1,26 +1,26 @@
-"""The set-up of a run: rig, masses, references, calibration, settings, software."""
+"""What was tested and with what: items, instruments, settings, recording, software."""
 
 import math
 from collections.abc import Sequence
 
-from impact_rig.core.sensors import Sensor
+from impact_rig.configuration.particulars import INSTRUMENT, INSTRUMENTS, SAMPLE, Particulars
 from impact_rig.core.setup import (
     DEFAULT_CLOCK_UNCERTAINTY,
     AnalysisSettings,
     RigSetup,
     format_angle,
 )
-from impact_rig.present.report.page import Facts, Folded, Listing, Paragraph, Part, Section
+from impact_rig.present.report.page import Facts, Folded, Paragraph, Part, Section
+from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import (
     MEGA,
     MICRO,
     MISSING,
-    format_count,
     format_number,
     format_time,
     is_dated,
 )
-from impact_rig.results.tables import Column, Table, make_table, make_text_column
+from impact_rig.results.tables import Column, Table, list_table, make_table, make_text_column
 from impact_rig.results.traces import Provenance, ReportedCampaign, TracedCampaign
 
 GRAM = 1e3
@@ -45,37 +45,41 @@ SETTINGS = {
 """Fields of `AnalysisSettings`: label, unit, and scale to it."""
 
 
+def make_items_section(run: ReportedCampaign, stated: Particulars) -> Section:
+    """Return the section on what was tested, and with which instruments."""
+    results = run.campaign.results
+    tables = [_tabulate_bodies(results, stated), *_tabulate_instruments(results.setup, stated)]
+    return Section("Items and instruments", tuple(tables))
+
+
 def make_setup_section(run: ReportedCampaign) -> Section:
-    """Return the sections on the set-up."""
+    """Return the section on settings, recording and software."""
     setup = run.campaign.results.setup
     parts: list[Part] = [] if run.campaign.hits else [Paragraph(WITHOUT_TRACES)]
     parts += [
         Facts(_list_facts(run)),
-        _tabulate_bodies(setup),
-        *_tabulate_sensors(setup.sensors),
         *_tabulate_calibrations(run.campaign),
-        _fold_settings(setup.analysis),
-        *_list_software(run.provenance),
+        Folded("Settings of judgement and evaluation", (_list_settings(setup.analysis),)),
     ]
-    return Section("Set-up", tuple(parts))
+    return Section("Set-up and recording", tuple(parts))
+
+
+NO_DATE = "date not known"
 
 
 def format_date(provenance: Provenance | None) -> str:
     """Return when a run was recorded; imported hits have no date."""
     if provenance is None or not is_dated(provenance.start_time):
-        return "date not known"
+        return NO_DATE
     return format_time(provenance.start_time)
 
 
 def _list_facts(run: ReportedCampaign) -> tuple[tuple[str, str], ...]:
     setup = run.campaign.results.setup
     facts = [
-        ("Rig", ": ".join(text for text in (setup.name, setup.description) if text)),
-        ("Origin", str(run.campaign.results.origin)),
         ("Impact speed v1", _describe_speeds(setup)),
         ("Clock", _describe_clock(setup.clock_uncertainty)),
         ("Hammer stiffness k1", _describe_hammer_stiffness(setup)),
-        ("Read from", run.source),
     ]
     if run.provenance is not None:
         facts += _list_recording_facts(run.provenance)
@@ -96,6 +100,7 @@ def _list_recording_facts(provenance: Provenance) -> list[tuple[str, str]]:
         # Only a recorder that was there knows.
         ("Lost while recorded", provenance.losses or ("nothing" if provenance.ended else "")),
         ("Ended", provenance.ended),
+        ("Recorded by", ", ".join(f"{name} {number}" for name, number in provenance.versions)),
     ]
     return facts + [
         (f"Note, {format_time(time)}" if time else "Notes", text)
@@ -103,12 +108,8 @@ def _list_recording_facts(provenance: Provenance) -> list[tuple[str, str]]:
     ]
 
 
-def _format_value(value: float | str, scale: float = 1.0) -> str:
+def _format_value(value: float, scale: float = 1.0) -> str:
     """Return a value of the set-up; a dash where it is unknown."""
-    if isinstance(value, str):
-        return value or MISSING
-    if isinstance(value, bool):
-        return "yes" if value else "no"
     return f"{value * scale:.7g}" if math.isfinite(value) else MISSING
 
 
@@ -142,10 +143,12 @@ def _describe_hammer_stiffness(setup: RigSetup) -> str:
     return "not known: the set has no control sample"
 
 
-def _tabulate_bodies(setup: RigSetup) -> Table:
-    carried = setup.samples
+def _tabulate_bodies(results: Results, stated: Particulars) -> Table:
+    """Return hammer, accelerometer and the samples that were struck."""
+    setup, carried = results.setup, results.setup.samples
     # One line for a sample, from however many angles it is struck.
-    samples = {item.body: item for item in carried.samples}.values()
+    struck = [carried.find(sample.name) for sample in results.samples]
+    samples = {item.body: item for item in struck}.values()
     rows = [
         ("hammer", "", setup.hammer_mass, setup.hammer_mass_uncertainty),
         # A mass of zero was not stated.
@@ -166,9 +169,14 @@ def _tabulate_bodies(setup: RigSetup) -> Table:
         "control sample" if item.name == carried.find_control(item.release_angle) else ""
         for item in samples
     ]
+    texts = [stated.find_item(name).texts for name, *_ in rows]
     columns = [
-        make_text_column("Body", [name for name, *_ in rows]),
+        make_text_column("Item", [name for name, *_ in rows]),
         make_text_column("Material", [material for _, material, *_ in rows]),
+        *(
+            make_text_column(entry.label, [text.get(entry.key, "") for text in texts])
+            for entry in SAMPLE
+        ),
         Column("Mass [g]", [format_number(mass * GRAM, 2) for *_, mass, _ in rows]),
         Column("u [g]", [f"{wide * GRAM:.2g}" if wide else MISSING for *_, wide in rows]),
         Column("Ref. τp [µs]", refer("reference_contact_time", 2, MICRO)),
@@ -180,35 +188,44 @@ def _tabulate_bodies(setup: RigSetup) -> Table:
         "Masses of samples are without accelerometer. u: standard uncertainty. Ref.: what the"
         " sample is expected to show, published or from earlier work."
     )
-    return make_table("Bodies", columns, [note])
+    return make_table("Items", columns, [note])
 
 
-def _tabulate_sensors(sensors: Sequence[Sensor]) -> list[Part]:
-    if not sensors:
-        return []
-    columns = [make_text_column("Sensor", [sensor.channel for sensor in sensors])]
-    for name, header, make, scale in (
-        ("quantity", "Quantity", make_text_column, 1.0),
-        ("unit", "Unit", make_text_column, 1.0),
-        ("sensitivity", "Sensitivity [mV per unit]", Column, 1e3),
-        ("full_scale", "Full scale [unit]", Column, 1.0),
-        ("serial_number", "Serial number", make_text_column, 1.0),
-        ("calibration_date", "Calibrated", make_text_column, 1.0),
-        ("resonance", "Resonance [kHz]", Column, 1e-3),
-        ("low_corner", "Low corner [Hz]", Column, 1.0),
-        ("upper_corner", "Upper corner [kHz]", Column, 1e-3),
+def _tabulate_instruments(setup: RigSetup, stated: Particulars) -> list[Table]:
+    """Return sensors, digitizer and balance: who made them, their certificates, their sheets."""
+    sensors = {f"source.{sensor.channel}": sensor for sensor in setup.sensors}
+    rows = [name for name in INSTRUMENTS if name in sensors or stated.list_facts(name)]
+
+    def state(table: str, key: str) -> str:
+        return getattr(sensors.get(table), key, "") or stated.get(table, key)
+
+    columns = [make_text_column("Instrument", [INSTRUMENTS[name] for name in rows])]
+    columns += [
+        make_text_column(entry.label, [state(name, entry.key) for name in rows])
+        for entry in INSTRUMENT
+    ]
+    columns.append(
+        make_text_column(
+            "Measures",
+            [f"{it.quantity} [{it.unit}]" if (it := sensors.get(name)) else "" for name in rows],
+        )
+    )
+    for field, header, scale in (
+        ("sensitivity", "Sensitivity [mV per unit]", 1e3),
+        ("full_scale", "Full scale [unit]", 1.0),
+        ("resonance", "Resonance [kHz]", 1e-3),
+        ("low_corner", "Low corner [Hz]", 1.0),
+        ("upper_corner", "Upper corner [kHz]", 1e-3),
     ):
-        values = [getattr(sensor, name) or "" for sensor in sensors]
-        columns.append(make(header, [_format_value(value, scale) for value in values]))
-    return [make_table("Sensors, by their calibration sheets", columns)]
+        values = [getattr(sensors.get(name), field, 0.0) or math.nan for name in rows]
+        columns.append(Column(header, [_format_value(value, scale) for value in values]))
+    return list_table("Instruments, by their calibration sheets", columns)
 
 
-def _tabulate_calibrations(campaign: TracedCampaign) -> list[Part]:
+def _tabulate_calibrations(campaign: TracedCampaign) -> Sequence[Table]:
     found = list(
         dict.fromkeys(item for hit in campaign.hits for item in hit.recorded.calibrations)
     )
-    if not found:
-        return []
     columns = [
         make_text_column("Channel", [item.name for item in found]),
         Column("Rate [kHz]", [f"{item.sampling_rate * 1e-3:.7g}" for item in found]),
@@ -216,29 +233,16 @@ def _tabulate_calibrations(campaign: TracedCampaign) -> list[Part]:
         Column("Scale [m/s² per unit]", [f"{item.scale:.7g}" for item in found]),
         Column("Offset [m/s²]", [f"{item.offset:.7g}" for item in found]),
         Column(
-            "Full scale [m/s²]",
-            [f"{item.full_scale:.7g}" if item.full_scale else MISSING for item in found],
+            "Full scale [m/s²]", [_format_value(item.full_scale or math.nan) for item in found]
         ),
     ]
     note = "Acceleration is scale times output plus offset, as every block of the recording says."
-    return [make_table("Sampling and calibration", columns, [note])]
+    return list_table("Sampling and calibration", columns, [note])
 
 
-def _fold_settings(settings: AnalysisSettings) -> Folded:
+def _list_settings(settings: AnalysisSettings) -> Facts:
     rows = []
     for name, value in vars(settings).items():
         label, unit, scale = SETTINGS[name]
         rows.append((label, f"{_format_value(value, scale)} {unit}".rstrip()))
-    return Folded("Settings of judgement and evaluation", (Facts(tuple(rows)),))
-
-
-def _list_software(provenance: Provenance | None) -> list[Part]:
-    if provenance is None:
-        return []
-    parts: list[Part] = []
-    if provenance.versions:
-        parts.append(Folded("Software that recorded it", (Facts(provenance.versions),)))
-    if provenance.parameters:
-        listings = tuple(Listing(node, text.rstrip()) for node, text in provenance.parameters)
-        parts.append(Folded(f"Parameters of {format_count(len(listings), 'node')}", listings))
-    return parts
+    return Facts(tuple(rows))

@@ -25,8 +25,7 @@ from impact_rig.present.campaign_figures import (
 from impact_rig.present.sample_figures import (
     draw_channel,
     draw_law_loop,
-    draw_law_pulse,
-    make_law_picture,
+    make_sample_picture,
 )
 from impact_rig.results.campaign import Results
 from impact_rig.results.tables import tabulate_contact_times, tabulate_speed_exponents
@@ -146,18 +145,34 @@ def test_marks_stand_where_they_were_read(traces):
         assert marks[1][name] == pytest.approx((1e6 * time, height))
 
 
-def test_the_law_s_picture_has_pulse_residuals_and_loop(contacts, curves):
-    sample = contacts.results.samples[0]
-    picture = make_law_picture(sample, curves)
-    exponent = float(picture.title.split("n = ")[1].split()[0])
-    assert exponent == pytest.approx(sample.contact_law.exponent.value, abs=1e-3)
-    forces, residuals = draw_law_pulse(curves).axes
-    left = find(forces, "mean")[:, 1] - find(forces, "law")[:, 1]
-    assert residuals.lines[0].get_ydata() == pytest.approx(left)
+def test_the_law_lies_on_the_hammer_s_pulse_and_has_its_loop(contacts, curves):
+    traces = contacts.samples[0]
+    upper, lower = draw_channel(traces, (), 0, curves=curves).axes
+    law, mean = find(upper, "contact law"), find(upper, "mean")
+    left = np.interp(law[:, 0], mean[:, 0], mean[:, 1]) - law[:, 1]
+    assert lower.lines[-1].get_ydata() == pytest.approx(left)
+    assert np.abs(left).max() < 0.02 * np.abs(mean[:, 1]).max()
     (loop,) = draw_law_loop(curves).axes
     assert find(loop, "from both")[:, 0].max() == pytest.approx(
         find(loop, "law")[:, 0].max(), rel=0.3
     )
+    assert len(make_sample_picture(traces, (), curves, with_printed=False).panels) == 3
+    assert len(make_sample_picture(traces, (), None, with_printed=False).panels) == 2
+
+
+@pytest.mark.parametrize(
+    ("driven", "printed", "with_printed", "is_drawn"),
+    [(1.0, 0.9, False, True), (1.0, 1.1, False, False), (1.0, 1.1, True, True)],
+)
+def test_the_model_as_printed_is_drawn_where_it_is_nearest_or_asked_for(
+    traces, driven, printed, with_printed, is_drawn
+):
+    errors = {DRIVEN: driven, PRINTED: printed}
+    models = [replace(item, mse_percent=(0.1, errors[item.model])) for item in traces.models[:2]]
+    shown = replace(traces, models=tuple(models))
+    picture = make_sample_picture(shown, (), None, with_printed=with_printed)
+    drawn = base64.b64decode(picture.panels[1].partition(",")[2]).decode()
+    assert ("model as printed" in drawn) is is_drawn
 
 
 ANGLES = tuple(map(math.radians, (4.0, 8.0, 16.0)))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from impact_rig.configuration.particulars import Item, Particulars
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault, Plant
@@ -49,7 +50,6 @@ def strike_run(trace: Trace) -> ReportedCampaign:
     )
     return ReportedCampaign(
         name="before",
-        source="before/session.mcap",
         campaign=replace(campaign, hits=hits),
         provenance=Provenance(
             start_time=START,
@@ -59,7 +59,6 @@ def strike_run(trace: Trace) -> ReportedCampaign:
             losses="1 gap of 1000 points in the blocks",
             ended="closed",
             versions=(("impact_rig", "9.8.7"), ("numpy", "2.4")),
-            parameters=(("/hammer", "swing_time: 0.25\nrig_file: ''\n"),),
             notes=((0, "dusty"), (START, HOSTILE_NOTE)),
         ),
         warnings=("the recording was never closed",),
@@ -72,10 +71,23 @@ def told(trace: Trace) -> ReportedCampaign:
     return strike_run(trace)
 
 
+STATED = Particulars(
+    texts={
+        "laboratory": {"name": "Lab <7>", "address": "1 Example Road"},
+        "report": {"number": '4711"; }', "replaces": "4710", "changes": "hit 3 left out"},
+        "source.hammer": {"maker": "PCB", "certificate": "D-K-0815"},
+        "balance": {"model": "XS 204"},
+    },
+    items={
+        "brass medium": Item({"serial_number": "batch 9"}, {"contact_time": (1e-4, 2e-4)}),
+    },
+)
+
+
 @pytest.fixture(scope="session")
 def page(told: ReportedCampaign) -> str:
     """Return the report of one run."""
-    return render_page(make_report([told]))
+    return render_page(make_report([told], STATED))
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,9 @@ import re
 from collections import Counter
 from pathlib import Path
 
+import impact_rig
+from impact_rig.core.law_pulses import LossForm
+
 from .conftest import HOSTILE, HOSTILE_NOTE
 from .reader import HEADINGS
 
@@ -59,6 +62,12 @@ def test_names_and_notes_of_files_are_text_and_nothing_else(read, page):
     assert HOSTILE_NOTE in read.text
     assert "<script" not in page
     assert 'evil.example/x.png"' not in page
+
+
+def test_the_method_knows_who_wrote_of_each_form_of_loss():
+    method = Path(impact_rig.__file__).parent / "present/report/templates/method.html.jinja"
+    text = method.read_text(encoding="utf-8")
+    assert [form for form in LossForm if f'"{form.value}"' not in text] == [LossForm.LINEAR]
 
 
 def test_the_templates_are_installed_with_the_package():

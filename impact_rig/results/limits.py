@@ -1,0 +1,83 @@
+"""Whether results keep the limits of their samples, by a decision rule that is named."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from impact_rig.core.quantity import Quantity
+from impact_rig.results.campaign import Results
+from impact_rig.results.numbers import SAMPLE_MEASURANDS, Measurand, format_number
+from impact_rig.results.tables import Column, Table, list_table, make_text_column
+
+Limits = Mapping[str, tuple[float, float]]
+"""Smallest and largest value of a quantity, by its field [SI units]; infinite: there is none."""
+DECISION_RULE = (
+    "Decision rule: non-binary statement with the guard band U (ILAC-G8:09/2019, 4.2.3). Passed:"
+    " the interval of 95 % lies within the limits; failed: outside; undecided: a limit lies in"
+    " it, or the value was not determined."
+)
+
+
+class Conformity(Enum):
+    """What is stated of a value that has limits."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class JudgedValue:
+    """A value of a sample with its limits."""
+
+    sample: str
+    quantity: Measurand
+    found: Quantity
+    low: float  # [SI unit]; infinite: there is none
+    high: float
+
+    @property
+    def conformity(self) -> Conformity:
+        """What is stated, with the expanded uncertainty as guard band."""
+        least, most = self.found.lower, self.found.upper
+        if math.isnan(most) and math.isfinite(least):
+            most = math.inf
+        if self.low <= least and most <= self.high:
+            return Conformity.PASSED
+        is_outside = most < self.low or least > self.high
+        return Conformity.FAILED if is_outside else Conformity.UNDECIDED
+
+
+def judge_values(results: Results, limits: Mapping[str, Limits]) -> list[JudgedValue]:
+    """Return the values that have limits, by the names of the samples without release angles."""
+    return [
+        JudgedValue(sample.name, item, item.read(sample), *stated[item.field])
+        for sample in results.samples
+        if (stated := limits.get(results.setup.samples.find(sample.name).body, {}))
+        for item in SAMPLE_MEASURANDS
+        if item.field in stated
+    ]
+
+
+def tabulate_conformity(values: Sequence[JudgedValue]) -> list[Table]:
+    """Return the statements of conformity with their rule; nothing without limits."""
+    columns = [
+        make_text_column("Sample", [item.sample for item in values]),
+        make_text_column(
+            "Quantity",
+            [f"{item.quantity.sample_symbol} [{item.quantity.unit}]" for item in values],
+        ),
+        Column("Minimum", [_format_limit(item, item.low) for item in values]),
+        Column("Measured", [item.quantity.format(item.found) for item in values]),
+        Column("Maximum", [_format_limit(item, item.high) for item in values]),
+        make_text_column("Statement", [item.conformity.value for item in values]),
+    ]
+    marked = [
+        place for place, item in enumerate(values) if item.conformity is not Conformity.PASSED
+    ]
+    return list_table("Conformity with the limits", columns, [DECISION_RULE], marked)
+
+
+def _format_limit(item: JudgedValue, value: float) -> str:
+    return format_number(value * item.quantity.scale, item.quantity.digits)
