@@ -79,7 +79,8 @@ setup(
         ],
         "pytest11": [f"impact_rig = {NAME}.pytest_plugin"],
         "impact_rig.acceleration_sources": [
-            f"{name} = {NAME}.devices.{place}" for name, place in SOURCES.items()
+            *(f"{name} = {NAME}.devices.{place}" for name, place in SOURCES.items()),
+            f"topic = {NAME}.nodes.topic_source:TopicSource",
         ],
         "impact_rig.hammer_holders": [
             f"{name} = {NAME}.devices.{place}" for name, place in HOLDERS.items()

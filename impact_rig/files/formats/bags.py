@@ -1,7 +1,7 @@
 """Recordings of other ROS nodes (`.mcap`): every number of their messages is a channel."""
 
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,31 +15,14 @@ from impact_rig.files.formats.bounds import MEMORY, check_size
 from impact_rig.files.measurement import NANOSECONDS, MeasuredChannel, Measurement
 from impact_rig.files.times import LARGEST_TIME_ERROR, Clock, find_usual_step, read_clock
 from impact_rig.recordings.encodings import DECODERS
+from impact_rig.recordings.message_numbers import LONGEST_LIST, find_stamp, list_numbers
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.source import is_foreign
 
-LONGEST_LIST = 36
-"""Longest array whose numbers are channels side by side [-]: the largest matrix of ROS's own
-messages, a covariance of 6 x 6. A longer one holds points that follow each other."""
 LATE_MESSAGES, HALF = 200, 0.5
 """So many messages in a row may be late in a log, and this part of a step is a message that is
 missing [-]. Our choice: queues of ROS are shorter."""
-LARGEST_WHOLE = 2**53
-"""Of whole numbers that float64 keeps exactly."""
-UNITS = {
-    ("sensor_msgs/msg/Imu", "linear_acceleration"): "m/s^2",
-    ("sensor_msgs/msg/Imu", "angular_velocity"): "rad/s",
-    ("geometry_msgs/msg/Accel", "linear"): "m/s^2",
-    ("geometry_msgs/msg/Accel", "angular"): "rad/s^2",
-    ("geometry_msgs/msg/Wrench", "force"): "N",
-    ("geometry_msgs/msg/Wrench", "torque"): "Nm",
-}
-"""Units that the definitions of ROS's own messages state, by type and field (REP 103)."""
-STAMPS = ("stamp", "timestamp")
-"""Fields that hold when a message was taken."""
-SECONDS, PARTS = ("sec", "seconds"), ("nanosec", "nsec", "nanos")
-"""Of a time in messages of ROS, Foxglove and Google."""
 
 
 def read_bag(path: Path) -> Measurement:
@@ -105,9 +88,9 @@ class _Topic:
         except FileError as error:  # it knows the topic
             raise FileError(f"{self._path}: {error}") from None
         self._logged.append(message.log_time)
-        self._stamped.append(_find_stamp(content))
+        self._stamped.append(find_stamp(content))
         size = 0
-        for name, value, unit in _list_numbers(content):
+        for name, value, unit in list_numbers(content):
             if name not in self._fields:
                 self._fields[name] = _Field(unit, is_array=value.ndim > 0)
             self._fields[name].add(value)
@@ -212,81 +195,3 @@ class _Field:
         else:
             pieces = [numbers[begins[of] : begins[of] + sizes[of]] for of in order]
             yield "", np.concatenate(pieces)
-
-
-def _list_numbers(
-    message: Any, place: str = "", unit: str = ""
-) -> Iterator[tuple[str, NDArray[Any], str]]:
-    """Yield name, value and unit of all numbers and arrays of numbers in a message.
-
-    Texts, switches, bytes (of pictures), times and lists of messages are no channels.
-    """
-    kind = getattr(message, "__msgtype__", "")
-    for field, value in _get_fields(message).items():
-        name, stated = place + field, UNITS.get((kind, field), unit)
-        if _get_fields(value):
-            if field != "header" and _read_time(value) is None:
-                yield from _list_numbers(value, f"{name}.", stated)
-            continue
-        numbers = _make_array(value)
-        if numbers is None:
-            continue
-        columns = _split_layout(message, numbers) if kind.endswith("MultiArray") else [numbers]
-        for number, column in enumerate(columns):
-            yield name + (f"[{number}]" if len(columns) > 1 else ""), column, stated
-
-
-def _make_array(value: Any) -> NDArray[Any] | None:
-    """Return numbers as an array of at most one axis; None: the value is something else."""
-    if isinstance(value, (str, bytes, bool)):
-        return None
-    try:
-        array_ = np.asarray(value if isinstance(value, (np.ndarray, int, float)) else list(value))
-    except (TypeError, ValueError, OverflowError):
-        return None
-    is_number = array_.dtype.kind in "iuf" and array_.ndim <= 1
-    is_bytes = array_.dtype.itemsize == 1 and array_.ndim == 1
-    if not is_number or is_bytes:
-        return None
-    if array_.dtype.kind in "iu" and np.abs(array_).max(initial=0) > LARGEST_WHOLE:
-        return None  # a clock or an id
-    return array_
-
-
-def _split_layout(message: Any, numbers: NDArray[Any]) -> list[NDArray[Any]]:
-    """Return the columns of an array of `std_msgs` with two axes, of which the longest is time."""
-    sizes = [dimension.size for dimension in message.layout.dim]
-    if len(sizes) != 2 or np.prod(sizes) != numbers.size or max(sizes) <= LONGEST_LIST:  # noqa: PLR2004
-        return [numbers]
-    table = numbers.reshape(sizes)
-    return list(table if sizes[0] < sizes[1] else table.T)
-
-
-def _find_stamp(message: Any) -> int:
-    """Return when a message was taken, as it states [ns]; 0: it does not."""
-    fields = _get_fields(message)
-    fields = _get_fields(fields.get("header")) or fields
-    return next((_read_time(fields[name]) or 0 for name in STAMPS if name in fields), 0)
-
-
-def _read_time(value: Any) -> int | None:
-    """Return a time in seconds and nanoseconds [ns]; None: the value is something else."""
-    numbers = list(_get_fields(value).items())
-    if len(numbers) != 2 or numbers[0][0] not in SECONDS or numbers[1][0] not in PARTS:  # noqa: PLR2004
-        return None
-    return int(numbers[0][1]) * NANOSECONDS + int(numbers[1][1])
-
-
-def _get_fields(value: Any) -> Mapping[str, Any]:
-    """Return the fields of a message by their names; empty: the value is none."""
-    if isinstance(value, (dict, float, np.ndarray)):  # most are numbers
-        return value if isinstance(value, dict) else {}
-    if hasattr(value, "__msgtype__"):
-        return {name: inner for name, inner in vars(value).items() if name != "__msgtype__"}
-    if hasattr(value, "DESCRIPTOR"):  # of protobuf, where a message may hold one of its own type
-        return {
-            field.name: getattr(value, field.name)
-            for field in value.DESCRIPTOR.fields
-            if not field.has_presence or value.HasField(field.name)
-        }
-    return {}
