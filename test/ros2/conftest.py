@@ -26,6 +26,10 @@ SWING = "/**/hammer: {ros__parameters: {swing_time: 0.2}}\n"
 queue of ten messages holds two hits."""
 
 
+collect_ignore = ["outside"]
+"""Packages of other people, whose tests colcon runs."""
+
+
 @dataclass(frozen=True)
 class LaunchedRig:
     """A rig that `ros2 launch` has started.
@@ -81,6 +85,13 @@ def open_tools(folder: Path) -> Iterator[Tools]:
 def tools(_real_tools: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tools]:
     """Return the tools in the domain that all tests of this process share."""
     with open_tools(tmp_path_factory.mktemp("tools")) as tools:
+        yield tools
+
+
+@pytest.fixture(scope="module")
+def own_tools(_real_tools: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tools]:
+    """Return tools in a domain of one file of tests."""
+    with open_tools(tmp_path_factory.mktemp("outside")) as tools:
         yield tools
 
 
