@@ -15,13 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from impact_rig.api import (
-        Comparison,
         Hit,
-        Results,
         Run,
-        SampleResults,
         Session,
-        Truth,
         VirtualRig,
         compare,
         estimate,
@@ -29,7 +25,9 @@ if TYPE_CHECKING:
         read_files,
     )
     from impact_rig.core.errors import RigError
+    from impact_rig.devices.virtual.truth import Truth
     from impact_rig.present.printed import Number
+    from impact_rig.present.printed_results import Comparison, Results, SampleResults
 
 __version__ = "0.1.0"
 __all__ = [

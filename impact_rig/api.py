@@ -4,72 +4,41 @@ Quantities that are given are texts with a unit, like "20 kHz", as in a rig file
 units. What is wrong with any of them raises `RigError`, in one sentence.
 """
 
-import io
-import math
+import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from glob import glob, has_magic
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from impact_rig.analysis.analyze import HitSource, analyze
 from impact_rig.analysis.exporting import ExportedHit, read_campaigns
-from impact_rig.analysis.measured_files import (
-    MeasuredFiles,
-    MeasuredHits,
-    TraceSeries,
-    make_series,
-)
+from impact_rig.analysis.measured_arrays import MeasuredArrays, take_array
+from impact_rig.analysis.measured_files import MeasuredFiles, make_series
 from impact_rig.analysis.sources import RunSource, find_run, read_runs
 from impact_rig.configuration.rig_file import read_rig_file, read_settings
 from impact_rig.configuration.units import Given, read_given
-from impact_rig.core.errors import FileError, ParameterError, RigError, SignalError
-from impact_rig.core.hits import NO_OVERRULES
-from impact_rig.core.records import IMPORTED, Block, FloatArray, HitLabel, Origin
-from impact_rig.core.setup import PAPER_SETUP, RigSetup, Sample, SampleSet
+from impact_rig.core.errors import FileError, ParameterError, RigError  # noqa: F401 - public
+from impact_rig.core.records import Block, FloatArray, HitLabel
+from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
-from impact_rig.devices.virtual.rig import FaultPlan, VirtualHit, VirtualRigSettings
+from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
 from impact_rig.devices.virtual.rig import VirtualRig as Simulation
-from impact_rig.files.channels import map_channels
+from impact_rig.devices.virtual.truth import Truth, VirtualCampaign, make_truth
 from impact_rig.files.import_file import MeasurementOptions
-from impact_rig.files.measurement import MeasuredChannel, Measurement
-from impact_rig.files.plan import ChannelPlan
-from impact_rig.present.printed import Number, Printed, View
-from impact_rig.present.sample_figures import draw_sample
+from impact_rig.present.printed import Number  # noqa: F401 - public
+from impact_rig.present.printed_results import Comparison, Results, SampleResults
 from impact_rig.recordings.source import find_bag
 from impact_rig.results.batch import BatchCampaign, tabulate_changes
-from impact_rig.results.campaign import Results as CampaignResults
 from impact_rig.results.numbers import format_count
-from impact_rig.results.remarks import gather_remarks, gather_sample_remarks
-from impact_rig.results.results_file import format_results_table, write_results
-from impact_rig.results.tables import Table, tabulate_summary
-from impact_rig.results.traces import (
-    AlignedHit,
-    SampleTraces,
-    TracedCampaign,
-    align_hit,
-    compute_law_curves,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-NAN = math.nan
-BLOCK_POINTS = 1000
-"""Of a block of the virtual rig: a fault loses one of several."""
-
-
-def _read_mass(what: str, value: Given) -> float:
-    found = read_given(what, value, "kg", "100 g")
-    return NAN if found is None else found
+from impact_rig.results.traces import AlignedHit, align_hit
 
 
 @contextmanager
@@ -83,34 +52,6 @@ def _use_one_thread() -> Iterator[None]:
 
     with threadpool_limits(1, "blas"):
         yield
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What the virtual rig did; NaN: its plant has no such thing."""
-
-    contact_time: float  # [s]; on the plant "contact" from first touch to separation
-    peak_force: float  # [N]
-    impact_speed: float  # [m/s]
-    stiffness: float  # k2 of the sample [N/m]
-    damping_coefficient: float  # c2 of the sample [N s/m]
-    exponent: float  # n of the contact law [-]
-    restitution: float  # e of the contact law [-]
-    faults: tuple[str, ...]  # that were injected
-
-
-def _make_truth(hit: VirtualHit) -> Truth:
-    model, contact = hit.model, hit.contact
-    return Truth(
-        model.contact_time,
-        model.peak_force,
-        float(model.impact_speed),
-        stiffness=model.specimen.stiffness if contact is None else NAN,
-        damping_coefficient=model.specimen.damping_coefficient if contact is None else NAN,
-        exponent=NAN if contact is None else contact.exponent,
-        restitution=NAN if contact is None else contact.restitution,
-        faults=tuple(fault.value for fault in hit.faults),
-    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -169,173 +110,6 @@ def _show_hit(hit: ExportedHit, truths: Mapping[HitLabel, Truth]) -> Hit:
         truth=truths.get(label),
         filtered=None if filtered is None else align_hit(label, filtered),
     )
-
-
-class SampleResults(View):
-    """What was found of one sample.
-
-    Beside the quantities below it has all fields of the estimate: `contact_law`, `pulse_shape`,
-    `free_decay`, `checks`, `half_amplitude_width`, `warnings`, `notes` …; `numbers` lists those
-    that are determined.
-
-    Examples
-    --------
-    >>> results = VirtualRig(seed=7).run(["steel small", "aluminium large"], 3).analyze()
-    >>> steel = results["steel small"]
-    >>> print(steel.contact_time, steel.impacts_accepted)
-    170... ± ... µs 3
-    >>> steel.stiffness.budget[0].source
-    'mass of the accelerometer'
-    """
-
-    contact_time: Number  # tau_p [s]
-    stiffness: Number  # k2 [N/m]
-    damping_coefficient: Number  # c2 [N s/m]
-    damping_ratio: Number  # zeta [-]
-    equivalent_stiffness: Number  # k_eq [N/m]
-    peak_force: Number  # [N]
-    impacts_accepted: int
-    impacts_rejected: int
-
-    def __init__(self, name: str, campaign: TracedCampaign) -> None:
-        found = {item.name: item for item in campaign.results.samples}
-        if name not in found:
-            known = ", ".join(map(repr, found))
-            raise ParameterError(f"there is no sample {name!r}: there are {known}")
-        super().__init__(found[name], name)
-        self._campaign = campaign
-
-    @property
-    def remarks(self) -> list[str]:
-        """What needs attention of it, a sentence each."""
-        return [remark.text for remark in gather_sample_remarks(self.record)]
-
-    @property
-    def traces(self) -> SampleTraces:
-        """The mean hit and the models, as arrays.
-
-        `time` [s] and `mean` [m/s^2], shapes (n,) and (channels, n); `models`, each with `model`
-        and `traces`; `compute_residual(model)`.
-
-        Raises
-        ------
-        SignalError
-            If no hit was accepted, or these are results alone, without their recording.
-        """
-        for item in self._campaign.samples:
-            if item.name == self.name:
-                return item
-        raise SignalError(f"there are no traces of {self.name!r}: no hit of it was accepted, or"
-                          " these are results without their recording")  # fmt: skip
-
-    def plot(self) -> "Figure":
-        """Draw hits, mean, models and residuals, and the contact's law.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            A figure of pyplot: a notebook shows it, `savefig` writes it.
-
-        Raises
-        ------
-        SignalError
-            As `traces`.
-        """
-        traces, results = self.traces, self._campaign.results
-        hits = [
-            hit.aligned
-            for hit in self._campaign.hits
-            if hit.aligned is not None and hit.result.accepted and hit.result.sample == self.name
-        ]
-        curves = compute_law_curves(self.record.contact_law, traces, results.setup)
-        return draw_sample(traces, hits, curves)
-
-
-class Results(Printed, Mapping[str, SampleResults]):
-    """What a campaign found, by sample; `print` shows it as the command line does.
-
-    Examples
-    --------
-    >>> results = VirtualRig(seed=7).run(["aluminium large"], 3).analyze()
-    >>> results
-    1 sample, 3 hits accepted, 0 rejected; simulated (virtual rig, plant published)
-    >>> list(results), results.hammer.stiffness.unit
-    (['aluminium large'], 'MN/m')
-    """
-
-    def __init__(
-        self, campaign: TracedCampaign, name: str = "results", warnings: Sequence[str] = ()
-    ) -> None:
-        self.record: CampaignResults = campaign.results
-        self.name = name
-        self._campaign = campaign
-        self._warnings = tuple(warnings)
-
-    def __getitem__(self, sample: str) -> SampleResults:
-        """Return what was found of a sample; raises `ParameterError` for an unknown one."""
-        return SampleResults(sample, self._campaign)
-
-    def __contains__(self, sample: object) -> bool:
-        """Return whether there is a sample of this name."""
-        return any(item.name == sample for item in self.record.samples)
-
-    def __iter__(self) -> Iterator[str]:
-        """Yield the names of the samples."""
-        return (item.name for item in self.record.samples)
-
-    def __len__(self) -> int:
-        """Return the number of samples."""
-        return len(self.record.samples)
-
-    def __repr__(self) -> str:
-        """Return how much there is."""
-        rejected = len(self.record.rejections)
-        accepted = format_count(len(self.record.hits) - rejected, "hit")
-        samples = format_count(len(self), "sample")
-        return f"{samples}, {accepted} accepted, {rejected} rejected; {self.record.origin}"
-
-    @property
-    def hammer(self) -> View:
-        """What the control sample says of the hammer: `stiffness` k1, `damping_coefficient` c1."""
-        return View(self.record.hammer, "hammer")
-
-    @property
-    def warnings(self) -> list[str]:
-        """What needs attention, a sentence each."""
-        remarks = gather_remarks(self.record, self._warnings)
-        return [f"{item.about}: {item.text}" if item.about else item.text for item in remarks]
-
-    def list_tables(self) -> list[Table]:
-        """Return what is printed."""
-        return tabulate_summary(self.record)
-
-    def to_dataframe(self) -> Any:
-        """Return a row for each sample, with columns as in the CSV export, units in their names.
-
-        Returns
-        -------
-        pandas.DataFrame or polars.DataFrame
-            Of pandas if it is installed.
-
-        Raises
-        ------
-        RigError
-            If neither is installed.
-        """
-        text = io.StringIO(format_results_table([self.record]))
-        for name in ("pandas", "polars"):
-            if find_spec(name) is not None:
-                return import_module(name).read_csv(text)
-        raise RigError("to_dataframe needs pandas or polars: pip install pandas")
-
-    def save(self, path: str | Path) -> None:
-        """Write them as results.json; raises `FileError` if that cannot be written."""
-        write_results(Path(path), self.record)
-
-
-def use_results(record: CampaignResults, name: str) -> Results:
-    """Return results without their recording, as they print themselves."""
-    return Results(TracedCampaign(record), name)
 
 
 class Run:
@@ -507,7 +281,12 @@ def read_files(
     Raises
     ------
     RigError
-        If a file is no hit, or does not say what is needed; the sentence says what would.
+        If no file is a hit, or says what is needed; the sentence says what would.
+
+    Warns
+    -----
+    UserWarning
+        Of each file that is left out, why.
     """
     named = [files] if isinstance(files, str | Path) else list(files)
     paths = [Path(place) for item in named for place in _expand(str(item))]
@@ -525,8 +304,10 @@ def read_files(
         record_duration=read_given("record_duration", record_duration, "s", "20 ms"),
     )
     source = MeasuredFiles(paths, make_series(options))
-    if source.errors:
+    if not source.hits:
         raise FileError("; ".join(source.errors))
+    for text in source.errors:
+        warnings.warn(f"left out: {text}", stacklevel=2)
     return Run(source, str(paths[0]) if len(paths) == 1 else f"{paths[0]} and others")
 
 
@@ -577,29 +358,17 @@ class Session(Run):
         cutoff: Given = None,
         **settings: Given,
     ) -> None:
-        chosen = read_settings({"cutoff_frequency": cutoff, **settings})
-        if (samples is None) == (rig_file is None):
-            raise ParameterError("a session needs either samples with their masses or a rig_file")
-        if rig_file is not None:
-            setup = read_rig_file(Path(rig_file)).setup
-        else:
-            masses = (Sample(name, _read_mass(f"mass of {name}", mass))
-                      for name, mass in (samples or {}).items())  # fmt: skip
-            known = read_given("hammer_stiffness", hammer_stiffness, "N/m", "22.5 MN/m")
-            carried = read_given("accelerometer_mass", accelerometer_mass, "kg", "3 g") or 0.0
-            setup = RigSetup(
-                SampleSet(tuple(masses), control, carried),
-                _read_mass("hammer_mass", hammer_mass),
-                NAN,
-                clock_uncertainty=0.0,
-                hammer_stiffness=NAN if known is None else known,
-            )
-        setup = replace(setup, analysis=replace(setup.analysis, **chosen))
-        self._start(TraceSeries("", ChannelPlan(), setup, is_filter_optional=cutoff is None))
-
-    def _start(self, series: TraceSeries) -> None:
-        self._series = _Arrays(Path("arrays"), series)
-        super().__init__(self._series, "session")
+        self._arrays = MeasuredArrays(
+            samples,
+            hammer_mass=hammer_mass,
+            accelerometer_mass=accelerometer_mass,
+            control=control,
+            hammer_stiffness=hammer_stiffness,
+            rig_file=rig_file,
+            cutoff=cutoff,
+            **settings,
+        )
+        super().__init__(self._arrays, "session")
 
     def add(
         self,
@@ -630,29 +399,7 @@ class Session(Run):
         RigError
             If the arrays are no hit, or cannot be averaged with those before.
         """
-        series = self._series.series
-        series.setup.samples.find(on)
-        number = len(self._series.hits) + 1
-        counts = Counter(hit.block.label.sample for hit in self._series.hits)
-        sampling_rate = read_given("rate", rate, "Hz", "2.5 MHz")
-        bodies = {"hammer": (hammer, unit)}
-        if specimen is not None:
-            bodies["specimen"] = (specimen, "m/s^2" if unit == "N" else unit)
-        channels = tuple(
-            MeasuredChannel(name, _take_array(name, values), sampling_rate or NAN, of)
-            for name, (values, of) in bodies.items()
-        )
-        (found,) = map_channels(
-            Measurement(Path(f"hit {number}"), channels),
-            series.plan,
-            series.setup.hammer_mass,
-            needs_scale=True,
-        )
-        label = HitLabel(on, number, counts[on] + 1)
-        block = replace(
-            found.block, label=label, origin=Origin(IMPORTED, "arrays"), last=True, first_sample=0
-        )
-        self._series.add(replace(found, block=block))
+        self._arrays.add_arrays(hammer, specimen, rate=rate, on=on, unit=unit)
         self.__dict__.pop("hits", None)
         self.__dict__.pop("results", None)
 
@@ -660,21 +407,6 @@ class Session(Run):
     def results(self) -> Results:
         """What all hits so far say; raises `RigError` if there are none."""
         return self.analyze()
-
-
-class _Arrays(MeasuredHits):
-    """Hits that come as arrays, of several samples."""
-
-    @property
-    def hammer_unit(self) -> None:
-        """No hit is described by itself."""
-
-
-def _take_array(name: str, values: ArrayLike) -> FloatArray:
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ParameterError(f"{name} is {values!r:.40}: it must be an array of numbers") from None
 
 
 def estimate(
@@ -727,7 +459,7 @@ def estimate(
         cutoff=cutoff,
         **settings,
     )
-    rows = [None if item is None else np.atleast_2d(_take_array(name, item))
+    rows = [None if item is None else np.atleast_2d(take_array(name, item))
             for name, item in (("hammer", hammer), ("specimen", specimen))]  # fmt: skip
     hammers, specimens = rows
     if hammers is None or (specimens is not None and len(specimens) != len(hammers)):
@@ -792,11 +524,11 @@ class VirtualRig:
         self._counts[sample] += 1
         hit = self._rig.strike(HitLabel(sample, self._counts.total(), self._counts[sample]))
         (block,) = hit.split(hit.hammer.output.size, 0)
-        return _make_hit(block, truth=_make_truth(hit))
+        return _make_hit(block, truth=make_truth(hit))
 
     def find_truth(self, label: HitLabel) -> Truth:
         """Return what happens at a hit of this name, however often it is struck."""
-        return _make_truth(self._rig.strike(label))
+        return make_truth(self._rig.strike(label))
 
     def run(self, samples: Iterable[str] | None = None, impacts: int = 10) -> Run:
         """Strike samples, each so many times, as a campaign does; None: all samples.
@@ -807,61 +539,8 @@ class VirtualRig:
             If there is no such sample.
         """
         names = self.samples if samples is None else tuple(samples)
-        source = _Campaign(self.setup)
-        truths: dict[HitLabel, Truth] = {}
-        for name in names:
-            self.setup.samples.find(name)
-            for impact in range(1, impacts + 1):
-                label = HitLabel(name, len(truths) + 1, impact)
-                hit = self._rig.strike(label)
-                truths[label] = _make_truth(hit)
-                source.faults[label] = truths[label].faults
-                source.blocks += hit.split(BLOCK_POINTS, 0)
-        return Run(source, "virtual rig", truths=truths)
-
-
-class _Campaign:
-    """Hits of the virtual rig, as they were struck."""
-
-    path, size, has_scale = Path("virtual rig"), 0, True
-    hammer_unit: str | None = None
-    warnings: tuple[str, ...] = ()
-
-    def __init__(self, setup: RigSetup) -> None:
-        self.setup = setup
-        self.blocks: list[Block] = []
-        self.faults: dict[HitLabel, tuple[str, ...]] = {}
-        self.overrules = NO_OVERRULES
-
-    def events(self, _report: Any) -> Iterator[RigSetup | Block]:
-        """Yield the set-up and the hits."""
-        yield self.setup
-        yield from self.blocks
-
-
-class Comparison(Printed):
-    """What changed from one run to another."""
-
-    def __init__(self, tables: list[Table]) -> None:
-        self._tables = tables
-
-    def list_tables(self) -> list[Table]:
-        """Return what is printed."""
-        return self._tables
-
-    @property
-    def changed(self) -> list[tuple[str, str]]:
-        """Body and quantity of what changed beyond its uncertainty."""
-        return [
-            table.rows[place][:2]  # type: ignore[misc]
-            for table in self._tables
-            for place in sorted(table.marked)
-        ]
-
-    def __repr__(self) -> str:
-        """Return how much changed."""
-        count = sum(len(table.rows) for table in self._tables)
-        return f"{len(self.changed)} of {count} values changed beyond their uncertainty"
+        campaign = VirtualCampaign(self._rig, self.setup, names, impacts)
+        return Run(campaign, "virtual rig", truths=campaign.truths)
 
 
 def compare(first: Results | Run, second: Results | Run) -> Comparison:

@@ -21,7 +21,7 @@ from impact_rig.core.quantity import Description
 from impact_rig.files.formats.registry import write_measurement
 from impact_rig.files.importing import write_imported
 from impact_rig.files.measurement import MeasuredChannel, Measurement
-from impact_rig.present import printed
+from impact_rig.present import printed, printed_results
 from impact_rig.present.printed import Number
 
 mpl.use("Agg")
@@ -39,10 +39,12 @@ def results(run):
     return run.analyze()
 
 
-@pytest.mark.parametrize("module", [api, printed], ids=lambda module: module.__name__)
+@pytest.mark.parametrize(
+    "module", [api, printed, printed_results], ids=lambda module: module.__name__
+)
 def test_every_example_of_the_public_interface_is_true(module):
     found = doctest.testmod(module, optionflags=doctest.IGNORE_EXCEPTION_DETAIL | doctest.ELLIPSIS)
-    assert found.attempted > 2
+    assert found.attempted > 2, module
     assert not found.failed
 
 
@@ -136,9 +138,11 @@ def test_a_setting_is_changed_and_a_hit_left_out_by_keyword(run, results):
     assert "Difference" in str(comparison)
 
 
-def test_a_comparison_says_what_changed(results):
-    other = ir.VirtualRig(seed=7, plant="contact").run([STEEL, CONTROL], 4)
-    comparison = ir.compare(results, other)
+def test_a_comparison_says_what_changed(run, results):
+    slower = ir.Session({CONTROL: "102.38 g"}, hammer_mass="100 g", control=CONTROL)
+    for hit in run.hits[CONTROL]:
+        slower.add(hit.hammer, hit.specimen, rate=0.9 * hit.rate, on=CONTROL)
+    comparison = ir.compare(results, slower)
     assert (CONTROL, "k [MN/m]") in comparison.changed
     assert repr(comparison).startswith(f"{len(comparison.changed)} of ")
     with pytest.raises(ir.RigError, match="no quantity in common"):
@@ -263,6 +267,10 @@ def test_files_of_other_instruments_are_read_by_wildcard(run, tmp_path):
     )
     assert files.analyze()[STEEL].impacts_accepted == 4
     assert len(files.hits[STEEL]) == 4
+    (tmp_path / "hit9.npy").write_bytes(b"no hit")
+    with pytest.warns(UserWarning, match=r"left out: .*hit9\.npy"):
+        rest = ir.read_files(tmp_path / "hit*.npy", rate="2.5 MHz", hammer_unit="m/s^2")
+    assert len(rest.hits["sample"]) == 4
     with pytest.raises(ir.RigError, match="no file is called like"):
         ir.read_files(tmp_path / "*.tdms")
     with pytest.raises(ir.RigError, match="rate"):

@@ -36,7 +36,7 @@ MAY_IMPORT = {
     "nodes": {"nodes", *BELOW} - {"analysis", "files", "simulators"},
     "cli": {"nodes", "cli", *BELOW},
     "api": BELOW - {"simulators"},
-    "__init__": {"api", "core", "present"},
+    "__init__": {"api", "core", "devices", "present"},
     "testing": {
         "api",
         "cli",

@@ -359,6 +359,15 @@ class TracedCampaign:
     began: int = 0  # time of the first hit's first point [ns since the epoch]; 0: not known
     overrules: tuple[tuple[HitLabel, Overrule], ...] = ()  # by persons, as far as they are known
 
+    def find_traces(self, sample: str) -> SampleTraces | None:
+        """Return the mean hit and the models of a sample; None: there are none."""
+        return next((item for item in self.samples if item.name == sample), None)
+
+    def list_aligned(self, sample: str) -> list[AlignedHit]:
+        """Return the hits of a sample's mean."""
+        hits = (hit for hit in self.hits if hit.result.accepted and hit.result.sample == sample)
+        return [hit.aligned for hit in hits if hit.aligned is not None]
+
 
 @dataclass(frozen=True)
 class RecordedFile:

@@ -6,11 +6,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from impact_rig.api import Results, Truth, VirtualRig, use_results
+from impact_rig.api import VirtualRig
 from impact_rig.configuration.processes import LOG_NAME, RECORDING_NAME, list_rig_processes
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import RigError
+from impact_rig.devices.virtual.truth import Truth
+from impact_rig.present.printed_results import Results
 from impact_rig.results.campaign import HitResults
+from impact_rig.results.traces import TracedCampaign
 
 START_TIMEOUT = 90.0
 """In which the nodes start [s]: two or three, more on a busy computer."""
@@ -57,7 +60,7 @@ class RunningRig:
             outcome = client.run(goal, _Nobody(), longest_pause=10.0)
         if not outcome.success:
             raise RigError(f"the campaign did not succeed: {outcome.message}")
-        return use_results(outcome.results, "campaign")
+        return Results(TracedCampaign(outcome.results), "campaign")
 
     def find_truth(self, hit: HitResults) -> Truth:
         """Return what really happened at a hit of `Results.record.hits`."""

@@ -1,0 +1,80 @@
+"""What really happened at the virtual rig's hits, and its hits without nodes."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from impact_rig.core.hits import NO_OVERRULES
+from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.setup import RigSetup
+from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig
+
+BLOCK_POINTS = 1000
+"""Of a block: a fault loses one of several."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the virtual rig did; NaN: its plant has no such thing."""
+
+    contact_time: float  # [s]; on the plant "contact" from first touch to separation
+    peak_force: float  # [N]
+    impact_speed: float  # [m/s]
+    stiffness: float  # k2 of the sample [N/m]
+    damping_coefficient: float  # c2 of the sample [N s/m]
+    exponent: float  # n of the contact law [-]
+    restitution: float  # e of the contact law [-]
+    faults: tuple[str, ...]  # that were injected
+
+
+def make_truth(hit: VirtualHit) -> Truth:
+    """Return what happened at a hit."""
+    model, contact = hit.model, hit.contact
+    return Truth(
+        model.contact_time,
+        model.peak_force,
+        float(model.impact_speed),
+        stiffness=model.specimen.stiffness if contact is None else math.nan,
+        damping_coefficient=model.specimen.damping_coefficient if contact is None else math.nan,
+        exponent=math.nan if contact is None else contact.exponent,
+        restitution=math.nan if contact is None else contact.restitution,
+        faults=tuple(fault.value for fault in hit.faults),
+    )
+
+
+class VirtualCampaign:
+    """Samples struck one after the other, each so many times; a source of hits for `analyze`.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such sample.
+    """
+
+    path, size, has_scale = Path("virtual rig"), 0, True
+    hammer_unit: str | None = None
+    warnings: tuple[str, ...] = ()
+    overrules = NO_OVERRULES
+
+    def __init__(
+        self, rig: VirtualRig, setup: RigSetup, samples: Sequence[str], impacts: int
+    ) -> None:
+        for name in samples:
+            setup.samples.find(name)
+        labels = [
+            HitLabel(name, place * impacts + impact, impact)
+            for place, name in enumerate(samples)
+            for impact in range(1, impacts + 1)
+        ]
+        hits = {label: rig.strike(label) for label in labels}
+        self.setup = setup
+        self.truths = {label: make_truth(hit) for label, hit in hits.items()}
+        self.faults = {label: truth.faults for label, truth in self.truths.items()}
+        self._blocks = [block for hit in hits.values() for block in hit.split(BLOCK_POINTS, 0)]
+
+    def events(self, _report: Any) -> Iterator[RigSetup | Block]:
+        """Yield the set-up and the hits."""
+        yield self.setup
+        yield from self._blocks

@@ -1,0 +1,207 @@
+"""Results of a campaign as a Python shell or a notebook shows them."""
+
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from impact_rig.core.errors import ParameterError, RigError, SignalError
+from impact_rig.present.printed import Number, Printed, View
+from impact_rig.present.sample_figures import draw_sample
+from impact_rig.results.campaign import Results as CampaignResults
+from impact_rig.results.numbers import format_count
+from impact_rig.results.remarks import gather_remarks, gather_sample_remarks
+from impact_rig.results.results_file import format_results_table, write_results
+from impact_rig.results.tables import Table, tabulate_summary
+from impact_rig.results.traces import SampleTraces, TracedCampaign, compute_law_curves
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class SampleResults(View):
+    """What was found of one sample.
+
+    Beside the quantities below it has all fields of the estimate: `contact_law`, `pulse_shape`,
+    `free_decay`, `checks`, `half_amplitude_width`, `warnings`, `notes` …; `numbers` lists those
+    that are determined.
+
+    Examples
+    --------
+    >>> import impact_rig as ir
+    >>> results = ir.VirtualRig(seed=7).run(["steel small", "aluminium large"], 3).analyze()
+    >>> steel = results["steel small"]
+    >>> print(steel.contact_time, steel.impacts_accepted)
+    170... ± ... µs 3
+    >>> steel.stiffness.budget[0].source
+    'mass of the accelerometer'
+    """
+
+    contact_time: Number  # tau_p [s]
+    stiffness: Number  # k2 [N/m]
+    damping_coefficient: Number  # c2 [N s/m]
+    damping_ratio: Number  # zeta [-]
+    equivalent_stiffness: Number  # k_eq [N/m]
+    peak_force: Number  # [N]
+    impacts_accepted: int
+    impacts_rejected: int
+
+    def __init__(self, name: str, campaign: TracedCampaign) -> None:
+        found = {item.name: item for item in campaign.results.samples}
+        if name not in found:
+            known = ", ".join(map(repr, found))
+            raise ParameterError(f"there is no sample {name!r}: there are {known}")
+        super().__init__(found[name], name)
+        self._campaign = campaign
+
+    @property
+    def remarks(self) -> list[str]:
+        """What needs attention of it, a sentence each."""
+        return [remark.text for remark in gather_sample_remarks(self.record)]
+
+    @property
+    def traces(self) -> SampleTraces:
+        """The mean hit and the models, as arrays.
+
+        `time` [s] and `mean` [m/s^2], shapes (n,) and (channels, n); `models`, each with `model`
+        and `traces`; `compute_residual(model)`.
+
+        Raises
+        ------
+        SignalError
+            If no hit was accepted, or these are results alone, without their recording.
+        """
+        found = self._campaign.find_traces(self.name)
+        if found is None:
+            raise SignalError(
+                f"there are no traces of {self.name!r}: no hit of it was accepted, or these are"
+                " results without their recording"
+            )
+        return found
+
+    def plot(self) -> "Figure":
+        """Draw hits, mean, models and residuals, and the contact's law.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure of pyplot: a notebook shows it, `savefig` writes it.
+
+        Raises
+        ------
+        SignalError
+            As `traces`.
+        """
+        traces = self.traces
+        curves = compute_law_curves(self.record.contact_law, traces, self._campaign.results.setup)
+        return draw_sample(traces, self._campaign.list_aligned(self.name), curves)
+
+
+class Results(Printed, Mapping[str, SampleResults]):
+    """What a campaign found, by sample; `print` shows it as the command line does.
+
+    Examples
+    --------
+    >>> import impact_rig as ir
+    >>> results = ir.VirtualRig(seed=7).run(["aluminium large"], 3).analyze()
+    >>> results
+    1 sample, 3 hits accepted, 0 rejected; simulated (virtual rig, plant published)
+    >>> list(results), results.hammer.stiffness.unit
+    (['aluminium large'], 'MN/m')
+    """
+
+    def __init__(
+        self, campaign: TracedCampaign, name: str = "results", warnings: Sequence[str] = ()
+    ) -> None:
+        self.record: CampaignResults = campaign.results
+        self.name = name
+        self._campaign = campaign
+        self._warnings = tuple(warnings)
+
+    def __getitem__(self, sample: str) -> SampleResults:
+        """Return what was found of a sample; raises `ParameterError` for an unknown one."""
+        return SampleResults(sample, self._campaign)
+
+    def __contains__(self, sample: object) -> bool:
+        """Return whether there is a sample of this name."""
+        return any(item.name == sample for item in self.record.samples)
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names of the samples."""
+        return (item.name for item in self.record.samples)
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.record.samples)
+
+    def __repr__(self) -> str:
+        """Return how much there is."""
+        rejected = len(self.record.rejections)
+        accepted = format_count(len(self.record.hits) - rejected, "hit")
+        samples = format_count(len(self), "sample")
+        return f"{samples}, {accepted} accepted, {rejected} rejected; {self.record.origin}"
+
+    @property
+    def hammer(self) -> View:
+        """What the control sample says of the hammer: `stiffness` k1, `damping_coefficient` c1."""
+        return View(self.record.hammer, "hammer")
+
+    @property
+    def warnings(self) -> list[str]:
+        """What needs attention, a sentence each."""
+        remarks = gather_remarks(self.record, self._warnings)
+        return [f"{item.about}: {item.text}" if item.about else item.text for item in remarks]
+
+    def list_tables(self) -> list[Table]:
+        """Return what is printed."""
+        return tabulate_summary(self.record)
+
+    def to_dataframe(self) -> Any:
+        """Return a row for each sample, with columns as in the CSV export, units in their names.
+
+        Returns
+        -------
+        pandas.DataFrame or polars.DataFrame
+            Of pandas if it is installed.
+
+        Raises
+        ------
+        RigError
+            If neither is installed.
+        """
+        text = io.StringIO(format_results_table([self.record]))
+        for name in ("pandas", "polars"):
+            if find_spec(name) is not None:
+                return import_module(name).read_csv(text)
+        raise RigError("to_dataframe needs pandas or polars: pip install pandas")
+
+    def save(self, path: str | Path) -> None:
+        """Write them as results.json; raises `FileError` if that cannot be written."""
+        write_results(Path(path), self.record)
+
+
+class Comparison(Printed):
+    """What changed from one run to another."""
+
+    def __init__(self, tables: list[Table]) -> None:
+        self._tables = tables
+
+    def list_tables(self) -> list[Table]:
+        """Return what is printed."""
+        return self._tables
+
+    @property
+    def changed(self) -> list[tuple[str, str]]:
+        """Body and quantity of what changed beyond its uncertainty."""
+        return [
+            (table.rows[place][0], table.rows[place][1])
+            for table in self._tables
+            for place in sorted(table.marked)
+        ]
+
+    def __repr__(self) -> str:
+        """Return how much changed."""
+        count = sum(len(table.rows) for table in self._tables)
+        return f"{len(self.changed)} of {count} values changed beyond their uncertainty"
