@@ -57,4 +57,4 @@ def test_without_stamps_the_middleware_tells_gaps_and_arrivals_may_vary():
     assert not any(found)
     assert clock.take(START, 10, 3) == 30
     with pytest.raises(DeviceError, match="by the arrivals"):
-        feed(MessageClock(1200.0, is_stamped=False), 1000.0, [10] * 200)
+        feed(MessageClock(1200.0, is_stamped=False), 1000.0, [10] * 600)

@@ -12,7 +12,7 @@ import pytest
 import rclpy
 from geometry_msgs.msg import AccelStamped, WrenchStamped
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64MultiArray
 
 from impact_rig.configuration.toml_table import parse_toml_table
@@ -52,7 +52,7 @@ class Publisher:
             self._node = Node("instrument", context=self._context)
         self._topics = [
             (
-                self._node.create_publisher(type(make(0.0, 0.0)), topic, qos_profile_sensor_data),
+                self._node.create_publisher(type(make(0.0, 0.0)), topic, QoSProfile(depth=1000)),
                 make,
             )
             for topic, make in topics.items()
