@@ -50,6 +50,7 @@ CHECK_ATTEMPTS = 3
 """Hits in a row that fail the operational check, and end a campaign [-], our choice."""
 BLIND_HITS = 5
 """Hits in a row that showed nothing, and end a campaign [-]: a cable off stays off."""
+DISPLAYS = ("visualizer", "page")
 DISPLAY_TIMEOUT = 1.0
 """How long a campaign's start may wait for a display [s]."""
 
@@ -72,7 +73,7 @@ class CampaignNode(RigNode):
         self.offer(interfaces.PAUSE_CAMPAIGN, self._hold)
         self.offer(interfaces.RESUME_CAMPAIGN, self._go_on)
         self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._on_confirm_sample)
-        names = ("recorder", "accelerometer", "estimator", "hammer", "visualizer")
+        names = ("recorder", "accelerometer", "estimator", "hammer", *DISPLAYS)
         self._joins = {
             name: self.create_client(JoinCampaign, interfaces.make_join_name(name))
             for name in names
@@ -165,9 +166,7 @@ class CampaignNode(RigNode):
         campaign.stream_id = id_from_msg(answer.stream_id)
         campaign.recording = (await self._join_node(campaign, "recorder")).recording
         await self._join_node(campaign, "estimator")
-        if self._joins["visualizer"].service_is_ready():
-            # A display that does not answer holds nobody up.
-            self._joins["visualizer"].call_async(JoinCampaign.Request(setup=campaign.setup))
+        self._ask_displays(campaign)  # one that does not answer holds nobody up
         self._setup.publish(campaign.setup)
         if not campaign.has_armed:
             answer = await self.call(self._arm_hammer, Trigger.Request())
@@ -183,10 +182,16 @@ class CampaignNode(RigNode):
         """Send the campaign's id to its listeners before any node publishes with it."""
         for name in ("recorder", "hammer", "accelerometer"):
             await self._join_node(campaign, name, announced=True)
-        if (display := self._joins["visualizer"]).service_is_ready():
-            request = JoinCampaign.Request(setup=campaign.setup, announced=True)
-            answer = display.call_async(request)
-            await self._wait(campaign, answer.done, DISPLAY_TIMEOUT)
+        answers = self._ask_displays(campaign, announced=True)
+        await self._wait(
+            campaign, lambda: all(answer.done() for answer in answers), DISPLAY_TIMEOUT
+        )
+
+    def _ask_displays(self, campaign: Campaign, *, announced: bool = False) -> list[Any]:
+        """Ask the displays that are there to take part; return their answers to come."""
+        request = JoinCampaign.Request(setup=campaign.setup, announced=announced)
+        displays = [self._joins[name] for name in DISPLAYS]
+        return [it.call_async(request) for it in displays if it.service_is_ready()]
 
     async def _join_node(
         self, campaign: Campaign, name: str, *, announced: bool = False

@@ -1,9 +1,17 @@
-"""The page's node: a stop waits for nothing that the node has to do beside it."""
+"""The page's node: a stop waits for nothing beside it, and strangers change nothing."""
 
 import http.client
 import json
 import threading
 
+from builtin_interfaces.msg import Time
+from impact_rig_msgs.msg import CampaignState
+from impact_rig_msgs.srv import JoinCampaign
+
+from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.nodes import interfaces
+from impact_rig.nodes.identity import id_to_msg, make_id
+from impact_rig.nodes.messages import setup_to_msg
 from impact_rig.nodes.page import PageNode
 from impact_rig.page.states import NO_HAMMER
 
@@ -41,3 +49,18 @@ def test_a_stop_is_confirmed_while_messages_keep_the_page_busy(harness, start_pr
     finally:
         free.set()
         busy.join()
+
+
+def test_what_another_campaign_says_is_not_shown(harness):
+    page = harness.add(PageNode, port=0)
+    ours, theirs = id_to_msg(make_id()), id_to_msg(make_id())
+    setup = setup_to_msg(PAPER_SETUP, Time(sec=1))
+    setup.campaign_id = ours
+    assert harness.call(JoinCampaign, "page/join", JoinCampaign.Request(setup=setup)).success
+    states = harness.advertise(interfaces.CAMPAIGN_STATE)
+    states.publish(CampaignState(campaign_id=ours, sample="steel small", impacts=3))
+    harness.wait_until(lambda: page._status.campaign.sample == "steel small")
+    states.publish(CampaignState(campaign_id=theirs, sample="brass small", impacts=9))
+    assert states.wait_for_all_acked()
+    harness.wait_until(lambda: page.intake.foreign)
+    assert page._status.campaign.sample == "steel small"
