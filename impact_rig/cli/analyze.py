@@ -27,7 +27,10 @@ from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.files.formats.sep005 import is_list
 from impact_rig.files.import_file import MeasurementOptions
 from impact_rig.present.console import make_console, print_table, print_warning
+from impact_rig.present.report.page import render_page
 from impact_rig.present.screen import print_batch
+from impact_rig.present.trend_page import make_trend_page
+from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.source import find_bag, is_recording
 from impact_rig.results.batch import BatchCampaign
@@ -36,20 +39,10 @@ from impact_rig.results.trend import gather_trend, tabulate_trend
 from impact_rig.results.wire import to_json
 
 
-def report_batch(
-    runs: Sequence[Run],
-    settings: Settings,
-    workers: int | None,
-    scheduler: str | None,
-    *,
-    as_json: bool,
-    trend: bool,
-) -> list[str]:
-    """Analyze many runs and print them in one table, or as one JSON list.
-
-    As a trend these are their control samples.
-
-    Returns the errors of those that could not be analyzed.
+def analyze_runs(
+    runs: Sequence[Run], settings: Settings, workers: int | None, scheduler: str | None
+) -> tuple[list[BatchCampaign], list[str]]:
+    """Analyze many runs; return their campaigns, and the errors of those that cannot be.
 
     Raises
     ------
@@ -77,15 +70,12 @@ def report_batch(
             BatchCampaign(run.name, number, campaign.results, campaign.began)
             for number, campaign in enumerate(outcome.campaigns, start=1)
         ]
-    points = gather_trend(campaigns) if trend else ()
-    if trend and campaigns and not points:
-        errors.append("no run has an accepted hit on its control sample: there is no trend")
-    if trend and as_json:
-        print_json([to_json(point) for point in points])
-    elif trend:
-        for table in tabulate_trend(points):
-            print_table(make_console(), table)
-    elif as_json:
+    return campaigns, errors
+
+
+def report_batch(campaigns: Sequence[BatchCampaign], *, as_json: bool) -> None:
+    """Print campaigns in one table, or as one JSON list."""
+    if as_json:
         print_json(
             [
                 {
@@ -98,7 +88,27 @@ def report_batch(
         )
     elif campaigns:
         print_batch(make_console(), campaigns)
-    return errors
+
+
+def report_trend(campaigns: Sequence[BatchCampaign], *, as_json: bool, page: Path | None) -> None:
+    """Print the control samples of campaigns, and write them to a page.
+
+    Raises
+    ------
+    ParameterError
+        If there is none.
+    """
+    points = gather_trend(campaigns)
+    if not points:
+        raise ParameterError("no run has an accepted hit on its control sample: there is no trend")
+    if as_json:
+        print_json([to_json(point) for point in points])
+    else:
+        for table in tabulate_trend(points):
+            print_table(make_console(), table)
+    if page is not None:
+        with write_new_file(page) as part:
+            part.write_text(render_page(make_trend_page(points)), encoding="utf-8")
 
 
 def run(
@@ -110,6 +120,7 @@ def run(
     workers: int | None,
     scheduler: str | None,
     trend: bool,
+    output: Path | None,
     namespace: str | None,
     **given: Any,
 ) -> None:
@@ -145,7 +156,10 @@ def run(
                 "--accept and --reject name hits of one recording: analyze recordings one by one"
             )
         settings = make_recorded_settings(measured)
-        errors += report_batch(runs, settings, workers, scheduler, as_json=as_json, trend=trend)
+        campaigns, failed = analyze_runs(runs, settings, workers, scheduler)
+        errors += failed
+        report = partial(report_trend, page=output) if trend or output else report_batch
+        report(campaigns, as_json=as_json)
     elif runs:
         (run,) = runs
         settings = make_recorded_settings(measured)

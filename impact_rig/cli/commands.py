@@ -296,6 +296,7 @@ def hammer() -> None:
     help="Use this Dask cluster, whose workers see the same paths.",
 )
 @click.option("--trend", is_flag=True, help="The control sample from run to run: does it change?")
+@options.make_output_option("With --trend: a page with table and figure, HTML.")
 def analyze() -> None:
     """Estimate contact time, stiffness and damping from files.
 

@@ -9,6 +9,7 @@ from statistics import fmean
 import numpy as np
 
 from impact_rig.core.quantity import UNKNOWN, Comparable, Quantity, describe
+from impact_rig.core.records import MEASURED
 from impact_rig.core.trends import FEWEST_HITS, find_trend
 from impact_rig.results.batch import BatchCampaign, shorten_paths
 from impact_rig.results.numbers import CONTACT_TIME, STIFFNESS, format_number
@@ -27,6 +28,7 @@ class TrendPoint(Comparable):
     run: str
     sample: str  # the control sample
     began: str  # date and time of the first hit, UTC
+    origin: str = MEASURED  # of its hits: their kind
     contact_time: Quantity = field(default=UNKNOWN, metadata=describe("s"))
     stiffness: Quantity = field(default=UNKNOWN, metadata=describe("N/m"))
     # Deviation of the operational check [-]; NaN: none was made.
@@ -52,6 +54,7 @@ def gather_trend(campaigns: Sequence[BatchCampaign]) -> tuple[TrendPoint, ...]:
                 name,
                 control.name,
                 f"{began:%Y-%m-%d %H:%M}",
+                results.find_origin(control.name).kind,
                 CONTACT_TIME.read(control),
                 STIFFNESS.read(control),
                 deviation,
@@ -70,6 +73,7 @@ def _tabulate(points: Sequence[TrendPoint]) -> Table:
     columns = [
         make_text_column("Run", [point.run for point in points]),
         make_text_column("Began, UTC", [point.began for point in points]),
+        make_text_column("Origin", [point.origin for point in points]),
     ]
     told = []
     for item, values in (
@@ -78,7 +82,7 @@ def _tabulate(points: Sequence[TrendPoint]) -> Table:
     ):
         header = f"{item.sample_symbol} [{item.unit}]"
         columns.append(Column(header, [item.format(value) for value in values]))
-        columns.append(Column("[%]", _compare([value.value for value in values])))
+        columns.append(Column("From mean [%]", _compare([value.value for value in values])))
         told.append(f"{item.sample_symbol} {_describe([value.value for value in values])}")
     checks = [format_number(100.0 * point.check_deviation, 2) for point in points]
     columns.append(Column("Check [%]", checks))

@@ -62,7 +62,7 @@ def cluster():
         yield running
 
 
-def test_the_control_sample_is_followed_from_run_to_run(run, folders, runs):
+def test_the_control_sample_is_followed_from_run_to_run(run, folders, runs, tmp_path):
     outcome = run("analyze", *folders, "--trend", "--json")
     assert outcome.exit_code == 0
     found = json.loads(outcome.stdout)
@@ -75,6 +75,11 @@ def test_the_control_sample_is_followed_from_run_to_run(run, folders, runs):
     told = run("analyze", *folders, "--trend").stdout
     assert f"Control sample from run to run: {CONTROL_SAMPLE}" in told
     assert "it takes 5" in told
+    page = tmp_path / "trend.html"
+    assert run("analyze", *folders, "-o", page).exit_code == 0
+    text = page.read_text("utf-8")
+    assert text.count("data:image/svg+xml;base64,") == 2
+    assert "Origin: simulated." in text
 
 
 def test_workers_without_the_software_are_refused(run, folders, tmp_path):

@@ -41,7 +41,7 @@ def test_runs_are_in_the_order_of_time_with_their_differences_and_checks():
     cells = {column.header: list(column.cells) for column in table.columns}
     assert cells["Run"] == ["day1", "day3"]
     assert cells["Check [%]"][1] == "1.00"
-    assert table.columns[3].cells == ["-0.47", "0.47"]
+    assert table.columns[4].cells == ["-0.47", "0.47"]
     assert "of 2 runs shows no trend, it takes 5" in table.notes[0]
 
 
