@@ -28,6 +28,7 @@ def make_trend_page(points: Sequence[TrendPoint]) -> Document:
         title="The control sample from run to run",
         subtitle="",
         name=", ".join(samples),
+        number="",
         banner=f"Origin: {', '.join(origins)}.",
         is_warning=any(kind not in (MEASURED, IMPORTED) for kind in origins),
         facts=(("Runs", str(len(points))), ("From", points[0].began), ("To", points[-1].began)),
