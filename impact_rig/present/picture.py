@@ -1,6 +1,7 @@
 """A figure of the report: panels drawn by matplotlib, as images for a page."""
 
 import base64
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -79,8 +80,9 @@ def fill_panel(panel: Any, *heights: float, left: float = LEFT) -> Any:
     panel.subplots_adjust(
         left / WIDTH, BOTTOM / height, 1.0 - RIGHT / WIDTH, 1.0 - TOP / height, hspace=0.12
     )
-    for axes in panel.axes:
+    for axes, own in zip(panel.axes, heights, strict=True):
         axes.locator_params(nbins=MOST_TICKS)
+        axes.locator_params(axis="y", nbins=min(MOST_TICKS, math.ceil(2.5 * own)))
     return panel
 
 

@@ -115,11 +115,10 @@ def draw_sample(
     if curves is not None:
         rows.append([partial(draw_law_loop, curves)])
     columns = max(map(len, rows))
-    heights = [TALL + LOW * bool(traces.models), TALL + LOW][: len(rows)]
     # Before the style, whose end would undo what the first figure sets up: notebooks show it.
-    figure = plt.figure(figsize=(columns * WIDTH, sum(heights)))
+    figure = plt.figure(figsize=(columns * WIDTH, len(rows) * (TALL + LOW)))
     with drawing_style():
-        parts = figure.subfigures(len(rows), columns, squeeze=False, height_ratios=heights)
+        parts = figure.subfigures(len(rows), columns, squeeze=False)
         for row, panels in zip(parts, rows, strict=True):
             for part, draw in zip(row, panels, strict=False):
                 draw(make_panel=partial(fill_panel, part))
@@ -136,7 +135,7 @@ def draw_channel(
     """Draw traces above and residuals below, on one time axis; the law on the hammer's."""
     law = curves if channel == HAMMER else None
     has_models = bool(traces.models) or law is not None
-    panel: Figure = make_panel(TALL, *[LOW] * has_models)
+    panel: Figure = make_panel(*((TALL, LOW) if has_models else (TALL + LOW,)))
     upper, lower = panel.axes[0], panel.axes[-1]
     start = -1.2 * traces.contact_time
     stop = np.nanmax([4.0 * traces.contact_time, 1.2 * traces.second_peak_time])

@@ -593,10 +593,11 @@ def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
     """Return what each method says of one sample, with coverage and what is expected."""
     law, decay = sample.contact_law, sample.free_decay
     others = [
-        (CONTACT_TIME, "contact law", law.duration),
-        (STIFFNESS, "law's linear spring", law.equivalent_stiffness),
-        (STIFFNESS, "free decay", decay.stiffness),
-        (DAMPING_COEFFICIENT, "free decay", decay.damping_coefficient),
+        (CONTACT_TIME, "τ", "contact law", law.duration),
+        (STIFFNESS, "k2", "free decay", decay.stiffness),
+        # Between both bodies, not of the sample.
+        (STIFFNESS, "k_lin", "law's linear spring", law.equivalent_stiffness),
+        (DAMPING_COEFFICIENT, "c2", "free decay", decay.damping_coefficient),
     ]
     lines = []
     for item in SAMPLE_MEASURANDS:
@@ -604,8 +605,8 @@ def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
         name = f"{item.sample_symbol} [{item.unit}]"
         lines.append((name, "the paper's", item.read(sample), item, expected))
         lines += [
-            (name, method, found, item, "")
-            for quantity, method, found in others
+            (f"{symbol} [{item.unit}]", method, found, item, "")
+            for quantity, symbol, method, found in others
             if quantity is item and found.is_known
         ]
     plain = Measurand("", "", "", 3, "")

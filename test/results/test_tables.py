@@ -188,7 +188,8 @@ def test_a_budget_names_each_source_and_sums_up_what_is_small():
 
 def test_a_sample_by_itself_has_every_method_with_coverage_factor_and_freedom():
     stiffness = replace(SAMPLE.paper.stiffness, standard=0.5e6, degrees_of_freedom=9.7)
-    sample = replace(SAMPLE, paper=replace(SAMPLE.paper, stiffness=stiffness))
+    law = ContactLaw(duration=Quantity(200e-6), equivalent_stiffness=Quantity(30e6))
+    sample = replace(SAMPLE, paper=replace(SAMPLE.paper, stiffness=stiffness), contact_law=law)
     table = tables.tabulate_methods(sample, find_expected(make_results(sample), "steel medium"))
     assert [column.header for column in table.columns] == [
         "", "Method", "Value ± U", "U [%]", "k", "DoF", "Expected",
@@ -199,6 +200,8 @@ def test_a_sample_by_itself_has_every_method_with_coverage_factor_and_freedom():
         "45.0 ± 1.2", "2.7", f"{1.2 / 0.5:.2f}", "9", "45.29",
     )  # fmt: skip
     assert rows["c2 [N s/m]", "free decay"][0] == "1180 ± 25"
+    assert rows["τ [µs]", "contact law"][0] == "200.00"
+    assert rows["k_lin [MN/m]", "law's linear spring"][0] == "30.00"  # it is of both bodies
     expected = [row[-1] for row in table.rows if row[1] == "the paper's"]
     assert expected == ["203.20", "45.29", "1170.0"]
 
