@@ -160,14 +160,10 @@ def _make_sample_section(
 ) -> Section:
     """Return what there is of one sample: its traces with the models, methods, remarks."""
     results = run.campaign.results
-    traces = next((item for item in run.campaign.samples if item.name == sample.name), None)
+    traces = run.campaign.find_traces(sample.name)
     parts: list[Part] = []
     if traces is not None:
-        hits = [
-            hit.aligned
-            for hit in run.campaign.hits
-            if hit.aligned is not None and hit.result.accepted and hit.result.sample == sample.name
-        ]
+        hits = run.campaign.list_aligned(sample.name)
         curves = compute_law_curves(sample.contact_law, traces, results.setup)
         parts.append(make_sample_picture(traces, hits, curves, with_printed=with_printed))
     if sample.impacts_accepted:
