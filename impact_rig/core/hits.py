@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.detection import LOUD_BEGINNING
-from impact_rig.core.errors import NotDeterminedError, ParameterError, SignalError
+from impact_rig.core.errors import ParameterError, SignalError
 from impact_rig.core.filtering import check_cutoff, interpolate_between, low_pass
 from impact_rig.core.findings import Finding, Reason, join_findings
 from impact_rig.core.pulse_width import BASELINE_POINTS, PulseWidth, measure_pulse
@@ -376,23 +376,6 @@ def make_mean(
         # They are alike in all hits.
         zero_uncertainty=np.abs([hit.zero_uncertainty for hit in hits]).sum(axis=0) / count,
     )
-
-
-def average_hits(hits: Sequence[FilteredHit]) -> MeanHit:
-    """Align hits on the midpoints of their half-amplitude crossings and average them.
-
-    The mean is as long as what all hits have in common.
-
-    Raises
-    ------
-    NotDeterminedError
-        If there is no hit.
-    """
-    shifted = [shift_hit(hit) for hit in hits]
-    total = sum_up(shifted)
-    if total is None:
-        raise NotDeterminedError("mean trace: no hit was accepted")
-    return make_mean(total, shifted)
 
 
 class Verdict(IntEnum):

@@ -450,7 +450,8 @@ def estimate_body(
         # Whose mass is not known is all that there is to say.
         notes = ()
     elif not hammer.stiffness.is_known:
-        notes += (Note(Subject.K2, "not determined without k1"),)
+        # What is to be stated comes last.
+        notes = (Note(Subject.K2, "not determined without k1"), *notes)
     else:
         # Given as a plain figure, not measured here: taken as exact.
         k1 = hammer.known_stiffness or Known(

@@ -9,6 +9,7 @@ from typing import Any
 from impact_rig.core.contact_law import NO_LAW
 from impact_rig.core.findings import Note
 from impact_rig.core.momenta import Hold
+from impact_rig.core.paper_estimate import NO_NUMBERS
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import ShapeFit
 from impact_rig.core.quantity import UNKNOWN, BudgetLine, Quantity, list_fields
@@ -369,6 +370,9 @@ def tabulate_summary(results: Results) -> list[Table]:
     for item in SAMPLE_MEASURANDS:
         columns.append(Column(f"{item.symbol} [{item.unit}]", [row.format(item) for row in rows]))
         columns.append(replace(_make_deviations(rows, item), is_optional=True))
+    if not any(row.read(STIFFNESS).is_known for row in rows):
+        papers = [getattr(row.body, "paper", NO_NUMBERS) for row in rows]
+        columns.append(read_column("k_eq [MN/m]", papers, "equivalent_stiffness", 2))
     # A remark may recommend them in place of those before.
     laws = [
         row.body.contact_law if isinstance(row.body, SampleEstimate) else NO_LAW for row in rows

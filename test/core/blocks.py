@@ -6,7 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.detection import ImpactDetector
-from impact_rig.core.hits import JudgedHit, MeanHit
+from impact_rig.core.hits import (
+    FilteredHit,
+    JudgedHit,
+    MeanHit,
+    make_mean,
+    shift_hit,
+    sum_up,
+)
 from impact_rig.core.records import Block, ChannelBlock, HitLabel, Record
 from impact_rig.core.session import Session
 from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
@@ -146,3 +153,11 @@ def make_plain_mean(
     levels, nothing = np.full(len(traces), noise), np.zeros(len(traces))
     known = (1, max(origin, 1), nothing, nothing, nothing, np.zeros(2))
     return MeanHit(traces, rate, origin, levels, levels, (), *known)
+
+
+def average_hits(hits: Iterable[FilteredHit]) -> MeanHit:
+    """Return the mean of hits, as a series takes it."""
+    shifted = [shift_hit(hit) for hit in hits]
+    total = sum_up(shifted)
+    assert total is not None
+    return make_mean(total, shifted)

@@ -12,12 +12,13 @@ from impact_rig.core.contact_law import (
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.filtering import low_pass
 from impact_rig.core.findings import Note, Subject, join_findings
-from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
+from impact_rig.core.hits import FilteredHit, MeanHit
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import FloatArray, HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 
+from .blocks import average_hits
 from .contacts import find_loss, strike_body
 from .struck import COUNT, HAMMER, RATE, SAMPLE, SPEED, START, Impact
 

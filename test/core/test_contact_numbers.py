@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
+from impact_rig.core.hits import FilteredHit, MeanHit
 from impact_rig.core.paper_estimate import estimate_paper
 from impact_rig.core.paper_method import (
     BodyEstimate,
@@ -24,6 +24,8 @@ from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.core.uncertainty import RigInputs
+
+from .blocks import average_hits
 
 RATE = 2.5e6
 SETUP = replace(PAPER_SETUP, analysis=replace(PAPER_SETUP.analysis, cutoff_frequency=0.0))

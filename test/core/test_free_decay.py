@@ -17,9 +17,11 @@ from impact_rig.core.equations import (
 )
 from impact_rig.core.errors import NotDeterminedError
 from impact_rig.core.filtering import low_pass
-from impact_rig.core.hits import FilteredHit, MeanHit, average_hits
+from impact_rig.core.hits import FilteredHit, MeanHit
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import FloatArray
+
+from .blocks import average_hits
 
 RATE = 2.5e6
 COUNT = 5000

@@ -11,10 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from impact_rig.core.findings import Finding, Reason
-from impact_rig.core.hits import FilteredHit, JudgedHit, average_hits
+from impact_rig.core.hits import FilteredHit, JudgedHit
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.records import HitLabel
 from impact_rig.core.series import HitSeries, Selection, compute_thresholds
+
+from .blocks import average_hits
 
 RATE = 2.5e6
 TAU = 200e-6

@@ -45,8 +45,8 @@ def test_a_sample_measured_before_the_control_sample_gets_its_k2_afterwards():
     early = session.estimate_sample("heavy")
     assert np.isnan(early.paper.stiffness.value)
     assert early.notes[:2] == (
-        Note(Subject.K1, "the control sample 'alike' has no accepted hit yet"),
         Note(Subject.K2, "not determined without k1"),
+        Note(Subject.K1, "the control sample 'alike' has no accepted hit yet"),
     )
     assert early.paper.contact_time.is_known
     assert np.isfinite(early.paper.damping_ratio.value)

@@ -175,6 +175,16 @@ def test_a_free_decay_shows_values_with_their_uncertainty():
     assert find_row(decays)["f [kHz]"] == "2.500"
 
 
+def test_where_no_k2_is_known_the_first_table_has_k_eq():
+    paper = PaperEstimate(equivalent_stiffness=Quantity(8.8e6, 1.4e6, 2.9e6, 6.5e6, 12.6e6))
+    sample = SampleEstimate("steel medium", 10, 0, paper=paper)
+    (table,) = tables.tabulate_summary(make_results(sample))
+    assert find_row(table)["k_eq [MN/m]"] == "8.8 +3.8 -2.3"
+    known = replace(sample, paper=replace(paper, stiffness=Quantity(20e6)))
+    (table,) = tables.tabulate_summary(make_results(known))
+    assert "k_eq [MN/m]" not in find_row(table)
+
+
 def test_nothing_known_makes_no_table():
     assert tables.tabulate_checks([SampleEstimate("tin", 0, 3)]) == []
 
