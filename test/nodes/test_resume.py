@@ -10,6 +10,7 @@ from impact_rig.analysis.analyze import analyze
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.nodes.campaign_plan import read_newest_campaign
+from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.page.states import Step
 from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import format_json, results_to_json
@@ -42,7 +43,8 @@ def test_a_cancelled_campaign_goes_on_on_the_same_rig(harness):
     handle, _ = begin(harness, client, resumed=first.setup)
     second = harness.wait(handle.get_result_async()).result
     assert second.success, second.message
-    assert second.accepted[: len(first.accepted)] == first.accepted
+    before, after = (list(map(hit_results_from_msg, it.accepted)) for it in (first, second))
+    assert after[: len(before)] == before
     struck = [(hit.sample, hit.impact) for hit in second.accepted]
     assert struck == [(name, number) for name in SAMPLES for number in range(1, IMPACTS + 1)]
 
