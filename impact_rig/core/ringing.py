@@ -30,7 +30,7 @@ from impact_rig.core.quantity import (
 )
 from impact_rig.core.records import FloatArray
 from impact_rig.core.setup import RigSetup
-from impact_rig.core.uncertainty import find_decaying_body, make_rig_numbers, propagate_fit
+from impact_rig.core.uncertainty import make_rig_numbers, propagate_decay
 
 SAME_FREQUENCY = 0.05
 """Difference of two frequencies that are one [-]: a mount's moves so far."""
@@ -97,10 +97,9 @@ def estimate_decay(
     if ringing := explain_ringing(decay.frequency, setup):
         raise NotDeterminedError(ringing)
     hold, persistence = _find_hold(mean, setup, decay)
-    body = propagate_fit(
+    body = propagate_decay(
         f"scatter of the hits on {sample}",
         decay.hit_values,
-        find_decaying_body,
         make_rig_numbers(setup, sample),
         estimates=(decay.decay_rate, decay.angular_frequency),
         averaged=mean.count,

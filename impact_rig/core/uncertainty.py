@@ -1,7 +1,7 @@
 """Uncertain numbers by the GUM: inputs, propagation, results."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -310,22 +310,16 @@ def make_rig_numbers(setup: RigSetup, sample: str) -> RigNumbers:
     return RigInputs(setup).find(sample)
 
 
-Formula = Callable[[Sequence[UncertainNumber], RigNumbers], Mapping[str, UncertainNumber]]
-"""Fitted parameters, masses and clock to results by their names; the clock is the formula's to
-apply: times times it, rates over it."""
-
-
-def propagate_fit(
+def propagate_decay(
     source: str,
     per_hit: FloatArray,
-    formula: Formula,
     rig: RigNumbers,
     *,
     estimates: Sequence[float],
     averaged: int,
     errors: Sequence[tuple[str, FloatArray]] = (),
 ) -> dict[str, Quantity]:
-    """Propagate the scatter of fitted parameters, masses and clock to results.
+    """Return zeta, c = 2 m a and k = m (a^2 + omega^2) of a decay's a [1/s] and omega [rad/s].
 
     The covariance of the estimates is that of the hits over their number, n - 1 degrees of
     freedom (GUM 5.2.3, H.2). What noise does to each single hit is in their scatter; a fit whose
@@ -335,21 +329,19 @@ def propagate_fit(
     ----------
     source : str
         What scatters, for the budget: "scatter of the hits on steel".
-    per_hit : ndarray, shape (n_hits, p)
-        The parameters of every hit, in any units.
-    formula : callable
-        `find_decaying_body`, for one.
-    estimates : sequence of float, length p
+    per_hit : ndarray, shape (n_hits, 2)
+        a and omega of every hit.
+    estimates : sequence of float, length 2
         The best estimates, say of the mean trace.
     averaged : int
         Hits that the estimates are the mean of.
-    errors : sequence of (str, ndarray of shape (p, p))
+    errors : sequence of (str, ndarray of shape (2, 2))
         What is wrong with all hits alike: its source, and its covariance.
 
     Returns
     -------
     dict of str to Quantity
-        Of one hit only, their uncertainties are not determined.
+        By the fields of a body. Of one hit only, their uncertainties are not determined.
     """
     hits, count = per_hit.shape
     has_scatter = hits >= LEAST_HITS
@@ -360,22 +352,15 @@ def propagate_fit(
     for name, covariance in errors:
         moved = make_ensemble(name, [0.0] * count, covariance, math.inf)
         parameters = tuple(one + more for one, more in zip(parameters, moved, strict=True))
-    numbers = formula(parameters, rig)
-    reasons = () if has_scatter else (ONE_HIT,)
-    return {name: Known(number, reasons).state(rig.notes) for name, number in numbers.items()}
-
-
-def find_decaying_body(
-    parameters: Sequence[UncertainNumber], rig: RigNumbers
-) -> dict[str, UncertainNumber]:
-    """Return zeta, c = 2 m a and k = m (a^2 + omega^2) of a decay's a [1/s] and omega [rad/s]."""
     decay, frequency = (rate / rig.clock for rate in parameters)
     square = decay * decay + frequency * frequency
-    return {
+    numbers = {
         "damping_ratio": decay / square**0.5,
         "damping_coefficient": 2.0 * rig.moving_mass * decay,
         "stiffness": rig.moving_mass * square,
     }
+    reasons = () if has_scatter else (ONE_HIT,)
+    return {name: Known(number, reasons).state(rig.notes) for name, number in numbers.items()}
 
 
 LEAST_HITS = 2

@@ -18,16 +18,14 @@ from impact_rig.core.equations import (
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.core.uncertainty import (
-    Formula,
     Known,
     RigInputs,
     compute_quantity,
     derive,
-    find_decaying_body,
     make_ensemble,
     make_input,
     make_rig_numbers,
-    propagate_fit,
+    propagate_decay,
 )
 
 VOLTAGE = [5.007, 4.994, 5.005, 4.990, 4.999]
@@ -132,11 +130,9 @@ RIG = make_rig_numbers(PAPER_SETUP, "steel medium")
 DECAY, FREQUENCY = 3456.0, 15900.0
 
 
-def propagate(
-    hits: np.ndarray, formula: Formula = find_decaying_body, rig=RIG
-) -> dict[str, Quantity]:
+def propagate(hits: np.ndarray) -> dict[str, Quantity]:
     estimates = hits.mean(axis=0).tolist()
-    return propagate_fit("hits", hits, formula, rig, estimates=estimates, averaged=len(hits))
+    return propagate_decay("hits", hits, RIG, estimates=estimates, averaged=len(hits))
 
 
 def list_results(found: dict[str, Quantity]) -> list[Quantity]:
