@@ -141,11 +141,11 @@ class PageNode(RigNode):
     def on_received(
         self, topic: interfaces.Topic, callback: Callable[[Any], None], received: Received[Any]
     ) -> None:
-        """Call back, and show soon; health is looked at once a second."""
+        """Call back, and show soon; notes and health are looked at once a second."""
         with self._lock:
             super().on_received(topic, callback, received)
         is_quiet = topic is interfaces.INPUT_LEVELS and self._status.campaign.is_running
-        self._is_shown &= is_quiet or topic is interfaces.DIAGNOSTICS
+        self._is_shown &= is_quiet or topic in (interfaces.NOTE, interfaces.DIAGNOSTICS)
 
     def _on_campaign(self, received: Received[RigSetup]) -> None:
         self._status.begin(received.value, is_trial=is_trial(received.message))

@@ -122,12 +122,12 @@ class Stranger:
 
     def prepare(self, count: int) -> list[tuple[Any, bytes]]:
         """Return random messages of another campaign, to be published at a high rate."""
-        other, prepared = Identity(make_id(), make_id()), []
-        for _ in range(count):
+        other, prepared = Identity(make_id(), make_id()), list[tuple[Any, bytes]]()
+        while len(prepared) < count:
             topic, publisher = self._random.choose(self._publishers)
-            prepared.append(
-                (publisher, serialize_message(other.fill(self._random.make(topic.type))))
-            )
+            message = other.fill(self._random.make(topic.type))
+            if hasattr(message, "campaign_id"):
+                prepared.append((publisher, serialize_message(message)))
         return prepared
 
     def ask(self) -> None:
