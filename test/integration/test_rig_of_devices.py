@@ -47,6 +47,7 @@ def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virt
         Terminal([
             *RIG, "campaign", "--output", tmp_path,
             *(word for name in SAMPLES for word in ("--sample", name)), "--impacts", IMPACTS,
+            "--wait", "60 s",
         ], environment) as campaign,
     ):  # fmt: skip
         bench.to_unplug = [getattr(bench, name) for name in REASONS]
