@@ -35,8 +35,8 @@ ANSWER_TIMEOUT = 10.0
 """How long the rig may take to answer [s]."""
 LONGEST_FORM = 20_000
 """Of one act [bytes]."""
-KEPT_TRACES = 30
-"""How many traces a page gets that opens late: those of one sample."""
+KEPT_TRACES = 10
+"""How many traces of a sample a page gets that opens late, and draws at each hit [-]."""
 TOKEN = "token"  # noqa: S105 - the name of a cookie
 WHO = "who"
 POLICY = (

@@ -1,6 +1,7 @@
 "use strict";
 // Shows what the server pushes. Every act is a form that also works without this script.
 
+const KEPT = 10; // traces that are drawn: many take longer than a hit on a busy computer
 const SILENCE = 3000; // [ms] after which the server counts as silent: it speaks every second
 const byId = (id) => document.getElementById(id);
 const root = document.documentElement;
@@ -105,6 +106,7 @@ function takeTrace(buffer) {
   }
   if (traces.size && [...traces.values()][0].sample !== trace.sample) traces.clear();
   traces.set(trace.record, trace);
+  if (traces.size > KEPT) traces.delete(traces.keys().next().value);
   shown = trace.record;
   requestAnimationFrame(draw);
 }
