@@ -39,9 +39,11 @@ MESSAGES = Path("share", "impact_rig_msgs", "package.xml")
 prefixes = [Path(part) for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)]
 
 if not FOR_PIP and not any((prefix / MESSAGES).exists() for prefix in prefixes):
+    # With --symlink-install colcon runs a link to this file, in its build folder.
+    here = Path(__file__).resolve().parent
     print(
         f"{NAME}: its messages are not built: colcon does not look inside of a package. Build both"
-        f" with `colcon build --base-paths {Path.cwd()} {Path.cwd() / 'msg_config'}`.",
+        f" with `colcon build --base-paths {here} {here / 'msg_config'}`.",
         file=sys.stderr,
     )
 
@@ -69,7 +71,14 @@ setup(
             f"share/{NAME}/launch",
             ["launch_scripts/rig.launch.py", "launch_scripts/replay.launch.py"],
         ),
-        (f"share/{NAME}/config", ["launch_scripts/rig_parameters.yaml"]),
+        (
+            f"share/{NAME}/config",
+            [
+                "launch_scripts/rig_parameters.yaml",
+                "launch_scripts/diagnostics.yaml",
+                "launch_scripts/foxglove_layout.json",
+            ],
+        ),
         *([] if FOR_PIP else [("bin", ["launch_scripts/impact-rig"])]),
     ],
     entry_points={

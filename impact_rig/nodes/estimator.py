@@ -113,7 +113,13 @@ class EstimatorNode(RigNode):
         return figures
 
     def describe_warning(self) -> str | None:
-        """Return how many points of a running stream were lost."""
+        """Return how many points of a running stream were lost, or that there is no set-up."""
+        if self._ledger is None and self._early:
+            return (
+                f"records come on {self.resolve_topic_name(interfaces.ACCELERATION.name)} and no"
+                f" set-up on {self.resolve_topic_name(interfaces.SETUP.name)}: nothing is judged"
+                " before a campaign runs, or somebody publishes one there"
+            )
         lost = self._cutter.flow.missing_points if self._cutter else 0
         if not lost:
             return None
@@ -173,6 +179,8 @@ class EstimatorNode(RigNode):
         identity = received.identity
         if self._ledger is None or identity.campaign_id != self.membership.identity.campaign_id:
             self._early.append(received)
+            if received.value.last and (warning := self.describe_warning()):
+                self.get_logger().warning(warning, once=True)
             return
         block = received.value
         self._full_scale = tuple(channel.full_scale for channel in block.channels)

@@ -38,6 +38,20 @@ class ParameterNode(AsyncNode):
             self.declare_parameter(key, parameter.default, _describe(parameter))
         self.add_on_set_parameters_callback(self._on_set_parameters)
 
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters; one that keeps its value is set, even if it is read-only.
+
+        So `ros2 param load` takes what `ros2 param dump` wrote.
+        """
+        changes = [
+            item
+            for item in parameter_list
+            if not self.has_parameter(item.name) or self.get_value(item.name) != item.value
+        ]
+        if not changes:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changes)
+
     def _on_set_parameters(self, changes: list[Parameter]) -> SetParametersResult:
         for change in changes:
             name, known = change.name, self._known.get(change.name)

@@ -48,7 +48,7 @@ def test_a_package_checks_a_campaign_by_the_fixture_and_its_tests_pass_in_colcon
 
 
 def test_a_launch_test_includes_the_rig(workspace):
-    told = workspace.run("launch_test", OUTSIDE / "campaign_check/test/rig_launch_test.py")
+    told = workspace.run("launch_test", OUTSIDE / "campaign_check/test/check_rig.launch.py")
     assert told.count("OK") >= 2
 
 

@@ -44,6 +44,13 @@ def test_parameters_come_from_the_file_and_are_checked(rig, tools):
     assert "fail" in refused.lower()
 
 
+def test_what_is_dumped_is_loaded_again(rig, tools):
+    dump = tools.folder / "hammer.yaml"
+    dump.write_text(tools.run("ros2", "param", "dump", "/bench/hammer"))
+    told = tools.run("ros2", "param", "load", "/bench/hammer", dump)
+    assert told.count("successful") == len(told.splitlines()) > 4
+
+
 def test_a_late_subscriber_receives_the_latched_state(rig, tools):
     state = tools.run("ros2", "topic", "echo", "--once", "/bench/recorder/state", STATE)
     assert "recording: true" in state
@@ -85,6 +92,19 @@ def test_a_node_runs_by_itself_until_ctrl_c(tools):
         tools.run_until(lambda text: "/alone/one" in text.split(), "ros2", "node", "list")
         assert terminal.interrupt() == 0, terminal.text
     assert "Traceback" not in terminal.text
+
+
+def test_records_without_a_set_up_are_told(rig, tools):
+    block = "{record: 1, last: true, sampling_rate: 1000.0}"
+    publish = (
+        "ros2", "topic", "pub", "-w", "1", "--times", "3", "/lonely/acceleration",
+        "impact_rig_msgs/msg/AccelerationBlock", block,
+    )  # fmt: skip
+    with tools.start(
+        "ros2", "run", "impact_rig", "estimator", "--ros-args", "-r", "__ns:=/lonely"
+    ) as estimator:
+        tools.run(*publish)
+        estimator.wait_for("records come on /lonely/acceleration and no set-up on /lonely/setup")
 
 
 def test_an_impossible_parameter_ends_a_node_in_a_sentence(tools):

@@ -1,4 +1,4 @@
-"""The same with launch_testing: `launch_test rig_launch_test.py`."""
+"""The same with launch_testing: `launch_test check_rig.launch.py`."""
 
 import unittest
 
