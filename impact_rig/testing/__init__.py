@@ -3,7 +3,7 @@
 - A driver: subclass `AccelerationSourceContract` or `HammerHolderContract`, see `drivers`.
 - A program beside a rig: the pytest fixture `virtual_rig`, which is there once `impact_rig` is
   installed, is a `RunningRig`; `run_virtual_rig` starts others.
-- An estimator: `score`.
+- An estimator: `score`, or `score_node` for one that is a node.
 """
 
 from impact_rig.testing.drivers import (
@@ -15,7 +15,7 @@ from impact_rig.testing.drivers import (
     SourceBench,
 )
 from impact_rig.testing.running import RunningRig, run_virtual_rig
-from impact_rig.testing.scoring import Score, score
+from impact_rig.testing.scoring import Score, score, score_node
 
 __all__ = [
     "AccelerationSourceContract",
@@ -28,4 +28,5 @@ __all__ = [
     "SourceBench",
     "run_virtual_rig",
     "score",
+    "score_node",
 ]

@@ -1,6 +1,7 @@
 """How good an estimator is: bias and coverage on hits whose truth is known."""
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
@@ -8,12 +9,18 @@ from typing import Any
 
 from impact_rig.api import Hit, VirtualRig
 from impact_rig.core.errors import ParameterError
+from impact_rig.devices.virtual.truth import Truth
 from impact_rig.present.printed import Printed
 from impact_rig.results.numbers import MISSING
 from impact_rig.results.tables import Column, Table, make_table, make_text_column
+from impact_rig.testing.running import RunningRig, listen
 
 Estimator = Callable[[Hit], Any]
 """Gets a hit; returns its estimate in SI units, or that and its expanded uncertainty."""
+Reader = Callable[[Any], tuple[str, int, int, float, float] | None]
+"""Gets a message; returns sample, impact, attempt, estimate and expanded uncertainty."""
+LATEST_ESTIMATE = 5.0
+"""How long after a campaign estimates may come [s], our choice."""
 
 
 @dataclass(frozen=True)
@@ -94,29 +101,89 @@ def score(
     rig = VirtualRig(seed=seed, plant=plant, faults=faults)
     scores = []
     for name in samples or rig.samples:
-        ratios, covered, failed = [], [], 0
-        for hit in (rig.strike(name) for _ in range(impacts)):
-            truth = getattr(hit.truth, quantity, math.nan)
-            if not isinstance(truth, float) or math.isnan(truth):
-                raise ParameterError(f"the plant {plant!r} has no true {quantity!r}")
-            value, expanded = _ask(estimator, hit)
-            if not math.isfinite(value):
-                failed += 1
-                continue
-            ratios.append(value / truth - 1.0)
-            if math.isfinite(expanded):
-                covered.append(abs(value - truth) <= expanded)
-        scores.append(
-            Score(
-                name,
-                impacts,
-                failed,
-                bias=fmean(ratios) if ratios else math.nan,
-                spread=stdev(ratios) if len(ratios) > 1 else math.nan,
-                coverage=fmean(covered) if covered else math.nan,
-            )
-        )
+        hits = [rig.strike(name) for _ in range(impacts)]
+        found = [(_read_truth(hit.truth, quantity), *_ask(estimator, hit)) for hit in hits]
+        scores.append(_compute_score(name, found))
     return Scores(scores)
+
+
+def score_node(
+    rig: RunningRig,
+    topic: str,
+    kind: type,
+    read: Reader,
+    *,
+    quantity: str = "contact_time",
+    samples: Sequence[str] = (),
+    impacts: int = 5,
+) -> Scores:
+    """Let a node judge the hits of a campaign, and compare what it publishes with the truth.
+
+    Parameters
+    ----------
+    rig : RunningRig
+        The fixture `virtual_rig`, in whose domain the node runs.
+    topic, kind
+        What it publishes its estimates on, and the type of the messages.
+    read : callable
+        Gets a message, and returns sample, impact and attempt of its hit, the estimate in SI
+        units, and its expanded uncertainty U for 95 %, or NaN; None: the message is no estimate.
+        A hit of which nothing came when the campaign is over, or 5 s later, counts as failed.
+    quantity, samples, impacts
+        As of `score`.
+
+    Raises
+    ------
+    RigError
+        If the campaign does not succeed, or the plant has no such quantity.
+    """
+    with listen(rig.domain, topic, kind) as heard:
+        results = rig.campaign(samples, impacts)
+        hits = [hit.label for hit in results.record.hits]
+        deadline = time.monotonic() + LATEST_ESTIMATE
+        found: dict[tuple[str, int, int], tuple[float, float]] = {}
+        while len(found) < len(hits) and time.monotonic() < deadline:
+            for message in heard(0.1):
+                if (estimate := read(message)) is not None:
+                    found[estimate[:3]] = estimate[3:]
+    scores = []
+    for name in dict.fromkeys(label.sample for label in hits):
+        judged = [
+            (
+                _read_truth(rig.simulation.find_truth(label), quantity),
+                *found.get((label.sample, label.impact, label.attempt), (math.nan, math.nan)),
+            )
+            for label in hits
+            if label.sample == name
+        ]
+        scores.append(_compute_score(name, judged))
+    return Scores(scores)
+
+
+def _read_truth(truth: Truth | None, quantity: str) -> float:
+    value = getattr(truth, quantity, math.nan)
+    if not isinstance(value, float) or math.isnan(value):
+        raise ParameterError(f"this plant has no true {quantity!r}")
+    return value
+
+
+def _compute_score(name: str, hits: Sequence[tuple[float, float, float]]) -> Score:
+    """Return the score of some hits, each its truth, the estimate and U, NaN where there is none."""
+    known = [hit for hit in hits if math.isfinite(hit[1])]
+    ratios = [value / truth - 1.0 for truth, value, _ in known]
+    covered = [
+        abs(value - truth) <= expanded
+        for truth, value, expanded in known
+        if math.isfinite(expanded)
+    ]
+    return Score(
+        name,
+        len(hits),
+        len(hits) - len(known),
+        bias=fmean(ratios) if ratios else math.nan,
+        spread=stdev(ratios) if len(ratios) > 1 else math.nan,
+        coverage=fmean(covered) if covered else math.nan,
+    )
 
 
 def _ask(estimator: Estimator, hit: Hit) -> tuple[float, float]:

@@ -2,11 +2,11 @@
 
 import json
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
-from terminal import Terminal
 
 from .tools import Tools
 
@@ -55,7 +55,7 @@ def test_a_launch_test_includes_the_rig(workspace):
 def test_another_node_is_the_accelerometer_of_a_campaign(workspace):
     folder = workspace.folder / "bench"
     launch = ("ros2", "launch", "bench_accelerometer", "bench.launch.py", f"output:={folder}")
-    with Terminal(launch, workspace.environment, workspace.folder) as rig:
+    with workspace.start(*launch) as rig:
         rig.wait_for("recording to ")
         assert "SUCCEEDED" in workspace.run(*RUN, "{impacts: 3}")
         assert rig.interrupt() == 0, rig.text
@@ -88,7 +88,7 @@ IMU_CONTACT = 16e-3
 
 
 def write_imu_bag(path):
-    """Write a minute of an IMU on a hammer that strikes every 1.5 s."""
+    """Write 45 s of an IMU on a hammer that strikes every 1.5 s."""
     bags = pytest.importorskip("rosbag2_py")
     imu = pytest.importorskip("sensor_msgs.msg").Imu()
     from rclpy.serialization import serialize_message
@@ -100,7 +100,7 @@ def write_imu_bag(path):
     writer.create_topic(bags.TopicMetadata(0, "/imu/data", "sensor_msgs/msg/Imu", "cdr"))
     start, random = 1_700_000_000_000_000_000, np.random.default_rng(1)
     imu.linear_acceleration.z = 9.81
-    for number in range(60_000):
+    for number in range(45_000):
         stamp, since = start + number * 1_000_000, number % 1500 * 1e-3 - 1.0
         pulse = np.sin(np.pi * since / IMU_CONTACT) ** 2 if 0.0 < since < IMU_CONTACT else 0.0
         imu.linear_acceleration.x = 80.0 * pulse + random.normal(scale=0.05)
@@ -117,14 +117,13 @@ def test_an_imu_played_by_ros2_bag_is_the_accelerometer_of_a_campaign(workspace)
     rig_file.write_text(IMU_RIG)
     waits.write_text("/**/accelerometer: {ros__parameters: {trigger_timeout: 10.0}}\n")
     play = ("ros2", "bag", "play", bag, "--disable-keyboard-controls")
-    with (
-        Terminal(play, workspace.environment, workspace.folder) as player,
-        workspace.launch(folder, waits, f"rig_file:={rig_file}") as rig,
-    ):
-        rig.wait_for("recording to ")
+    with workspace.launch(folder, waits, f"rig_file:={rig_file}") as rig, ExitStack() as stack:
+        rig.wait_for("no node publishes on /imu/data")
+        player = stack.enter_context(workspace.start(*play))
+        rig.wait_for("the device is back")
         assert "SUCCEEDED" in workspace.run(*RUN, "{impacts: 2}")
-        assert rig.interrupt() == 0, rig.text
         player.interrupt()
+        assert rig.interrupt() == 0, rig.text
     sample, origin = analyze(workspace, folder)
     assert sample["contact_time_s"] == pytest.approx(IMU_CONTACT, rel=5e-3)
     assert origin == "measured"
