@@ -19,8 +19,6 @@ Estimator = Callable[[Hit], Any]
 """Gets a hit; returns its estimate in SI units, or that and its expanded uncertainty."""
 Reader = Callable[[Any], tuple[str, int, int, float, float] | None]
 """Gets a message; returns sample, impact, attempt, estimate and expanded uncertainty."""
-LATEST_ESTIMATE = 5.0
-"""How long after a campaign estimates may come [s], our choice."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +114,7 @@ def score_node(
     quantity: str = "contact_time",
     samples: Sequence[str] = (),
     impacts: int = 5,
+    patience: float = 5.0,
 ) -> Scores:
     """Let a node judge the hits of a campaign, and compare what it publishes with the truth.
 
@@ -128,7 +127,9 @@ def score_node(
     read : callable
         Gets a message, and returns sample, impact and attempt of its hit, the estimate in SI
         units, and its expanded uncertainty U for 95 %, or NaN; None: the message is no estimate.
-        A hit of which nothing came when the campaign is over, or 5 s later, counts as failed.
+        A hit of which nothing has come so late counts as failed.
+    patience : float
+        How long after the campaign estimates may come [s].
     quantity, samples, impacts
         As of `score`.
 
@@ -140,7 +141,7 @@ def score_node(
     with listen(rig.domain, topic, kind) as heard:
         results = rig.campaign(samples, impacts)
         hits = [hit.label for hit in results.record.hits]
-        deadline = time.monotonic() + LATEST_ESTIMATE
+        deadline = time.monotonic() + patience
         found: dict[tuple[str, int, int], tuple[float, float]] = {}
         while len(found) < len(hits) and time.monotonic() < deadline:
             for message in heard(0.1):
@@ -168,7 +169,7 @@ def _read_truth(truth: Truth | None, quantity: str) -> float:
 
 
 def _compute_score(name: str, hits: Sequence[tuple[float, float, float]]) -> Score:
-    """Return the score of some hits, each its truth, the estimate and U, NaN where there is none."""
+    """Return the score of hits, each its truth, estimate and U; NaN: there is none."""
     known = [hit for hit in hits if math.isfinite(hit[1])]
     ratios = [value / truth - 1.0 for truth, value, _ in known]
     covered = [
