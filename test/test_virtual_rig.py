@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from impact_rig_msgs.msg import Impact
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.testing import score, score_node, scoring
@@ -38,10 +37,10 @@ def test_a_node_in_the_rigs_domain_is_scored_against_the_truth(virtual_rig):
         time = 1.02 * message.contact_time
         return message.sample, message.impact, message.attempt, time, 0.01 * time
 
-    (found,) = score_node(virtual_rig, "impact", Impact, read, samples=[STEEL], impacts=3)
+    (found,) = score_node(virtual_rig, "/impact", read, samples=[STEEL], impacts=3)
     assert (found.sample, found.hits, found.failed, found.coverage) == (STEEL, 3, 0, 0.0)
     assert found.bias == pytest.approx(0.02, abs=0.003)
-    (deaf,) = score_node(virtual_rig, "impact", Impact, lambda _: None, samples=[STEEL], impacts=1)
+    (deaf,) = score_node(virtual_rig, "/impact", lambda _: None, samples=[STEEL], impacts=1)
     assert deaf.failed == deaf.hits == 1
 
 

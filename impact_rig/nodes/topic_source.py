@@ -1,23 +1,15 @@
 """Any node that publishes samples as the rig's accelerometer: the driver `topic`."""
 
 import math
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from importlib import import_module
 from typing import Any, ClassVar
 
 import numpy as np
-import rclpy
 from numpy.typing import NDArray
-from rclpy.executors import ExternalShutdownException
-from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from rclpy.task import Future
 
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
@@ -25,14 +17,9 @@ from impact_rig.core.sensors import VOLTAGES, compute_scale, normalize_unit
 from impact_rig.devices.message_clock import STAMP_ERROR, MessageClock
 from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, FoundDevice, SourceChannel
 from impact_rig.devices.streaming import StreamedSource
-from impact_rig.nodes.discovery import offer_profile
-from impact_rig.nodes.executor import accept_message_info, make_executor, spin_until
+from impact_rig.nodes.listener import DISCOVERY_TIME, Listener
 from impact_rig.recordings.message_numbers import find_stamp, make_reader
 
-DISCOVERY_TIME = 1.0
-"""How long publishers are looked for [s]: nodes of one computer find each other in 0.1 s."""
-DEPTH = 2000
-"""Messages that may wait [-]: half a second of one point each at 4 kHz."""
 BLOCK_TIME = 0.01
 """Of points that are passed on together [s], our choice: often there is one in a message."""
 NO_INSTRUMENTS = ("diagnostic_msgs", "impact_rig_msgs", "lifecycle_msgs", "rcl_interfaces")
@@ -114,13 +101,13 @@ unit = "m/s^2"               # or g, N, V …: where the type of the message doe
         # Points that wait to be enough for a block, and how many are missing before them.
         self._points: list[NDArray[Any]] = []
         self._lost = 0
-        self._listener: _Listener | None = None
+        self._listener: Listener | None = None
         self._fault: RigError | None = None  # what is wrong with the messages
 
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
         """Return the topics of other nodes that may hold samples."""
-        listener = _Listener()
+        listener = Listener()
         try:
             time.sleep(DISCOVERY_TIME)
             found = sorted(listener.list_topics().items())
@@ -152,7 +139,7 @@ unit = "m/s^2"               # or g, N, V …: where the type of the message doe
         self.sampling_rate, self._fault = plan.sampling_rate, None
         self._points, self._lost = [], 0
         self._message_clock = MessageClock(plan.sampling_rate, is_stamped=self._is_stamped)
-        self._listener = _Listener()
+        self._listener = Listener()
         for item in self._inputs:
             self._listener.subscribe(item.topic, partial(self._take_message, item))
         with self.changed:
@@ -264,80 +251,3 @@ def _make_scale(channel: SourceChannel, stated: str) -> ChannelScale:
             scale = compute_scale(unit, channel.moving_mass)
     full_scale = channel.sensor.compute_full_scale(channel.moving_mass)
     return ChannelScale(scale, full_scale, full_scale / abs(scale) if full_scale else math.inf)
-
-
-class _Listener:
-    """A node of its own that listens, in a thread of its own.
-
-    Raises
-    ------
-    DeviceError
-        As `offer_profile`.
-    """
-
-    def __init__(self) -> None:
-        with offer_profile():
-            self._context = rclpy.Context()
-            rclpy.init(context=self._context)
-            self._executor = make_executor(self._context)
-            self._node = Node("topic_source", context=self._context, enable_rosout=False)
-        self._executor.add_node(self._node)
-        self._stop = Future()
-        self._thread = threading.Thread(target=self._spin, name="topics", daemon=True)
-        self._thread.start()
-
-    def list_topics(self) -> dict[str, str]:
-        """Return the topics that somebody publishes, with their types."""
-        return {
-            topic: types[0]
-            for topic, types in self._node.get_topic_names_and_types()
-            if self.count_publishers(topic)
-        }
-
-    def count_publishers(self, topic: str) -> int:
-        """Return how many publishers a topic has."""
-        return int(self._node.count_publishers(topic))
-
-    def subscribe(self, topic: str, take: Callable[[Any, Mapping[str, Any]], None]) -> None:
-        """Call `take` with each message and what the middleware says of it.
-
-        Raises
-        ------
-        DeviceError
-            If not just one node publishes on the topic, or its type is not installed.
-        """
-        deadline = time.monotonic() + DISCOVERY_TIME
-        while not self.count_publishers(topic) and time.monotonic() < deadline:
-            time.sleep(0.01)  # the graph is asked, it tells nothing by itself
-        publishers = self._node.get_publishers_info_by_topic(topic)
-        if len(publishers) != 1:
-            there = ", ".join(sorted(self.list_topics())) or "none"
-            names = ", ".join(item.node_name for item in publishers)
-            raise DeviceError(
-                f"{len(publishers)} nodes publish on {topic} ({names}): one must" if publishers
-                else f"no node publishes on {topic}: start it first; topics are {there}"
-            )  # fmt: skip
-        (publisher,) = publishers
-        package, _, kind = publisher.topic_type.partition("/msg/")
-        try:
-            message_type = getattr(import_module(f"{package}.msg"), kind)
-        except (ImportError, AttributeError):
-            raise DeviceError(
-                f"{topic} has messages of the type {publisher.topic_type}, and the package"
-                f" {package} is not installed here"
-            ) from None
-        # A reliable subscription hears nothing of a publisher that makes its best effort.
-        qos = QoSProfile(depth=DEPTH, reliability=publisher.qos_profile.reliability)
-        self._node.create_subscription(message_type, topic, accept_message_info(take), qos)
-
-    def close(self) -> None:
-        """End the thread and the node."""
-        self._stop.set_result(None)
-        self._thread.join()
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
-
-    def _spin(self) -> None:
-        with suppress(ExternalShutdownException):
-            spin_until(self._executor, self._stop)

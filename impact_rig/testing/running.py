@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from impact_rig.api import VirtualRig
 from impact_rig.configuration.processes import LOG_NAME, RECORDING_NAME, list_rig_processes
@@ -66,38 +65,6 @@ class RunningRig:
     def find_truth(self, hit: HitResults) -> Truth:
         """Return what really happened at a hit of `Results.record.hits`."""
         return self.simulation.find_truth(hit.label)
-
-
-@contextmanager
-def listen(domain: int, topic: str, kind: type) -> Iterator[Callable[[float], list[Any]]]:
-    """Hear a topic in a ROS domain; yields what returns the messages that came in so many s."""
-    import rclpy
-    from rclpy.executors import SingleThreadedExecutor
-    from rclpy.node import Node
-
-    from impact_rig.nodes.discovery import offer_profile
-
-    with offer_profile():
-        context = rclpy.Context()
-        rclpy.init(context=context, domain_id=domain)
-        node = Node("listener", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    heard: list[Any] = []
-    node.create_subscription(kind, topic, heard.append, 1000)
-
-    def take(duration: float) -> list[Any]:
-        executor.spin_once(timeout_sec=duration)
-        messages = heard.copy()
-        heard.clear()
-        return messages
-
-    try:
-        yield take
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        context.try_shutdown()
 
 
 class _Nobody:

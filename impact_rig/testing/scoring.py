@@ -1,8 +1,9 @@
 """How good an estimator is: bias and coverage on hits whose truth is known."""
 
 import math
-import time
+import threading
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import Any
@@ -13,7 +14,7 @@ from impact_rig.devices.virtual.truth import Truth
 from impact_rig.present.printed import Printed
 from impact_rig.results.numbers import MISSING
 from impact_rig.results.tables import Column, Table, make_table, make_text_column
-from impact_rig.testing.running import RunningRig, listen
+from impact_rig.testing.running import RunningRig
 
 Estimator = Callable[[Hit], Any]
 """Gets a hit; returns its estimate in SI units, or that and its expanded uncertainty."""
@@ -108,7 +109,6 @@ def score(
 def score_node(
     rig: RunningRig,
     topic: str,
-    kind: type,
     read: Reader,
     *,
     quantity: str = "contact_time",
@@ -122,8 +122,8 @@ def score_node(
     ----------
     rig : RunningRig
         The fixture `virtual_rig`, in whose domain the node runs.
-    topic, kind
-        What it publishes its estimates on, and the type of the messages.
+    topic : str
+        The whole name of what it publishes its estimates on: "/mine/estimate".
     read : callable
         Gets a message, and returns sample, impact and attempt of its hit, the estimate in SI
         units, and its expanded uncertainty U for 95 %, or NaN; None: the message is no estimate.
@@ -136,17 +136,26 @@ def score_node(
     Raises
     ------
     RigError
-        If the campaign does not succeed, or the plant has no such quantity.
+        If not just one node publishes there, the campaign does not succeed, or the plant has no
+        such quantity.
     """
-    with listen(rig.domain, topic, kind) as heard:
+    from impact_rig.nodes.listener import Listener
+
+    found: dict[tuple[str, int, int], tuple[float, float]] = {}
+    came = threading.Condition()
+
+    def take(message: Any, _: object) -> None:
+        if (estimate := read(message)) is not None:
+            with came:
+                found[estimate[:3]] = estimate[3:]
+                came.notify_all()
+
+    with closing(Listener(rig.domain)) as listener:
+        listener.subscribe(topic, take)
         results = rig.campaign(samples, impacts)
         hits = [hit.label for hit in results.record.hits]
-        deadline = time.monotonic() + patience
-        found: dict[tuple[str, int, int], tuple[float, float]] = {}
-        while len(found) < len(hits) and time.monotonic() < deadline:
-            for message in heard(0.1):
-                if (estimate := read(message)) is not None:
-                    found[estimate[:3]] = estimate[3:]
+        with came:
+            came.wait_for(lambda: len(found) >= len(hits), patience)
     scores = []
     for name in dict.fromkeys(label.sample for label in hits):
         judged = [

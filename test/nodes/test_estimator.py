@@ -75,6 +75,18 @@ def test_estimates_equal_the_core_bit_for_bit(harness, estimator):
         assert item.mse_sample_percent == expected[item.name].errors.mse_sample_percent
 
 
+def test_records_without_a_set_up_are_told_until_one_comes(harness):
+    node = harness.add(EstimatorNode)
+    impacts = harness.listen(interfaces.IMPACT)
+    feed(harness, harness.advertise(interfaces.ACCELERATION), make_blocks(CONTROL_SAMPLE, 1))
+    harness.wait_until(lambda: node.describe_warning() is not None)
+    told = node.describe_warning()
+    assert told.startswith("records come on /acceleration and no set-up on /setup")
+    harness.advertise(interfaces.SETUP).publish(SETUP)
+    impacts.wait_for_count(1)
+    assert node.describe_warning() is None
+
+
 def test_all_that_is_found_carries_the_id_of_its_campaign(harness):
     harness.add(EstimatorNode)
     topics = (

@@ -94,19 +94,6 @@ def test_a_node_runs_by_itself_until_ctrl_c(tools):
     assert "Traceback" not in terminal.text
 
 
-def test_records_without_a_set_up_are_told(rig, tools):
-    block = "{record: 1, last: true, sampling_rate: 1000.0}"
-    publish = (
-        "ros2", "topic", "pub", "-w", "1", "--times", "3", "/lonely/acceleration",
-        "impact_rig_msgs/msg/AccelerationBlock", block,
-    )  # fmt: skip
-    with tools.start(
-        "ros2", "run", "impact_rig", "estimator", "--ros-args", "-r", "__ns:=/lonely"
-    ) as estimator:
-        tools.run(*publish)
-        estimator.wait_for("records come on /lonely/acceleration and no set-up on /lonely/setup")
-
-
 def test_an_impossible_parameter_ends_a_node_in_a_sentence(tools):
     text = tools.run(
         "ros2", "run", "impact_rig", "hammer", "--ros-args", "-p", "swing_time:=fast", code=2

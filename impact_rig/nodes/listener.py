@@ -1,0 +1,105 @@
+"""A node that takes messages of others, whatever their types."""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from importlib import import_module
+from typing import Any
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.task import Future
+
+from impact_rig.core.errors import DeviceError
+from impact_rig.nodes.discovery import offer_profile
+from impact_rig.nodes.executor import accept_message_info, make_executor, spin_until
+
+DISCOVERY_TIME = 1.0
+"""How long publishers are looked for [s]: nodes of one computer find each other in 0.1 s."""
+DEPTH = 2000
+"""Messages that may wait [-]: half a second of one point each at 4 kHz."""
+
+
+class Listener:
+    """A node that listens to what others publish, in a thread of its own.
+
+    Parameters
+    ----------
+    domain : int, optional
+        ROS domain; that of the environment by default.
+
+    Raises
+    ------
+    DeviceError
+        As `offer_profile`.
+    """
+
+    def __init__(self, domain: int | None = None) -> None:
+        with offer_profile():
+            self._context = rclpy.Context()
+            rclpy.init(context=self._context, domain_id=domain)
+            self._executor = make_executor(self._context)
+            self._node = Node("listener", context=self._context, enable_rosout=False)
+        self._executor.add_node(self._node)
+        self._stop = Future()
+        self._thread = threading.Thread(target=self._spin, name="topics", daemon=True)
+        self._thread.start()
+
+    def list_topics(self) -> dict[str, str]:
+        """Return the topics that somebody publishes, with their types."""
+        return {
+            topic: types[0]
+            for topic, types in self._node.get_topic_names_and_types()
+            if self.count_publishers(topic)
+        }
+
+    def count_publishers(self, topic: str) -> int:
+        """Return how many publishers a topic has."""
+        return int(self._node.count_publishers(topic))
+
+    def subscribe(self, topic: str, take: Callable[[Any, Mapping[str, Any]], None]) -> None:
+        """Call `take` with each message and what the middleware says of it.
+
+        Raises
+        ------
+        DeviceError
+            If not just one node publishes on the topic, or its type is not installed.
+        """
+        deadline = time.monotonic() + DISCOVERY_TIME
+        while not self.count_publishers(topic) and time.monotonic() < deadline:
+            time.sleep(0.01)  # the graph is asked, it tells nothing by itself
+        publishers = self._node.get_publishers_info_by_topic(topic)
+        if len(publishers) != 1:
+            there = ", ".join(sorted(self.list_topics())) or "none"
+            names = ", ".join(item.node_name for item in publishers)
+            raise DeviceError(
+                f"{len(publishers)} nodes publish on {topic} ({names}): one must" if publishers
+                else f"no node publishes on {topic}: start it first; topics are {there}"
+            )  # fmt: skip
+        (publisher,) = publishers
+        package, _, kind = publisher.topic_type.partition("/msg/")
+        try:
+            message_type = getattr(import_module(f"{package}.msg"), kind)
+        except (ImportError, AttributeError):
+            raise DeviceError(
+                f"{topic} has messages of the type {publisher.topic_type}, and the package"
+                f" {package} is not installed here"
+            ) from None
+        # A reliable subscription hears nothing of a publisher that makes its best effort.
+        qos = QoSProfile(depth=DEPTH, reliability=publisher.qos_profile.reliability)
+        self._node.create_subscription(message_type, topic, accept_message_info(take), qos)
+
+    def close(self) -> None:
+        """End the thread and the node."""
+        self._stop.set_result(None)
+        self._thread.join()
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def _spin(self) -> None:
+        with suppress(ExternalShutdownException):
+            spin_until(self._executor, self._stop)
