@@ -60,9 +60,10 @@ from impact_rig.core.uncertainty import (
 class Limits:
     """Of what is said of a fit; all are our choices."""
 
-    # [-] of the peak that a law may leave beyond the noise: what leaves more is another contact,
-    # an amplifier or an average with jitter
-    left: float = 0.005
+    # [-] of the peak that a law may leave beyond the noise, averaged over `smooth`: what leaves
+    # more is another contact, an amplifier or an average with jitter; a sensor rings faster
+    left: float = 0.003
+    smooth: float = 0.25  # [w50]
     points: float = 6.0  # [-] in w50: a dozen in the contact for six parameters
     margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
     nearer: float = 1.1  # [-] 10 in BIC of some 50 points, Kass and Raftery 1995
@@ -228,7 +229,17 @@ class _LawFits:
     @property
     def unexplained(self) -> float:
         """What is left beyond the noise, over the peak [-]."""
-        return compute_unexplained(self.residual, self.noise)
+        points = self.left.size / float(2.0 * self.correlation @ self.correlation - 1.0)
+        return compute_unexplained(self.residual, self.noise, points)
+
+    @property
+    def slow(self) -> float:
+        """What is left beyond the noise, averaged over some of the pulse, over the peak [-]."""
+        time = self.window.time
+        count = round(LIMITS.smooth * (time.size - 1) / (time[-1] - time[0]))
+        weights = np.hanning(count + 2)[1:-1]
+        left = np.convolve(self.left, weights / weights.sum(), "same")
+        return compute_unexplained(float(np.std(left)), self.noise)
 
 
 def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
@@ -245,7 +256,7 @@ def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
     noise = float(mean.compute_raw_noise()[0]) * math.sqrt(correlation[0]) / peak
     correlation = correlation / correlation[0]
     losses = list_losses(fit_forms(window, exponent))
-    before = np.array([_guess(loss) for loss in losses])
+    before = _guess(losses)
     left = np.array([loss.fit.fitted - window.measured for loss in losses])
     chances = weigh_losses(left, before, noise, correlation)
     best = int(np.argmax(chances))
@@ -269,14 +280,18 @@ def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
     )
 
 
-def _guess(loss: FittedLoss) -> float:
-    """Return how probable a model of the loss is before what it leaves is looked at."""
-    e = _describe_laws(loss.fit.parameters[np.newaxis], [loss])[0, E]
-    adds = loss.is_mixed and loss.fit.parameters[[LOSS, PULL]].min() < 0.0
-    if not loss.fit.is_inside or e > 1.0 + FITS.gain or adds:
-        # Only where there is no other.
-        return 1e-30
-    return TERM if loss.is_mixed else 1.0
+def _guess(losses: Sequence[FittedLoss]) -> FloatArray:
+    """Return how probable each model of the loss is before what it leaves is looked at."""
+    exponent, loss, pull = np.array([item.fit.parameters for item in losses])[
+        :, [EXPONENT, LOSS, PULL]
+    ].T
+    pulses = compute_pulses(exponent, loss, pull, find_places(item.form for item in losses))
+    is_mixed = np.array([item.is_mixed for item in losses])
+    # Each of two losses may be negative, as one that stands for a form between them.
+    takes = (pulses.restitution <= 1.0 + FITS.gain) & (pulses.is_passive | ~is_mixed)
+    takes &= [item.fit.is_inside for item in losses]
+    # Others only where there is none.
+    return np.where(takes, np.where(is_mixed, TERM, 1.0), 1e-30)
 
 
 def _fit_hits(
@@ -319,11 +334,10 @@ def _find_misfit(
         return f"{LIKE_CONTACT}: no fit ends{crushed}"
     largest = LIMITS.left
     largest += 2.0 * max((fits.fit.find_rest(change) for _, change in changes), default=0.0)
-    if fits.unexplained > largest:
+    if fits.slow > largest:
         return (
-            f"{LIKE_CONTACT}: the best leaves {100.0 * fits.residual:.2g} % of the peak, where"
-            f" noise and sensor explain"
-            f" {100.0 * math.hypot(largest, math.sqrt(2.0) * fits.noise):.2g} %"
+            f"{LIKE_CONTACT}: the best leaves {100.0 * fits.slow:.2g} % of the peak beyond the"
+            f" noise, more slowly than a sensor rings, where {100.0 * largest:.2g} % may be left"
             f"{crushed}{help_needed}"
         )
     if is_worse:

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.law_pulses import FORMS, PLATE, LossForm, compute_pulses, find_places
+from impact_rig.core.law_pulses import FORMS, LossForm, compute_pulses, find_places
 from impact_rig.core.law_pulses import LIMITS as TABLES
 from impact_rig.core.pulse_shape import Evaluation, PulseWindow, WindowFit, fit_window
 from impact_rig.core.records import FloatArray, make_read_only
@@ -16,9 +16,8 @@ from impact_rig.core.records import FloatArray, make_read_only
 COUNT = 7
 START, TIME, HEIGHT, OFFSET, LOSS, PULL, EXPONENT = range(COUNT)
 """Places of the parameters; the last one is not varied where it is given."""
-FITTED = tuple(form for form in FORMS if form is not LossForm.PROPORTIONAL)
-"""Forms that are fitted, each beside a loss δⁿ δ'; that alone follows from them."""
-FITTED_PLACES = find_places(FITTED)
+ALONE = (LossForm.PROPORTIONAL, LossForm.PLATE)
+"""Forms of one term; the others are fitted beside a loss δⁿ δ'."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +27,9 @@ class Limits:
     useless: float = 10.0  # [-] of what the best form leaves: such a one is none
     step: float = 1e-4  # [-] of n and B, for derivatives
     finest: float = 1.0 / 64.0  # [w50] over which the force is averaged
-    starting_exponents: tuple[float, ...] = (1.0, 1.5, 2.2, 2.8)  # n [-]
-    starting_losses: tuple[float, ...] = (0.03, 0.15, 0.4, 0.75)  # [-]
-    starting_pulls: tuple[float, ...] = (0.0, 0.1, 0.3, 0.6)  # [-]
+    starting_exponents: tuple[float, ...] = (0.9, 1.2, 1.5, 1.8, 2.2, 2.8)  # n [-]
+    starting_losses: tuple[float, ...] = (0.01, 0.05, 0.15, 0.35, 0.7)  # [-]
+    starting_pulls: tuple[float, ...] = (0.1, 0.25, 0.5)  # [-]
     gain: float = 1e-3  # [-] by which e may exceed 1: the fit itself may be wrong by so much
 
 
@@ -47,11 +46,12 @@ def _tabulate_starts(exponents: tuple[float, ...]) -> tuple[FloatArray, FloatArr
 
     Each is of the window's width, middle and peak; shapes (forms, starts, ...).
     """
+    places = np.arange(len(FORMS))
     grid = np.meshgrid(
-        FITTED_PLACES, exponents, LIMITS.starting_losses, LIMITS.starting_pulls, indexing="ij"
+        places, exponents, LIMITS.starting_losses, LIMITS.starting_pulls, indexing="ij"
     )
     forms, exponent, loss, pull = (axis.ravel() for axis in grid)
-    pull = np.where(forms == PLATE, 0.0, pull)
+    pull = np.where(np.isin(forms, find_places(ALONE)), 0.0, pull)
     pulses = compute_pulses(exponent, loss, pull, forms)
     time = pulses.duration[:, np.newaxis] * np.linspace(0.0, 1.0, 257)
     force = pulses.compute_force(time)
@@ -64,7 +64,7 @@ def _tabulate_starts(exponents: tuple[float, ...]) -> tuple[FloatArray, FloatArr
     )
     shapes = pulses.compute_force(middle[:, np.newaxis] + width[:, np.newaxis] * _SHAPE_TIMES)
     shapes /= peak[:, np.newaxis]
-    split = len(FITTED), len(forms) // len(FITTED), -1
+    split = len(FORMS), len(forms) // len(FORMS), -1
     return make_read_only(starts.reshape(split)), make_read_only(shapes.reshape(split))
 
 
@@ -131,7 +131,7 @@ def _find_bounds(forms: Sequence[LossForm], exponent: float | None) -> FloatArra
     bounds[0, :, TIME] = 0.05
     for place in (LOSS, PULL):
         bounds[..., place] = np.array(TABLES.losses)[:, np.newaxis]
-    bounds[:, [form is LossForm.PLATE for form in forms], PULL] = 0.0
+    bounds[:, [form in ALONE for form in forms], PULL] = 0.0
     bounds[..., EXPONENT] = (
         [[limit] for limit in TABLES.exponents] if exponent is None else exponent
     )
@@ -142,11 +142,9 @@ def fit_forms(window: PulseWindow, exponent: float | None) -> list[WindowFit]:
     """Fit every form to the window's pulse; n [-] is given, or found."""
     return fit_window(
         window.measured,
-        lambda parameters, which: evaluate_laws(
-            window, window.measured, parameters, FITTED_PLACES[which]
-        ),
+        lambda parameters, which: evaluate_laws(window, window.measured, parameters, which),
         _find_starts(window, exponent),
-        _find_bounds(FITTED, exponent),
+        _find_bounds(FORMS, exponent),
         most=LIMITS.useless,
     )
 
@@ -170,20 +168,17 @@ class FittedLoss:
         """Place of the parameter that is 0; None: all are varied."""
         if self.is_mixed:
             return None
-        return PULL if self.form in (LossForm.PROPORTIONAL, LossForm.PLATE) else LOSS
+        return PULL if self.form in ALONE else LOSS
 
 
 def list_losses(fits: Sequence[WindowFit]) -> list[FittedLoss]:
     """Return all models of the loss by the fits of `fit_forms`: of one term, and of two."""
     found = [
-        FittedLoss(form, form is not LossForm.PLATE, fit)
-        for form, fit in zip(FITTED, fits, strict=True)
+        FittedLoss(form, form not in ALONE, fit) for form, fit in zip(FORMS, fits, strict=True)
     ]
     mixed = [item for item in found if item.is_mixed]
-    nearest = min(mixed, key=lambda item: (not item.fit.is_inside, item.fit.residual))
-    alone = FittedLoss(LossForm.PROPORTIONAL, False, _hold(nearest.fit, PULL))
     named = [item for item in mixed if item.form is not LossForm.LINEAR]
-    return [alone, *found, *(replace(it, is_mixed=False, fit=_hold(it.fit, LOSS)) for it in named)]
+    return found + [replace(it, is_mixed=False, fit=_hold(it.fit, LOSS)) for it in named]
 
 
 def _hold(fit: WindowFit, place: int) -> WindowFit:

@@ -33,8 +33,8 @@ class Limits:
     losses: tuple[float, float] = (-0.1, 1.0)  # see `find_losses`, from e above 1 to 0.3
     nodes: int = 65  # of a pulse [-] our choice: the force is good to 1e-5 of its peak
     substeps: int = 2  # of Runge-Kutta's method between two nodes [-] our choice: good to 1e-7
-    # Of Chebyshev's polynomials in n and both losses [-] our choice: good to 1e-6.
-    degrees: tuple[int, int, int] = (11, 17, 7)
+    # Of Chebyshev's polynomials in n and both losses [-] our choice: good to 1e-5.
+    degrees: tuple[int, int, int] = (8, 14, 7)
 
 
 LIMITS = Limits()
@@ -227,6 +227,13 @@ class ScaledPulses:
     def largest_compression(self) -> FloatArray:
         """Where the speed is zero, shape (pulses,)."""
         return np.asarray(self.compression[:, LIMITS.nodes // 2])
+
+    @property
+    def is_passive(self) -> NDArray[np.bool_]:
+        """Whether both losses together take energy at every depth, shape (pulses,)."""
+        x = self.compression[:, 1 : LIMITS.nodes // 2 + 1]
+        loss = self.proportional * x**self.exponent + self.pulling * x**self.power
+        return np.asarray(loss.min(axis=1) >= 0.0)
 
     def compute_peak_force(self) -> FloatArray:
         """Return the largest force, shape (pulses,)."""

@@ -480,10 +480,17 @@ def estimate_pulse_shape(mean: MeanHit, chain: Chain) -> PulseShapeEstimate:
     )
 
 
-def compute_unexplained(residual: float, noise: float) -> float:
-    """Return what is left of a pulse beyond the noise, both over its peak [-]."""
-    # Noise alone leaves up to twice its own square.
-    return math.sqrt(max(residual**2 - 2.0 * noise**2, 0.0))
+def compute_unexplained(residual: float, noise: float, points: float = LIMITS.points) -> float:
+    """Return what is left of a pulse beyond the noise, both over its peak [-].
+
+    Parameters
+    ----------
+    points : float
+        At which noise is independent [-].
+    """
+    # Two standard deviations of what noise alone leaves.
+    largest = noise**2 * (1.0 + 2.0 * math.sqrt(2.0 / points))
+    return math.sqrt(max(residual**2 - largest, 0.0))
 
 
 def _find_warning(

@@ -112,7 +112,7 @@ def test_forms_that_describe_the_pulse_as_well_are_a_line_of_the_budget():
     [
         (strike(crush(0.9)), "above 1, and free bodies gain no energy"),
         (strike(crush(0.7)), "falls faster than it rises, as of a body that is crushed"),
-        (strike(ROOT.motion, low_pass=5e3), "noise and sensor explain"),
+        (strike(ROOT.motion, low_pass=5e3), "more slowly than a sensor rings"),
     ],
     ids=["crushed, 0.9", "crushed, 0.7", "5 kHz amplifier"],
 )

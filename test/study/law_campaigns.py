@@ -165,30 +165,39 @@ class Struck:
 
 
 def strike(lab: Laboratory, random: np.random.Generator) -> Struck:
-    """Strike ten times."""
+    """Strike ten times.
+
+    What is true is the mean of as many hits as one likes: the scatter of ten is in the interval.
+    """
     scale = find_scale(lab.losses, lab.restitution)
-    speeds = np.exp(lab.spread * random.standard_normal(HITS))
-    pulses = collide(lab.losses, np.full(HITS + 1, scale), np.append(speeds, 1.0))
+    draws, weights = np.polynomial.hermite_e.hermegauss(9)
+    draws = np.append(random.standard_normal(HITS), draws)
+    speeds = np.exp(lab.spread * draws)
+    pulses = collide(lab.losses, np.full(draws.size, scale), speeds)
     power = -(lab.losses.exponent - 1.0) / (lab.losses.exponent + 1.0)
-    unit = lab.duration / pulses.time[-1, -1]
-    units = unit * speeds**power * np.exp(lab.repeat * random.standard_normal(HITS))
+    # The middle one of all hits is at the mean speed.
+    unit = lab.duration / pulses.time[HITS + weights.size // 2, -1]
+    units = unit * speeds**power
+    units[:HITS] *= np.exp(lab.repeat * random.standard_normal(HITS))
     both = lab.masses[0] * lab.masses[1] / sum(lab.masses)
     heights = both * lab.speed * speeds / units
-    forces = heights[:, np.newaxis] * pulses.force[:-1]
-    durations = units * pulses.time[:-1, -1]
-    scales = [lab_peak / lab.level for lab_peak in forces.max() / np.array(lab.masses)]
+    forces = heights[:, np.newaxis] * pulses.force
+    durations = units * pulses.time[:, -1]
+    highest = forces[:HITS].max()
+    scales = [lab_peak / lab.level for lab_peak in highest / np.array(lab.masses)]
     gains = 1.0 + GAIN * random.standard_normal(2)
     blocks = [
         _measure(lab, units[hit] * pulses.time[hit], forces[hit], scales, gains, hit + 1, random)
         for hit in range(HITS)
     ]
-    truth = {
-        "duration": float(durations.mean()),
-        "restitution": float(pulses.restitution[:-1].mean()),
-        "impact_speed": lab.speed * float(speeds.mean()),
-        "exponent": lab.losses.exponent,
-        "peak_force": float(forces.max(axis=1).mean()),
+    each = {
+        "duration": durations,
+        "restitution": pulses.restitution,
+        "impact_speed": lab.speed * speeds,
+        "exponent": np.full(draws.size, lab.losses.exponent),
+        "peak_force": forces.max(axis=1),
     }
+    truth = {name: float(values[HITS:] @ weights / weights.sum()) for name, values in each.items()}
     return Struck(_state(lab, random), blocks, truth)
 
 

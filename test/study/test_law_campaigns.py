@@ -15,7 +15,7 @@ CAMPAIGNS = 12
 def test_laws_of_mixed_losses_are_given_and_within_their_uncertainty():
     outcomes = list(run_many(CAMPAIGNS, seed=3))
     given = [outcome for outcome in outcomes if outcome.law.is_known]
-    # Seven in eight of many.
+    # Nine in ten of many.
     assert len(given) >= CAMPAIGNS * 2 // 3
     for name in ASKED:
         off = sum(outcome.ratios[name] > 1.5 for outcome in given)
@@ -25,11 +25,10 @@ def test_laws_of_mixed_losses_are_given_and_within_their_uncertainty():
 @pytest.mark.parametrize(
     ("number", "name", "source"),
     [
-        (14, "exponent", "what the contact law leaves"),
-        (78, "restitution", "scatter of the hits on struck"),
-        (4, "restitution", "form of the loss"),
+        (97, "exponent", "what the contact law leaves"),
+        (124, "restitution", "scatter of the hits on struck"),
+        (129, "restitution", "form of the loss"),
         (43, "duration", "zero after the impact"),
-        (94, "impact_speed", "gain of the hammer's channel"),
     ],
 )
 def test_without_a_line_of_its_budget_the_truth_falls_outside(number, name, source):
