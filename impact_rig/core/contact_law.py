@@ -15,6 +15,7 @@ from impact_rig.core.law_fit import (
     EXPONENT,
     HEIGHT,
     LOSS,
+    NEAREST,
     OFFSET,
     PULL,
     SMALL_PART,
@@ -444,7 +445,7 @@ def _list_sources(
         unit = fit.compute_covariance(fits.correlation)
         sources.append((Source("noise"), fits.noise**2 * unit))
     # Anything of that size, in the worst direction: no noise, so that it does not average out.
-    left = fits.unexplained**2 * fit.fitted.size / 3.0
+    left = (fits.unexplained**2 + NEAREST**2) * fit.fitted.size / 3.0
     sources.append(
         (Source("what the contact law leaves"), left * fit.compute_covariance(np.ones(1)))
     )
@@ -570,7 +571,8 @@ def _describe_laws(points: FloatArray, losses: Sequence[FittedLoss]) -> FloatArr
     is_proportional = [item.form is LossForm.PROPORTIONAL for item in losses]
     duration, restitution = time * pulses.duration, pulses.restitution
     both = hammer * sample / (hammer + sample)
-    speed = height * time * hammer / both
+    # A fit that ended at no pulse has no speed, and its k is nobody's.
+    speed = np.where(height > 0.0, height * time * hammer / both, math.nan)
     return np.stack(
         [
             exponent,

@@ -225,6 +225,10 @@ SMALL_PART = 0.15
 """Probability below which a form of loss is not named [-], our choice."""
 
 
+NEAREST = 3e-5
+"""RMS over the peak to which a contact follows any law, and the tables do [-], our choice."""
+
+
 TERM = 1.0 / 7.0
 """How probable a second term is before the pulse is seen, over one [-]: that of Bayes' information
 criterion with some 50 points (Kass and Raftery 1995)."""
@@ -251,7 +255,6 @@ def weigh_losses(
     white = noise**2 * (2.0 * float(correlation.sum()) - 1.0)
     # What is left beyond noise is of one piece: it counts as one point.
     misfit = max(squares.min() / (count - COUNT) - 2.0 * noise**2, 0.0) * count
-    # The tables of pulses tell no difference below 1e-5 of the peak.
-    scale = white + misfit + count * 1e-5**2
+    scale = white + misfit + count * NEAREST**2
     weights = before * np.exp((squares.min() - squares) / (2.0 * scale))
     return np.asarray(weights / weights.sum())

@@ -180,7 +180,7 @@ def test_what_is_unsure_of_the_sensor_is_in_the_budget_and_the_interval_covers()
 def test_the_intervals_cover_the_truth_as_often_as_they_say():
     contact = strike(1.5, 0.9)
     covered = np.zeros(3)
-    for seed in range(100):
+    for seed in range(50):
         law = estimate(make_mean(contact.traces, NOISE, 3, seed=seed))
         truths = (contact.exponent, contact.restitution, contact.duration)
         found = (law.exponent, law.restitution, law.duration)
@@ -189,7 +189,7 @@ def test_the_intervals_cover_the_truth_as_often_as_they_say():
             for quantity, truth in zip(found, truths, strict=True)
         ]
     # 95 of 100, give or take three standard deviations.
-    assert np.all(covered >= 88)
+    assert np.all(covered >= 43)
 
 
 def test_a_given_exponent_makes_the_rest_more_certain():

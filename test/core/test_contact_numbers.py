@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from impact_rig.core.contact_law import NO_LAW
+from impact_rig.core.filtering import low_pass
 from impact_rig.core.hits import FilteredHit, MeanHit
 from impact_rig.core.paper_estimate import estimate_paper
 from impact_rig.core.paper_method import (
     BodyEstimate,
     HammerEstimate,
+    HammerPulse,
     MeanReading,
     estimate_body,
     estimate_hammer,
@@ -20,6 +23,7 @@ from impact_rig.core.paper_method import (
     read_hit,
     read_mean_hit,
 )
+from impact_rig.core.pulse_shape import NO_SHAPE
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
@@ -254,3 +258,60 @@ def test_a_single_hits_contact_time_has_an_uncertainty_of_its_own():
     # One hit repeats nothing: no type A, and the normal factor.
     assert {line.kind for line in found.budget} == {"B"}
     assert found.expanded == pytest.approx(1.96 * found.standard, rel=1e-3)
+
+
+FORM = HammerPulse(shape=replace(NO_SHAPE, possible=("versed-sine",), unexplained=0.0), law=NO_LAW)
+"""Of pulses that are known to be versed-sines."""
+NAME = "steel medium"
+STILL = make_mean(NAME, scatter=0.0)
+
+
+def add_drift(mean: MeanHit) -> MeanHit:
+    line = np.arange(mean.traces.shape[1]) - (mean.baseline_points - 1) / 2.0
+    return replace(mean, traces=mean.traces + 2e-3 * line)
+
+
+def keep_every_fiftieth_point(mean: MeanHit) -> MeanHit:
+    return replace(
+        mean, traces=mean.traces[:, 17::50], sampling_rate=RATE / 50, baseline_points=8, hits=()
+    )
+
+
+def send_through_low_pass(mean: MeanHit) -> MeanHit:
+    return replace(mean, traces=low_pass(mean.traces, 12e3, RATE))
+
+
+def add_noise_to_tops(mean: MeanHit) -> MeanHit:
+    """Add noise where peaks are read, and nowhere else: flanks stay, so that it alone is seen."""
+    noise = 2.0
+    random = noise * np.random.default_rng(4).standard_normal(mean.traces.shape)
+    is_top = np.zeros(mean.traces.shape, dtype=bool)
+    is_top[0] = mean.traces[0] > 0.9 * mean.traces[0].max()
+    second = 300e-6 + 2.0 * np.pi / (1.6e4 * math.sqrt(1.0 - RATIO**2))
+    is_top[1] = abs(np.arange(mean.traces.shape[1]) / RATE - second) < 30e-6
+    return replace(
+        mean, traces=mean.traces + np.where(is_top, random, 0.0), noise=np.full(2, noise)
+    )
+
+
+@pytest.mark.parametrize(
+    ("spoil", "number", "source", "cutoff"),
+    [
+        (add_drift, "contact time", "trend of the baseline", 0.0),
+        (add_drift, "decrement", "trend of the baseline", 0.0),
+        (keep_every_fiftieth_point, "contact time", "sampling", 0.0),
+        (send_through_low_pass, "contact time", "low-pass", 12e3),
+        (add_noise_to_tops, "contact time", "peak reading", 0.0),
+        (add_noise_to_tops, "decrement", "second peak reading", 0.0),
+    ],
+)
+def test_without_a_line_of_its_budget_the_truth_falls_outside(spoil, number, source, cutoff):
+    setup = replace(SETUP, analysis=replace(SETUP.analysis, cutoff_frequency=cutoff))
+    rig = RigInputs(setup).find(NAME)
+    found, true = (
+        {"contact time": item.contact_time, "decrement": item.decrements[1][1]}[number].state()
+        for item in (read_mean_hit(mean, setup, rig, NAME, FORM) for mean in (spoil(STILL), STILL))
+    )
+    away = abs(found.value - true.value)
+    rest = math.sqrt(max(found.standard**2 - find_line(found, source) ** 2, 0.0))
+    assert 2.0 * rest < away <= 2.0 * found.standard
