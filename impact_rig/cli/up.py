@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from queue import SimpleQueue
 from typing import IO, Any
@@ -83,6 +84,9 @@ class RunningNodes:
     def __init__(
         self, *outputs: IO[str], on_page: Callable[[str, str], None] = lambda *_: None
     ) -> None:
+        for name in ("rclpy", "impact_rig_msgs"):
+            if find_spec(name) is None:  # each node would say so, with its log around it
+                raise ModuleNotFoundError(f"No module named {name!r}", name=name)
         self._outputs = outputs
         self._on_page = on_page
         self._nodes: dict[str, subprocess.Popen[bytes]] = {}  # those that have not ended

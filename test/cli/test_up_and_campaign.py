@@ -3,6 +3,7 @@
 import json
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -117,3 +118,13 @@ def test_without_a_rig_one_sentence_says_what_to_start(run, environment, monkeyp
     done = run("campaign")
     assert done.exit_code == 2
     assert done.stderr.startswith("error: no rig answers in namespace '/' within 0.2 s: start one")
+
+
+@pytest.mark.parametrize("command", ["up", "page"])
+def test_without_ros_it_is_said_before_a_node_is_started(command, run, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    outcome = run(command)
+    assert outcome.exit_code == 2
+    assert "error: rclpy is not installed: analyze, export" in outcome.stderr
+    assert "started" not in outcome.stdout
