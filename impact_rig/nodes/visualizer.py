@@ -238,12 +238,11 @@ class VisualizerNode(RigNode):
     def _log_latest(self) -> None:
         latest = tuple(self._latest.values())
         self._latest.clear()
-        for work in latest:
+        for work in (*latest, lambda log: log.log_now(self._status)):
             self._log(work)
 
     def _refresh(self) -> None:
         self._log_latest()
-        self._log(lambda log: log.log_now(self._status))
         if self._view is not None:
             self._is_behind = not self._view.flush()
 

@@ -79,7 +79,7 @@ def make_blueprint(
         layout.TimePanel(
             timeline=entities.HIT_TIME,
             state="collapsed",
-            play_state="following" if is_live else "paused",
+            play_state="paused",  # else plots of hits and health show the last half minute
         ),
         layout.BlueprintPanel(state="collapsed"),
         layout.SelectionPanel(state="collapsed"),
@@ -197,12 +197,20 @@ def _lay_out_health() -> rrb.Container:
     states = layout.StateTimelineView(
         origin=sdk.new_entity_path([*entities.HEALTH_HISTORY, LEVELS]),
         name="State of the nodes",
+        time_view=_show_all(),
     )
     return layout.Horizontal(
         _make_text_view("Nodes", entities.HEALTH),
         layout.Vertical(states, losses),
         name=TAB_HEALTH,
     )
+
+
+def _show_all() -> rrb.TimeAxis:
+    """Return an axis without which a part of a time line of more than a minute is shown."""
+    sdk = import_rerun()
+    end = sdk.TimeRangeBoundary.infinite()
+    return sdk.blueprint.TimeAxis(view_range=sdk.TimeRange(end, end))
 
 
 def _make_text_view(name: str, path: Path) -> rrb.TextDocumentView:
@@ -227,6 +235,6 @@ def _make_time_view(
     return layout.TimeSeriesView(
         contents=[f"+ {sdk.new_entity_path(parent)}/**" for parent in parents],
         name=name,
-        axis_x=time_axis,
+        axis_x=time_axis or _show_all(),
         plot_legend=layout.PlotLegend(layout.Corner2D.RightTop, visible=has_legend),
     )

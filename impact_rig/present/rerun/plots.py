@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 EARLIER = "earlier"
 """Name of all replaced lines."""
 SENTENCE = "sentence"
-"""Entity of a line that says something."""
+"""Parent of lines that say something, below the family that they are about."""
 
 OPAQUE = 255
 """Full opacity."""
@@ -96,6 +96,7 @@ class PlotLog:
         self._stream = stream
         self._versions: Counter[Path] = Counter()
         self._shown: dict[Path, list[_Drawn]] = {}
+        self._said: dict[Path, str] = {}  # by the family that shows nothing else
 
     def draw_lines(
         self,
@@ -105,7 +106,6 @@ class PlotLog:
         lines: Sequence[Line],
         *,
         keeps_peaks: bool = True,
-        name: str = "",
     ) -> str:
         """Draw lines beside what the family shows already.
 
@@ -122,15 +122,13 @@ class PlotLog:
         keeps_peaks : bool
             Where several points share a pixel, draw the lowest and the highest. Not for a few
             points whose order matters.
-        name : str
-            Of the entity; empty: a new number.
 
         Returns
         -------
         str
             Path of the entity.
         """
-        path = self._add(family, len(lines), is_points=False, name=name)
+        path = self._add(family, len(lines), is_points=False)
         style = self._rr.SeriesLines(
             names=[line.name for line in lines],
             colors=_pack([line.colour for line in lines]),
@@ -163,24 +161,24 @@ class PlotLog:
 
     def write(self, family: Path, sentence: str) -> None:
         """Say in a plot why it shows nothing: as the name of a line at zero."""
+        if self._said.get(family) == sentence:
+            return
         self.hide(family)
+        self._said[family] = sentence
         line = Line(sentence, GREY, MEAN_WIDTH)
-        moment = np.array([0.0, MOMENT])
-        path = self.draw_lines(family, moment, np.zeros((2, 1)), [line], name=SENTENCE)
-        # It may have been hidden before.
-        self._stream.log(
-            path, self._rr.SeriesLines.from_fields(visible_series=[True]), static=True
-        )
+        place = (*family, SENTENCE)
+        self.draw_lines(place, np.array([0.0, MOMENT]), np.zeros((2, 1)), [line])
 
     def write_in_blanks(self, families: Iterable[Path], sentence: str) -> None:
         """Say it in the plots that show nothing."""
         for family in families:
-            if family not in self._shown:
+            if family not in self._shown and family not in self._said:
                 self.write(family, sentence)
 
     def hide(self, parent: Path = ()) -> None:
         """Hide all lines at or below `parent`; without it, all."""
         for family in [item for item in self._shown if item[: len(parent)] == parent]:
+            self._said.pop(family[:-1], None)
             for drawn in self._shown.pop(family):
                 self._hide(drawn)
 
@@ -193,9 +191,9 @@ class PlotLog:
         )
         self._stream.log(drawn.path, hidden, static=True)
 
-    def _add(self, family: Path, count: int, *, is_points: bool, name: str = "") -> str:
-        self._versions[family] += not name
-        path = str(self._rr.new_entity_path([*family, name or str(self._versions[family])]))
+    def _add(self, family: Path, count: int, *, is_points: bool) -> str:
+        self._versions[family] += 1
+        path = str(self._rr.new_entity_path([*family, str(self._versions[family])]))
         self._shown.setdefault(family, []).append(_Drawn(path, count, is_points))
         return path
 

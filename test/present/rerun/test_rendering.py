@@ -195,6 +195,8 @@ def check_tab(viewer, path, expected):
     assert views.keys() == expected.keys()
     deadline = time.monotonic() + PATIENCE
     for name, colours in expected.items():
+        if not colours:  # laid out by the same loop as another
+            continue
         while blank := find_blank(viewer.draw(views[name]), colours):
             assert time.monotonic() < deadline, f"{name}: {blank}"
     state = insist(viewer.client.get_state)
@@ -219,6 +221,12 @@ def list_sample_views(sample, hammer, specimen, law, residual):
     }
 
 
+def list_overview(colours):
+    """Return the views of all samples, of which the first and the last are looked at."""
+    first, *others, last = PAPER_SETUP.samples.names
+    return {first: colours, **dict.fromkeys(others, ()), last: colours}
+
+
 def list_trends(*colours):
     names = ("Contact time τp [µs]", "Peak of the hammer [m/s²]", "Peak of the sample [m/s²]")
     return {f"{name} {EACH_HIT}": (colour,) for name, colour in zip(names, colours, strict=True)}
@@ -231,10 +239,7 @@ TRACES = (palette.HAMMER, palette.CONTACT), (palette.SPECIMEN, *MODELS, palette.
     ("path", "expected"),
     [
         ((TAB_HIT,), {RECORD: BOTH, "Verdict": TEXT}),
-        (
-            (TAB_SAMPLE,),
-            dict.fromkeys(PAPER_SETUP.samples.names, (*BOTH, *MODELS, palette.CONTACT)),
-        ),
+        ((TAB_SAMPLE,), list_overview((*BOTH, *MODELS, palette.CONTACT))),
         (
             (TAB_SAMPLE, "steel medium"),
             list_sample_views(
@@ -260,7 +265,7 @@ def test_a_recording_s_tab_is_drawn(viewer, path, expected):
     ("path", "expected"),
     [
         ((TAB_HIT,), {RECORD: SENTENCE, "Now": TEXT, "Verdict": TEXT}),
-        ((TAB_SAMPLE,), dict.fromkeys(PAPER_SETUP.samples.names, SENTENCE)),
+        ((TAB_SAMPLE,), list_overview(SENTENCE)),
         ((TAB_SAMPLE, "steel medium"), list_sample_views("steel medium", *[SENTENCE] * 4)),
         ((TAB_CAMPAIGN,), TABLES | list_trends(*[palette.GREY] * 3)),
         (

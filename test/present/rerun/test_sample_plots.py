@@ -1,9 +1,12 @@
 """A sample's hits over each other, their mean, models, marks, and its contact law."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from impact_rig.core.contact_law import NO_LAW
+from impact_rig.core.findings import Note, Subject
 from impact_rig.core.records import HitLabel
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.results.traces import (
@@ -124,6 +127,20 @@ def test_a_new_mean_takes_the_place_of_the_last_one_of_the_same_sample_only(reco
         f"{PARENT}/sample/points/1",
     }
     assert r"/samples/a\/b\ \*c\*/hammer/models/1" in view.entities
+
+
+def test_why_a_law_is_not_given_is_said_until_one_is(record, found):
+    traces, law, setup = found
+    why = replace(NO_LAW, notes=(Note(Subject.CONTACT_LAW, "too short"),))
+
+    without = record(*[lambda log: log.log_sample(traces, why, setup)] * 2)
+    then = record(*(lambda log, it=it: log.log_sample(traces, it, setup) for it in (why, law)))
+
+    place = r"/samples/steel\ medium/law/sentence/1"
+    names = without.find_static(place, "SeriesLines:names")
+    assert names == ["No contact law is given: too short."]
+    assert place not in without.find_hidden()
+    assert place in then.find_hidden()
 
 
 @pytest.fixture(scope="module")
