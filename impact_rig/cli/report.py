@@ -1,6 +1,6 @@
 """`impact-rig report`: a run as one HTML file."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -94,8 +94,9 @@ def run(
             provenance = make_provenance(contents)
             runs = tuple(replace(run, provenance=provenance) for run in runs)
         stated = read_particulars(contents, rig_file).set(texts)
+        unknown = _find_unknown_items(runs, stated)
         if is_check:
-            _print_lacking(runs, stated)
+            _print_lacking(runs, stated, unknown)
             return
         document = make_report(
             runs,
@@ -105,6 +106,8 @@ def run(
         )
     with write_new_file(output) as part:
         part.write_text(render_page(document), encoding="utf-8")
+    for text in unknown:
+        click.echo(f"warning: {text}", err=True)
     click.echo(f"report: {output}", err=True)
 
 
@@ -113,13 +116,27 @@ def _check_reason(asked: ByHand, source: RunSource) -> None:
     if not (asked.accept or asked.reject):
         if asked.reason or asked.who:
             raise ParameterError("--reason and --who belong to --accept or --reject: name a hit")
-    elif not asked.reason:
+    elif not asked.reason.strip():
         raise ParameterError('a report says why a person overrules: add --reason "TEXT"')
     elif source.run is None:
         raise ParameterError(f"{source.named} has no traces: --accept and --reject need them")
 
 
-def _print_lacking(runs: Sequence[ReportedCampaign], stated: Particulars) -> None:
+def _find_unknown_items(runs: Sequence[ReportedCampaign], stated: Particulars) -> tuple[str, ...]:
+    """Say of which samples something is stated though no run has them, as by a wrong name."""
+    samples = (sample for run in runs for sample in run.campaign.results.setup.samples.samples)
+    known = list(dict.fromkeys(sample.body for sample in samples))
+    return tuple(
+        f"the rig file states facts or limits of {name!r}, and the run has no such sample, so they"
+        f" are not in the report: its samples are {', '.join(known)}"
+        for name, item in stated.items.items()
+        if (item.texts or item.limits) and name not in known
+    )
+
+
+def _print_lacking(
+    runs: Sequence[ReportedCampaign], stated: Particulars, unknown: Iterable[str]
+) -> None:
     """Print what a formal report would lack; the exit code says whether that is anything."""
     results = [run.campaign.results for run in runs]
     setups = [(item.setup.samples, sample.name) for item in results for sample in item.samples]
@@ -129,6 +146,7 @@ def _print_lacking(runs: Sequence[ReportedCampaign], stated: Particulars) -> Non
         lacking.insert(0, f"Measured hits: these are {kind}")
     if format_date(runs[0].provenance) == NO_DATE:
         lacking.append("Date of the tests (7.8.2.1 i): the recording has none")
+    lacking += (text[:1].upper() + text[1:] for text in unknown)
     for text in lacking:
         click.echo(text)
     if lacking:

@@ -147,6 +147,8 @@ class Particulars:
             for entry in entries
             if entry.clause and not self.get(table, entry.key)
         ]
+        if self.get("report", "replaces") and not self.get("report", "changes"):
+            lacking.append("Changed, and why (7.8.8.2): changes in [report]")
         named = list(samples)
         for entry in SAMPLE:
             without = [name for name in named if entry.key not in self.find_item(name).texts]

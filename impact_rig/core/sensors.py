@@ -248,18 +248,8 @@ class Sensor(Comparable):
 
     def describe_age(self, today: str) -> str | None:
         """Say what is wrong with the age of its calibration on a day, year-month-day."""
-        day = self.calibration_date
-        if not day:
-            return None
-        serial = f" {self.serial_number}" if self.serial_number else ""
-        told = f"the {self.channel} sensor{serial} was calibrated on {day}"
-        # Makers of accelerometers and force sensors recommend a year. Days written year-month-day
-        # sort as texts.
-        if day < f"{int(today[:4]) - 1:04d}{today[4:]}":
-            return f"{told}, over a year before {today}: have it calibrated again"
-        if day > today:
-            return f"{told}, which lies ahead of {today}: check calibration_date and this clock"
-        return None
+        name = f"{self.channel} sensor {self.serial_number}".rstrip()
+        return describe_calibration_age(name, self.calibration_date, today)
 
     def describe(self) -> str:
         """Return what is known of the sensor, in a few words."""
@@ -306,3 +296,20 @@ def _check_response(name: str, response: SensorResponse) -> None:
             f" upper corner of {response.upper_corner:g} Hz",
             f"low corner of the {name}",
         )
+
+
+def describe_calibration_age(name: str, day: str, today: str) -> str | None:
+    """Say what is wrong with the age of an instrument's calibration; both days year-month-day.
+
+    A day that is written in another way, or not known, says nothing.
+    """
+    if not _DATE.fullmatch(day):
+        return None
+    told = f"the {name} was calibrated on {day}"
+    # Makers of accelerometers and force sensors recommend a year. Days written year-month-day
+    # sort as texts.
+    if day < f"{int(today[:4]) - 1:04d}{today[4:]}":
+        return f"{told}, over a year before {today}: have it calibrated again"
+    if day > today:
+        return f"{told}, which lies ahead of {today}: check calibration_date and this clock"
+    return None

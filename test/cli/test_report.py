@@ -85,6 +85,17 @@ def test_the_rig_file_says_what_the_recording_does_not(run, folder):
     assert "of 1 value with limits 1 failed" in text
 
 
+def test_facts_and_limits_of_a_sample_that_the_run_does_not_have_are_told_of(run, folder):
+    rig = folder / "rig.toml"
+    wrong = 'name = "brass mediun"\nmaximum_contact_time = "100 us"'
+    rig.write_text(read_template().replace('name = "brass medium"', wrong))
+    told = "states facts or limits of 'brass mediun', and the run has no such sample"
+    outcome = run("report", folder, "--rig-file", rig)
+    assert outcome.exit_code == 0
+    assert f"warning: the rig file {told}" in outcome.stderr
+    assert told in run("report", folder, "--check", "--rig-file", rig).stdout
+
+
 def test_a_recording_brings_its_rig_file_and_what_a_person_decided(run, folder):
     from impact_rig_msgs.msg import Overrule
 
@@ -109,6 +120,7 @@ def test_a_recording_brings_its_rig_file_and_what_a_person_decided(run, folder):
 def test_a_hit_is_left_out_with_reason_and_name(run, folder):
     asked = ("report", folder, "--reject", "brass medium/1")
     assert "add --reason" in run(*asked).stderr
+    assert "add --reason" in run(*asked, "--reason", "  ").stderr
     assert "belong to --accept or --reject" in run("report", folder, "--who", "A").stderr
     assert run(*asked, "--reason", "loose cable", "--who", "A. Berg").exit_code == 0
     text = read_text(folder / "report.html")

@@ -78,6 +78,8 @@ def test_what_the_standard_asks_for_is_listed_until_it_is_stated():
         f"{table}.{entry.key}=x" for table, entries in TABLES.items() for entry in entries
     )
     assert whole.list_lacking(["oak"]) == []
+    unexplained = whole.set(["report.changes="]).list_lacking(["oak"])
+    assert unexplained == ["Changed, and why (7.8.8.2): changes in [report]"]
     assert [item[:24] for item in whole.list_lacking(["oak", "ash"])] == [
         "Serial or batch of ash (", "Dimensions of ash (7.8.2",
     ]  # fmt: skip

@@ -22,7 +22,12 @@ from impact_rig.present.report.page import (
     Section,
     drop_empty,
 )
-from impact_rig.present.report.setup import format_date, make_items_section, make_setup_section
+from impact_rig.present.report.setup import (
+    format_date,
+    list_calibration_warnings,
+    make_items_section,
+    make_setup_section,
+)
 from impact_rig.present.sample_figures import LOOP_CAPTION, SAMPLE_CAPTION, make_sample_picture
 from impact_rig.results import tables
 from impact_rig.results.campaign import Results
@@ -57,7 +62,7 @@ def make_run_sections(
 ) -> tuple[Section, ...]:
     """Return the sections on one run: results, items, samples, tables, hits, set-up."""
     results = run.campaign.results
-    remarks = gather_run_remarks(run)
+    remarks = gather_run_remarks(run, stated)
     others = tuple(remark for remark in remarks if not remark.effect)
     common = find_common_notes(results)
     samples = [
@@ -192,7 +197,7 @@ def _make_hits_section(run: ReportedCampaign) -> Section:
     return Section("Hits", parts)
 
 
-def gather_run_remarks(run: ReportedCampaign) -> list[Remark]:
+def gather_run_remarks(run: ReportedCampaign, stated: Particulars) -> list[Remark]:
     """Return the remarks on the results of a run and on its recording."""
     results, provenance = run.campaign.results, run.provenance
     texts = list(run.warnings)
@@ -201,7 +206,7 @@ def gather_run_remarks(run: ReportedCampaign) -> list[Remark]:
         texts += [*provenance.problems, *losses]
         if is_dated(provenance.start_time):
             day = format_time(provenance.start_time).partition(" ")[0]
-            texts += results.setup.list_calibration_warnings(day)
+            texts += list_calibration_warnings(results.setup, stated, day)
     return gather_remarks(results, texts)
 
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 from impact_rig.configuration.particulars import INSTRUMENT, INSTRUMENTS, SAMPLE, Particulars
+from impact_rig.core.sensors import Sensor, describe_calibration_age
 from impact_rig.core.setup import (
     DEFAULT_CLOCK_UNCERTAINTY,
     AnalysisSettings,
@@ -191,17 +192,41 @@ def _tabulate_bodies(results: Results, stated: Particulars) -> Table:
     return make_table("Items", columns, [note])
 
 
+def list_calibration_warnings(setup: RigSetup, stated: Particulars, day: str) -> list[str]:
+    """Return in one sentence each which instruments were calibrated too long before a day."""
+    warnings = []
+    for table, called in INSTRUMENTS.items():
+        name = f"{called} {_state_fact(setup, stated, table, 'serial_number')}".rstrip()
+        calibrated = _state_fact(setup, stated, table, "calibration_date")
+        if text := describe_calibration_age(name, calibrated, day):
+            warnings.append(text)
+    return warnings
+
+
+def _find_sensors(setup: RigSetup) -> dict[str, Sensor]:
+    """Return the sensors by their tables in the rig file."""
+    return {f"source.{sensor.channel}": sensor for sensor in setup.sensors}
+
+
+def _state_fact(setup: RigSetup, stated: Particulars, table: str, key: str) -> str:
+    """Return what is known of an instrument: what a person states, else what was recorded."""
+    sensor = _find_sensors(setup).get(table)
+    serial = stated.get(table, "serial_number")
+    # What was recorded of another sensor is not true of this one.
+    if sensor is None or (serial and sensor.serial_number not in ("", serial)):
+        return stated.get(table, key)
+    return stated.get(table, key) or getattr(sensor, key, "")
+
+
 def _tabulate_instruments(setup: RigSetup, stated: Particulars) -> list[Table]:
     """Return sensors, digitizer and balance: who made them, their certificates, their sheets."""
-    sensors = {f"source.{sensor.channel}": sensor for sensor in setup.sensors}
+    sensors = _find_sensors(setup)
     rows = [name for name in INSTRUMENTS if name in sensors or stated.list_facts(name)]
-
-    def state(table: str, key: str) -> str:
-        return getattr(sensors.get(table), key, "") or stated.get(table, key)
-
     columns = [make_text_column("Instrument", [INSTRUMENTS[name] for name in rows])]
     columns += [
-        make_text_column(entry.label, [state(name, entry.key) for name in rows])
+        make_text_column(
+            entry.label, [_state_fact(setup, stated, name, entry.key) for name in rows]
+        )
         for entry in INSTRUMENT
     ]
     columns.append(

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from impact_rig.configuration.particulars import Particulars
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.findings import Finding, Reason
 from impact_rig.core.quantity import Quantity
@@ -100,6 +101,25 @@ def test_limits_are_stated_with_their_rule(read):
     assert (row[0], row[2], row[4], row[5]) == ("brass medium", "100.00", "200.00", "failed")
     assert "guard band U (ILAC-G8" in read.text
     assert "of 1 value with limits 1 failed" in read.text
+
+
+def test_what_a_person_says_of_an_instrument_stands_in_place_of_what_was_recorded(told):
+    stated = Particulars(
+        {
+            "source.hammer": {"serial_number": "LW 8"},
+            "source.specimen": {"calibration_date": "2021-01-02"},
+            "balance": {"calibration_date": "2020-03-04"},
+        }
+    )
+    read = Reader(render_page(make_report([told], stated)))
+    _, hammer, sample, _ = read.find_table("Instruments, by their calibration sheets")
+    assert "LW 8" in hammer
+    assert "2022-03-01" not in hammer  # which is of the other sensor
+    assert "2021-01-02" in sample
+    assert "<i>LW 7" not in read.text
+    assert "the hammer sensor" not in read.text
+    for called in ("sample sensor was calibrated on 2021-01-02", "balance was calibrated on 2020"):
+        assert f"the {called}" in read.text
 
 
 def test_the_method_names_its_sources_and_the_forms_that_were_used(read, told):
