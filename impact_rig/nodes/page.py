@@ -9,7 +9,8 @@ import shutil
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, InvalidStateError
+from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -47,6 +48,9 @@ from impact_rig.results.traces import JudgedTraces
 
 SHOW_PERIOD = 0.05
 """Between two views at least [s]: a person sees no more."""
+REFUSAL_TIME = 0.5
+"""How long a campaign may take to refuse what a form asks for [s], our choice: it looks at no more
+than names and numbers."""
 RETRY_PERIOD = 0.02
 """How soon a node is asked again that has answered "later" [s]."""
 LARGEST_RECORD = 2**32 - 1
@@ -77,12 +81,16 @@ class PageNode(RigNode):
         Intake(self._hands.node).subscribe(hammer, self._on_hammer)
         ask, campaigns = self._ask, f"{interfaces.RUN_CAMPAIGN}/_action"
         start = RunCampaign.Impl.SendGoalService
+        self._results = self._hands.node.create_client(
+            RunCampaign.Impl.GetResultService,
+            self.resolve_service_name(f"{campaigns}/get_result"),
+        )
         self._acts: dict[str, Act] = {
             **{act: ask(act, Trigger, service) for act, service in TRIGGERS.items()},
             "mounted": ask("mounted", ConfirmSample, interfaces.CONFIRM_SAMPLE, _name_sample),
             "overrule": ask("overrule", OverruleHit, interfaces.OVERRULE_HIT, self._read_overrule),
             "monitor": ask("monitor", SetBool, interfaces.MONITOR_INPUT, _read_switch),
-            "start": ask("start", start, f"{campaigns}/send_goal", _read_goal),
+            "start": ask("start", start, f"{campaigns}/send_goal", _read_goal, self._answer_start),
             # A request without a goal's id cancels them all.
             "end": ask("end", CancelGoal, f"{campaigns}/cancel_goal"),
             "note": self._note,
@@ -208,8 +216,12 @@ class PageNode(RigNode):
         kind: Any,
         name: str,
         read: Callable[[Form], dict[str, Any]] = lambda _: {},
+        follow: Callable[[Any, "Future[Answer]"], None] | None = None,
     ) -> Act:
-        """Return an act that calls a service of the rig with what `read` finds in a form."""
+        """Return an act that calls a service of the rig with what `read` finds in a form.
+
+        `follow` gives the answer to what was done, where the service itself cannot.
+        """
         client = self._hands.node.create_client(kind, self.resolve_service_name(name))
 
         def call(form: Form) -> "Future[Answer]":
@@ -227,9 +239,11 @@ class PageNode(RigNode):
                 is_done = getattr(response, "accepted", not getattr(response, "return_code", 0))
                 if act == "stop":
                     self._status.stopped_by, self._is_shown = form.who, False
-                answer.set_result(
-                    Answer(getattr(response, "success", is_done), getattr(response, "message", ""))
-                )
+                if follow is not None and is_done:
+                    follow(request, answer)
+                    return
+                message = getattr(response, "message", "")
+                _settle(answer, Answer(getattr(response, "success", is_done), message))
 
             def send() -> None:
                 client.call_async(request).add_done_callback(finish)
@@ -239,6 +253,19 @@ class PageNode(RigNode):
             return answer
 
         return call
+
+    def _answer_start(self, request: Any, answer: "Future[Answer]") -> None:
+        """Answer that a campaign begins, unless it is refused: that is its result, at once."""
+        begun = threading.Timer(REFUSAL_TIME, _settle, [answer, Answer(done=True, message="")])
+
+        def refuse(done: Any) -> None:
+            begun.cancel()
+            result = done.result().result
+            _settle(answer, Answer(result.success, "" if result.success else result.message))
+
+        asked = self._results.call_async(self._results.srv_type.Request(goal_id=request.goal_id))
+        asked.add_done_callback(refuse)
+        begun.start()
 
     def _read_overrule(self, form: Form) -> dict[str, Any]:
         """Return what a person makes of a hit; raises `ParameterError` if it cannot be meant."""
@@ -301,6 +328,15 @@ class _Hands:
             self._thread.join()
             self._executor.shutdown()
             self.node.destroy_node()
+
+
+def _settle(answer: "Future[Answer]", result: Answer) -> None:
+    """Give an answer, unless there is one, or whoever asked has given up.
+
+    An error in a callback of the executor would end the process.
+    """
+    with suppress(InvalidStateError):
+        answer.set_result(result)
 
 
 def _name_sample(form: Form) -> dict[str, Any]:

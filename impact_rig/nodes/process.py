@@ -24,6 +24,9 @@ from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.rig_node import RigNode
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+STUCK_AFTER = 60.0
+"""How long a node may stand still, none of its threads running Python, or take to end [s], our
+choice: the longest that a disk or a device has held one up is 10 s."""
 DRAIN_QUIET = 0.1
 """How long nothing may have come before the queues count as empty at the end [s]."""
 
@@ -115,7 +118,13 @@ def _stop_on_signals(node: RigNode) -> None:
     request_stop = weakref.WeakMethod(node.request_stop)
 
     def wait() -> None:
-        select.select([reader, *_open_launcher()], [], [])
+        watched = [reader, *_open_launcher()]
+        is_asked = False
+        while not is_asked:
+            # Fast DDS under rmw_fastrtps 8.4.3 can lock itself up for ever while it tells of a
+            # publisher that came or went, and Python with it: no signal would be heard then.
+            faulthandler.dump_traceback_later(STUCK_AFTER, exit=True, file=2)
+            is_asked = bool(select.select(watched, [], [], STUCK_AFTER / 6)[0])
         if stop := request_stop():
             stop()
 

@@ -35,6 +35,8 @@ ANSWER_TIMEOUT = 10.0
 """How long the rig may take to answer [s]."""
 LONGEST_FORM = 20_000
 """Of one act [bytes]."""
+LONGEST_FIELD = 1000
+"""Of what a person writes [characters], as the templates have it."""
 KEPT_TRACES = 10
 """How many traces of a sample a page gets that opens late, and draws at each hit [-]."""
 TOKEN = "token"  # noqa: S105 - the name of a cookie
@@ -333,7 +335,11 @@ class Acts(_Checked):
         """Do what a form asks for, and say what came of it."""
         fields = {key: tuple(self.get_body_arguments(key)) for key in self.request.body_arguments}
         form = Form(fields, read_who(self))
-        if name == WHO:
+        too_long = [key for key, (text, *_) in fields.items() if len(text) > LONGEST_FIELD]
+        if too_long:
+            message = f"{too_long[0]} is longer than {LONGEST_FIELD} characters: write less"
+            answer = Answer(done=False, message=message)
+        elif name == WHO:
             self.keep(WHO, form[WHO][:60])
             answer = Answer(done=True, message="")
         elif name in self.server.acts:

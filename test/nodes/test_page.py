@@ -2,7 +2,9 @@
 
 import http.client
 import json
+import signal
 import threading
+import urllib.parse
 
 from builtin_interfaces.msg import Time
 from impact_rig_msgs.msg import CampaignState
@@ -10,13 +12,15 @@ from impact_rig_msgs.srv import JoinCampaign
 
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.identity import id_to_msg, make_id
 from impact_rig.nodes.messages import setup_to_msg
 from impact_rig.nodes.page import PageNode
+from impact_rig.page import server
 from impact_rig.page.states import NO_HAMMER
 
 
-def act(server, name):
+def act(server, name, **fields):
     """Do what a form of the page does; return the answer."""
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
     headers = {
@@ -24,7 +28,7 @@ def act(server, name):
         "Accept": "application/json",
         "Content-Type": "application/x-www-form-urlencoded",
     }
-    connection.request("POST", f"/{name}", "", headers)
+    connection.request("POST", f"/{name}", urllib.parse.urlencode(fields), headers)
     answer = json.loads(connection.getresponse().read())
     connection.close()
     return answer
@@ -49,6 +53,39 @@ def test_a_stop_is_confirmed_while_messages_keep_the_page_busy(harness, start_pr
     finally:
         free.set()
         busy.join()
+
+
+def test_an_answer_that_comes_too_late_ends_nothing(harness, start_process, monkeypatch):
+    hammer = start_process("hammer")
+    hammer.wait_for("active")
+    page = harness.add(PageNode, port=0)
+    harness.wait_until(lambda: page._status.hammer is not NO_HAMMER)
+    monkeypatch.setattr(server, "ANSWER_TIMEOUT", 0.2)
+    hammer.send_signal(signal.SIGSTOP)
+    try:
+        assert act(page._server, "stop")["message"] == "the rig did not answer to 'stop'"
+    finally:
+        hammer.send_signal(signal.SIGCONT)
+    harness.wait_until(lambda: "STOPPED" in page._server.fragments["say"])
+    monkeypatch.setattr(server, "ANSWER_TIMEOUT", 60.0)
+    assert act(page._server, "reset")["done"]
+
+
+def test_a_campaign_that_is_refused_says_why_at_the_page(harness):
+    page = harness.add(PageNode, port=0)
+    harness.add(CampaignNode)
+    harness.wait_until(lambda: page._status.setup is not None)
+    answers = []
+
+    def start():
+        answers.append(act(page._server, "start", sample="steel small", impacts=3, angles="95"))
+
+    person = threading.Thread(target=start)
+    person.start()
+    harness.wait_until(lambda: answers)
+    person.join()
+    assert not answers[0]["done"]
+    assert "release angle is 95°" in answers[0]["message"]
 
 
 def test_what_another_campaign_says_is_not_shown(harness):

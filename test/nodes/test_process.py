@@ -105,6 +105,27 @@ def test_a_node_ends_when_its_launcher_is_killed(start_process, tmp_path, monkey
     launcher.wait()
 
 
+def test_a_node_that_stands_for_good_ends_and_shows_where(run_script):
+    """No thread of it runs Python, as when the middleware has locked itself up."""
+    process = run_script("""
+import ctypes
+from impact_rig.nodes import process
+from impact_rig.nodes.hammer import HammerNode
+
+class Standing(HammerNode):
+    def autostart(self):
+        self.create_timer(0.1, self.stand)
+
+    def stand(self):
+        ctypes.PyDLL(None).sleep(1000)  # holds Python's lock
+
+process.STUCK_AFTER = 2.0
+process.run_node(Standing)
+""")
+    assert process.returncode == 1
+    assert "in stand" in process.stderr
+
+
 def test_signals_while_a_node_ends_change_nothing(start_process, tmp_path):
     path = tmp_path / "session.mcap"
     process = start_process("recorder", output=path)

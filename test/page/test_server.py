@@ -84,6 +84,19 @@ def test_nothing_changes_by_get_and_unknown_names_are_named(page):
     assert not page.done
 
 
+def test_a_text_that_is_too_long_is_named(page):
+    answer, text = page.ask(
+        "POST",
+        "/stop",
+        "record=" + 5000 * "9",
+        Origin=page.server.origin,
+        Accept="application/json",
+    )
+    assert answer.status == 200
+    assert "record is longer than 1000 characters: write less" in text
+    assert not page.done
+
+
 def test_another_host_does_not_see_the_page(page):
     assert page.ask("GET", "/", Host="evil.example")[0].status == 421
     answer, text = page.ask("GET", "/")
