@@ -20,8 +20,6 @@ from numpy.typing import ArrayLike
 
 from impact_rig.analysis.analyze import HitSource, analyze
 from impact_rig.analysis.exporting import ExportedHit, read_campaigns
-from impact_rig.analysis.measured_arrays import MeasuredArrays, take_array
-from impact_rig.analysis.measured_files import MeasuredFiles, make_series
 from impact_rig.analysis.sources import RunSource, find_run, read_runs
 from impact_rig.configuration.rig_file import read_rig_file, read_settings
 from impact_rig.configuration.units import Given, read_given
@@ -32,7 +30,6 @@ from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
 from impact_rig.devices.virtual.rig import VirtualRig as Simulation
 from impact_rig.devices.virtual.truth import Truth, VirtualCampaign, make_truth
-from impact_rig.files.import_file import MeasurementOptions
 from impact_rig.present.printed import Number  # noqa: F401 - public
 from impact_rig.present.printed_results import Comparison, Results, SampleResults
 from impact_rig.recordings.source import find_bag
@@ -112,6 +109,20 @@ def _show_hit(hit: ExportedHit, truths: Mapping[HitLabel, Truth]) -> Hit:
     )
 
 
+Chosen = str | int | Hit | Iterable[str | int | Hit]
+"""Hits, each as itself, by name, or by the number of its record."""
+
+
+def _name_hits(chosen: Chosen) -> list[str]:
+    items = chosen if isinstance(chosen, Iterable) and not isinstance(chosen, str) else [chosen]
+    return [str(item.record if isinstance(item, Hit) else item) for item in items]
+
+
+def list_names(samples: str | Iterable[str]) -> tuple[str, ...]:
+    """Return names of samples; one may be given by itself."""
+    return (samples,) if isinstance(samples, str) else tuple(samples)
+
+
 class Run:
     """Hits with their set-up: of a recording, of files, of the virtual rig."""
 
@@ -161,8 +172,8 @@ class Run:
         self,
         *,
         cutoff: Given = None,
-        accept: str | Sequence[str] = (),
-        reject: str | Sequence[str] = (),
+        accept: Chosen = (),
+        reject: Chosen = (),
         **settings: Given,
     ) -> Results:
         """Judge every hit and estimate, as ``impact-rig analyze`` does.
@@ -171,8 +182,9 @@ class Run:
         ----------
         cutoff : str or float, optional
             Of the low-pass: "20 kHz", or a number in Hz; "off", or 0: none. As recorded.
-        accept, reject : str or sequence of str
-            Hits to take into the mean or to leave out: "steel small/3", or the record's number.
+        accept, reject : str, int, Hit or sequence of them
+            Hits to take into the mean or to leave out: "steel small/3", the record's number, or
+            one of `hits`.
         **settings
             Other fields of `AnalysisSettings`: ``pulse_factor=1.9``, ``pre_trigger="0.1 ms"``.
 
@@ -187,9 +199,9 @@ class Run:
         >>> run.analyze(cutoff="20 kHz", reject="steel small/3")
         1 sample, 3 hits accepted, 1 rejected; simulated (virtual rig, plant published)
         """
-        accept, reject = ([item] if isinstance(item, str) else item for item in (accept, reject))
+        overruled = map(_name_hits, (accept, reject))
         chosen = read_settings({"cutoff_frequency": cutoff, **settings})
-        found = analyze(self._source, chosen, accept, reject, keep_traces=True)
+        found = analyze(self._source, chosen, *overruled, keep_traces=True)
         return Results(self._choose(found.campaigns), self.name, found.warnings)
 
     def __repr__(self) -> str:
@@ -288,7 +300,13 @@ def read_files(
     UserWarning
         Of each file that is left out, why.
     """
+    # Formats of files take a tenth of a second to load.
+    from impact_rig.analysis.measured_files import MeasuredFiles, make_series
+    from impact_rig.files.import_file import MeasurementOptions
+
     named = [files] if isinstance(files, str | Path) else list(files)
+    if not named:
+        raise FileError("no file is given")
     paths = [Path(place) for item in named for place in _expand(str(item))]
     options = MeasurementOptions(
         channels=None if channels is None else Path(channels),
@@ -358,6 +376,8 @@ class Session(Run):
         cutoff: Given = None,
         **settings: Given,
     ) -> None:
+        from impact_rig.analysis.measured_arrays import MeasuredArrays
+
         self._arrays = MeasuredArrays(
             samples,
             hammer_mass=hammer_mass,
@@ -449,6 +469,8 @@ def estimate(
     >>> print(found.contact_time)
     169.7... µs
     """
+    from impact_rig.analysis.measured_arrays import take_array
+
     session = Session(
         {sample: sample_mass},
         hammer_mass=hammer_mass,
@@ -530,15 +552,15 @@ class VirtualRig:
         """Return what happens at a hit of this name, however often it is struck."""
         return make_truth(self._rig.strike(label))
 
-    def run(self, samples: Iterable[str] | None = None, impacts: int = 10) -> Run:
+    def run(self, samples: str | Iterable[str] | None = None, impacts: int = 10) -> Run:
         """Strike samples, each so many times, as a campaign does; None: all samples.
 
         Raises
         ------
         ParameterError
-            If there is no such sample.
+            If there is no such sample, or `impacts` is no number of hits.
         """
-        names = self.samples if samples is None else tuple(samples)
+        names = self.samples if samples is None else list_names(samples)
         campaign = VirtualCampaign(self._rig, self.setup, names, impacts)
         return Run(campaign, "virtual rig", truths=campaign.truths)
 
@@ -559,6 +581,9 @@ def compare(first: Results | Run, second: Results | Run) -> Comparison:
     >>> compare(*rigs)
     0 of 5 values changed beyond their uncertainty
     """
+    for item in (first, second):
+        if not isinstance(item, Run | Results):
+            raise ParameterError(f"{item!r} is neither a run nor results: open it by open_run")
     pair = [item.analyze() if isinstance(item, Run) else item for item in (first, second)]
     tables = tabulate_changes(*(BatchCampaign(Path(item.name), 1, item.record) for item in pair))
     if not tables:

@@ -164,6 +164,32 @@ def test_what_cannot_be_meant_is_refused_in_a_sentence(run, given, words):
         run.analyze(**given)
 
 
+def test_a_hit_is_named_by_itself_or_by_its_number(run):
+    hit = run.hits[CONTROL][1]
+    for chosen in (hit, [hit], hit.record, np.int64(hit.record), (f"{CONTROL}/{hit.impact}",)):
+        assert run.analyze(reject=chosen)[CONTROL].impacts_rejected == 1
+
+
+@pytest.mark.parametrize(
+    ("ask", "words"),
+    [
+        (lambda: ir.read_files([]), "no file is given"),
+        (lambda: ir.VirtualRig(seed=-1), "seed is -1: it must be a whole number, 0 or more"),
+        (lambda: ir.VirtualRig(seed=1.5), "seed is 1.5: it must be a whole number"),
+        (lambda: ir.VirtualRig().run(CONTROL, 2.5), "impacts is 2.5: it must be a whole number"),
+        (lambda: ir.VirtualRig().run(CONTROL, 0), "impacts is 0: .* 1 or more"),
+        (lambda: ir.compare("runs/a", "runs/b"), "'runs/a' is neither a run nor results"),
+        (
+            lambda: ir.estimate(np.ma.masked_greater(np.arange(50.0), 40.0), rate=1e6),
+            "hammer has masked points",
+        ),
+    ],
+)
+def test_what_is_none_of_the_library_is_refused_in_a_sentence(ask, words):
+    with pytest.raises(ir.RigError, match=words):
+        ask()
+
+
 def test_a_plot_leaves_the_settings_of_matplotlib_as_they_were(results):
     plt.ion()
     before = dict(mpl.rcParams)

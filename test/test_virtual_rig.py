@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from impact_rig import Number
 from impact_rig.core.errors import ParameterError
 from impact_rig.testing import score, score_node, scoring
 
@@ -60,10 +61,33 @@ def test_an_estimator_is_scored_against_the_truth():
     ]
     wrong = score(lambda hit: (hit.truth.contact_time * 1.1, 1e-6), samples=[STEEL], impacts=2)
     assert wrong[0].coverage == 0.0
-    broken = score(lambda hit: hit.nonsense, samples=[STEEL], impacts=2)
+    with pytest.warns(
+        UserWarning, match="raised 2 errors, first AttributeError: .*nonsense.* of s"
+    ):
+        broken = score(lambda hit: hit.nonsense, samples=STEEL, impacts=2)
     assert (broken[0].failed, math.isnan(broken[0].bias)) == (2, True)
     with pytest.raises(ParameterError, match="this plant has no true 'stiffness'"):
         score(np.mean, quantity="stiffness", samples=[STEEL])
+
+
+def test_an_estimate_may_be_a_number_with_its_uncertainty():
+    number = Number(200e-6, 50e-6, 100e-6)
+    (found,) = score(lambda _: number, samples=STEEL, impacts=2)
+    assert (found.failed, found.coverage) == (0, 1.0)
+
+
+@pytest.mark.parametrize("wrong", ["a", [1.0, 2.0, 3.0], np.zeros((2, 2)), {}])
+def test_what_is_no_estimate_is_named(wrong):
+    with pytest.raises(ParameterError, match=r"the estimator returned .* of steel small/1: it"):
+        score(lambda _: wrong, samples=STEEL, impacts=1)
+
+
+def test_campaigns_one_after_the_other_warn_of_no_stranger(virtual_rig, capfd):
+    for _ in range(3):
+        assert list(virtual_rig.campaign(STEEL, impacts=1)) == [STEEL]
+    assert "another campaign" not in capfd.readouterr().err
+    with pytest.raises(ParameterError, match="impacts is 0: it must be a whole number, 1 or more"):
+        virtual_rig.campaign(STEEL, impacts=0)
 
 
 def test_a_package_of_someone_else_has_the_fixture_without_a_line_of_set_up(tmp_path):

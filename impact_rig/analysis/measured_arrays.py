@@ -92,6 +92,8 @@ class MeasuredArrays(MeasuredHits):
 
 def take_array(name: str, values: ArrayLike) -> FloatArray:
     """Return numbers as an array; raises `ParameterError` if they are none."""
+    if np.ma.is_masked(values):
+        raise ParameterError(f"{name} has masked points: every point must be known")
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,6 +1,7 @@
 """Errors of the rig, and the checks of numbers that raise them."""
 
 import math
+from numbers import Integral
 
 
 class RigError(Exception):
@@ -65,6 +66,14 @@ def check_not_negative(name: str, value: float, unit: str) -> None:
     if not (math.isfinite(value) and value >= 0):
         raise ParameterError(
             f"{name} is {value!r} {unit}: it must be a finite number, 0 or more", name
+        )
+
+
+def check_count(name: str, value: object, least: int) -> None:
+    """Require a whole number that is large enough; raises `ParameterError`."""
+    if not isinstance(value, Integral) or int(value) < least:
+        raise ParameterError(
+            f"{name} is {value!r}: it must be a whole number, {least} or more", name
         )
 
 

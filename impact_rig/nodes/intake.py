@@ -59,6 +59,7 @@ class Intake:
         self.dropped: Counter[str] = Counter()  # which were not sound, by topic
         self.foreign: set[str] = set()  # nodes of other campaigns that a warning has named
         self._node = node
+        self._began = time.time_ns()
         self._looked_at = 0.0  # [s]
 
     def take(self, topic: Topic, message: Any) -> Received[Any] | None:
@@ -67,7 +68,7 @@ class Intake:
         if self.membership.is_foreign(message):
             # Of none is a node that has just been started, too.
             if identity_from_msg(message).campaign_id != NO_ID:
-                self._name_foreign(topic)
+                self._name_foreign(topic, stamp_from_msg(message.header.stamp))
             return None
         try:
             return Received(topic.convert(message), message)
@@ -104,7 +105,7 @@ class Intake:
             ),
         )
 
-    def _name_foreign(self, topic: Topic) -> None:
+    def _name_foreign(self, topic: Topic, stamp: int) -> None:
         """Warn once of each node whose messages are ignored."""
         if time.monotonic() < self._looked_at + LOOK_PERIOD:
             return
@@ -117,6 +118,8 @@ class Intake:
         own = self._node.get_namespace().rstrip("/")
         if name := next((f"{own}/{it}" for it in MEASURING if f"{own}/{it}" in names), None):
             names.remove(name)
+            if not names and stamp < self._began:
+                return  # of the rig's campaign before, latched
         for name in set(names or [UNKNOWN]) - self.foreign:
             self.foreign.add(name)
             self._node.get_logger().warning(

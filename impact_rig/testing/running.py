@@ -6,10 +6,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from impact_rig.api import VirtualRig
+from impact_rig.api import VirtualRig, list_names
 from impact_rig.configuration.processes import LOG_NAME, RECORDING_NAME, list_rig_processes
 from impact_rig.configuration.rig_file import load_rig_file
-from impact_rig.core.errors import RigError
+from impact_rig.core.errors import RigError, check_count
 from impact_rig.devices.virtual.truth import Truth
 from impact_rig.present.printed_results import Results
 from impact_rig.results.campaign import HitResults
@@ -37,12 +37,12 @@ class RunningRig:
         """The file that is being recorded."""
         return self.folder / RECORDING_NAME
 
-    def campaign(self, samples: Sequence[str] = (), impacts: int = 2) -> Results:
+    def campaign(self, samples: str | Sequence[str] = (), impacts: int = 2) -> Results:
         """Run a campaign to its end, and return what the rig found.
 
         Parameters
         ----------
-        samples : sequence of str
+        samples : str or sequence of str
             Names; empty: all.
         impacts : int
             Accepted hits of each.
@@ -54,7 +54,9 @@ class RunningRig:
         """
         from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal
 
-        goal = CampaignGoal(samples=list(samples), impacts=impacts, attempts_per_impact=ATTEMPTS)
+        check_count("impacts", impacts, 1)
+        names = list(list_names(samples))
+        goal = CampaignGoal(samples=names, impacts=impacts, attempts_per_impact=ATTEMPTS)
         with CampaignClient(check=self.check) as client:
             client.wait_for_rig(START_TIMEOUT)
             outcome = client.run(goal, _Nobody(), longest_pause=10.0)

@@ -2,22 +2,26 @@
 
 import math
 import threading
+import warnings
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import Any
 
-from impact_rig.api import Hit, VirtualRig
-from impact_rig.core.errors import ParameterError
+import numpy as np
+
+from impact_rig.api import Hit, VirtualRig, list_names
+from impact_rig.core.errors import ParameterError, check_count
+from impact_rig.core.quantity import Quantity
 from impact_rig.devices.virtual.truth import Truth
 from impact_rig.present.printed import Printed
-from impact_rig.results.numbers import MISSING
+from impact_rig.results.numbers import MISSING, format_count
 from impact_rig.results.tables import Column, Table, make_table, make_text_column
 from impact_rig.testing.running import RunningRig
 
 Estimator = Callable[[Hit], Any]
-"""Gets a hit; returns its estimate in SI units, or that and its expanded uncertainty."""
+"""Gets a hit; returns its estimate in SI units with or without its expanded uncertainty."""
 Reader = Callable[[Any], tuple[str, int, int, float, float] | None]
 """Gets a message; returns sample, impact, attempt, estimate and expanded uncertainty."""
 
@@ -60,7 +64,7 @@ def score(
     estimator: Estimator,
     *,
     quantity: str = "contact_time",
-    samples: Sequence[str] = (),
+    samples: str | Sequence[str] = (),
     impacts: int = 20,
     seed: int = 1,
     plant: str = "contact",
@@ -71,11 +75,11 @@ def score(
     Parameters
     ----------
     estimator : callable
-        Gets an `impact_rig.Hit` and returns a number in SI units, or a pair: it and its expanded
-        uncertainty U for 95 %. An error, None or NaN counts as failed.
+        Gets an `impact_rig.Hit` and returns a number in SI units, a pair: it and its expanded
+        uncertainty U for 95 %, or an `impact_rig.Number`. An error, None or NaN counts as failed.
     quantity : str
         A field of `impact_rig.Truth`.
-    samples : sequence of str
+    samples : str or sequence of str
         Names; empty: all.
     impacts : int
         Hits of each.
@@ -85,7 +89,12 @@ def score(
     Raises
     ------
     ParameterError
-        If the plant has no such quantity.
+        If the plant has no such quantity, or the estimator returns something else.
+
+    Warns
+    -----
+    UserWarning
+        If the estimator raises errors, of the first.
 
     Examples
     --------
@@ -97,12 +106,17 @@ def score(
     >>> found.failed, round(found.bias, 2)
     (0, 0.08)
     """
+    check_count("impacts", impacts, 1)
     rig = VirtualRig(seed=seed, plant=plant, faults=faults)
     scores = []
-    for name in samples or rig.samples:
+    errors: list[str] = []
+    for name in list_names(samples) or rig.samples:
         hits = [rig.strike(name) for _ in range(impacts)]
-        found = [(_read_truth(hit.truth, quantity), *_ask(estimator, hit)) for hit in hits]
+        found = [(_read_truth(hit.truth, quantity), *_ask(estimator, hit, errors)) for hit in hits]
         scores.append(_compute_score(name, found))
+    if errors:
+        text = f"the estimator raised {format_count(len(errors), 'error')}, first {errors[0]}"
+        warnings.warn(text, stacklevel=2)
     return Scores(scores)
 
 
@@ -112,7 +126,7 @@ def score_node(
     read: Reader,
     *,
     quantity: str = "contact_time",
-    samples: Sequence[str] = (),
+    samples: str | Sequence[str] = (),
     impacts: int = 5,
     patience: float = 5.0,
 ) -> Scores:
@@ -196,13 +210,23 @@ def _compute_score(name: str, hits: Sequence[tuple[float, float, float]]) -> Sco
     )
 
 
-def _ask(estimator: Estimator, hit: Hit) -> tuple[float, float]:
-    """Return an estimate and its expanded uncertainty, NaN where there is none."""
+def _ask(estimator: Estimator, hit: Hit, errors: list[str]) -> tuple[float, float]:
+    """Return an estimate and its expanded uncertainty, NaN where there is none; note errors."""
     try:
         found = estimator(hit)
-    except Exception:  # noqa: BLE001 - whatever a foreign estimator does is its own
+    except Exception as error:  # noqa: BLE001 - whatever a foreign estimator does is its own
+        errors.append(f"{type(error).__name__}: {error}, of {hit.sample}/{hit.impact}")
         return math.nan, math.nan
     if found is None:
         return math.nan, math.nan
-    value, expanded = found if isinstance(found, tuple) else (found, math.nan)
-    return float(value), float(expanded)
+    if isinstance(found, Quantity):
+        return found.value, found.expanded
+    try:
+        value, expanded = found if np.ndim(found) else (found, math.nan)
+        return float(value), float(expanded)
+    except (TypeError, ValueError):
+        shown = " ".join(repr(found).split())
+        raise ParameterError(
+            f"the estimator returned {shown:.80} of {hit.sample}/{hit.impact}: it must be a"
+            " number, or a pair of a number and its expanded uncertainty"
+        ) from None

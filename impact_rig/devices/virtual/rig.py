@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from impact_rig.core.errors import (
     ParameterError,
     check_between,
+    check_count,
     check_positive,
 )
 from impact_rig.core.model import ImpactModel
@@ -224,6 +225,7 @@ class VirtualRigSettings:
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
+        check_count("seed", self.seed, 0)
         check_between("contact time scatter", self.contact_time_scatter, 0.0, 0.2)
         check_between("amplitude scatter", self.amplitude_scatter, 0.0, 0.2)
         check_between("contact exponent", self.contact_exponent, 0.5, 4.0)

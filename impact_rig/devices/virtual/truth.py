@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from impact_rig.core.errors import check_count
 from impact_rig.core.hits import NO_OVERRULES
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.setup import RigSetup
@@ -50,7 +51,7 @@ class VirtualCampaign:
     Raises
     ------
     ParameterError
-        If there is no such sample.
+        If there is no such sample, or `impacts` is no number of hits.
     """
 
     path, size, has_scale = Path("virtual rig"), 0, True
@@ -61,6 +62,7 @@ class VirtualCampaign:
     def __init__(
         self, rig: VirtualRig, setup: RigSetup, samples: Sequence[str], impacts: int
     ) -> None:
+        check_count("impacts", impacts, 1)
         for name in samples:
             setup.samples.find(name)
         labels = [
