@@ -1,13 +1,13 @@
-"""Many recordings, analyzed side by side by Dask: each gives the numbers that it gives alone."""
+"""Many recordings, analyzed side by side: each gives the numbers that it gives alone."""
 
 import contextlib
-import logging
+import multiprocessing
 import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from importlib.util import find_spec
-from multiprocessing import resource_tracker
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from typing import TYPE_CHECKING
 
 from impact_rig import __version__
@@ -47,7 +47,7 @@ def analyze_batch(
     settings : mapping
         Fields of `AnalysisSettings` to use in place of the recorded ones.
     workers : int or None
-        Processes; None: as many as cores, or none but this one for a small batch or without Dask.
+        Processes; None: as many as cores, or none but this one for a small batch.
     scheduler : str or None
         Address of a Dask cluster to use instead.
     report : callable
@@ -63,47 +63,51 @@ def analyze_batch(
     RigError
         If the cluster cannot be used.
     """
-    size = sum(run.size for run in runs)
-    is_worth = size >= WORTH_WORKERS and find_spec("distributed") is not None
-    cores = len(os.sched_getaffinity(0)) if is_worth else 1
-    count = min(workers or cores, len(runs))
-    if scheduler is None and count == 1:
-        outcomes = []
-        for run in runs:
-            outcomes.append(_analyze(run, settings))
-            report()
-        return outcomes
-    with connect_to_workers(scheduler) if scheduler else start_workers(count) as client:
-        return run_on_workers(client, runs, settings, report)
+    if scheduler is not None:
+        with connect_to_workers(scheduler) as client:
+            return run_on_workers(client, runs, settings, report)
+    is_worth = sum(run.size for run in runs) >= WORTH_WORKERS
+    count = min(workers or (len(os.sched_getaffinity(0)) if is_worth else 1), len(runs))
+    if count > 1:
+        return run_in_processes(count, runs, settings, report)
+    outcomes = []
+    for run in runs:
+        outcomes.append(_analyze(run, settings))
+        report()
+    return outcomes
 
 
-@contextlib.contextmanager
-def start_workers(count: int) -> "Iterator[Client]":
-    """Start processes of one thread each on this host; stop them at the end of the block."""
-    from distributed import Client, LocalCluster
-
-    with _keep_interrupts():
-        cluster = LocalCluster(
-            n_workers=count,
-            threads_per_worker=1,
-            memory_limit=0,
-            host=LOOPBACK,
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        )
-    with cluster, Client(cluster, set_as_default=False) as client:
-        yield client
-
-
-@contextlib.contextmanager
-def _keep_interrupts() -> Iterator[None]:
-    """Let the threads and processes that start in the block leave Ctrl-C to this thread."""
-    resource_tracker.ensure_running()  # it would lift the mask when it is started
-    previous = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+def run_in_processes(
+    count: int, runs: Sequence[Run], settings: Settings, report: Report
+) -> list[Analysis | RigError]:
+    """Analyze runs in processes of this host; return what came of them, in their order."""
+    # A server that has imported all once forks the processes, also from a program with threads.
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__])
+    pool = ProcessPoolExecutor(count, context, _leave_at_interrupt)
     try:
-        yield
+        futures = [pool.submit(_analyze, run, settings) for run in runs]
+        for _ in as_completed(futures):
+            report()
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, previous)
+        pool.shutdown(cancel_futures=True)
+    outcomes: list[Analysis | RigError] = []
+    for run, future in zip(runs, futures, strict=True):
+        try:
+            outcomes.append(future.result())
+        except BrokenProcessPool:
+            outcomes.append(
+                RigError(
+                    f"{run.path} was left out when the system ended a process, perhaps for want of"
+                    " memory: analyze it again, with --workers 1"
+                )
+            )
+    return outcomes
+
+
+def _leave_at_interrupt() -> None:
+    """Let Ctrl-C, which a terminal sends to all processes, end this one without a word."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @contextlib.contextmanager
@@ -140,11 +144,11 @@ def run_on_workers(
     client: "Client", runs: Sequence[Run], settings: Settings, report: Report
 ) -> list[Analysis | RigError]:
     """Analyze runs on workers; return what came of them, in their order."""
-    from distributed import as_completed
+    from distributed import as_completed as as_they_come
 
     futures = {client.submit(_analyze, run, settings, pure=False): run for run in runs}
     found: dict[Run, Analysis | RigError] = {}
-    for future in as_completed(futures, loop=client.loop):
+    for future in as_they_come(futures, loop=client.loop):
         run = futures[future]
         try:
             found[run] = future.result()

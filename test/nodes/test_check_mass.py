@@ -19,6 +19,7 @@ TABLES = """
 mass = "150.2 g"
 [source]
 driver = "virtual"
+sampling_rate = "500 kHz"  # a busy machine can take no more of a stream in one process
 amplitude_scatter = 0.05
 [source.impact_speed]
 distance = "5 mm"

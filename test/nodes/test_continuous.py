@@ -32,7 +32,7 @@ def start_rig(harness):
 
     def start(subscribers=1, **parameters):
         harness.add(EstimatorNode)
-        options = {**GENTLE, "trigger_timeout": 0.1, **parameters}
+        options = {**GENTLE, "trigger_timeout": 0.5, **parameters}
         node = harness.add(AccelerometerNode, **options)
         harness.wait_until(lambda: node._blocks.get_subscription_count() == subscribers)
         harness.tell_setup()

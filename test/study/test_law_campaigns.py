@@ -28,7 +28,7 @@ def test_laws_of_mixed_losses_are_given_and_within_their_uncertainty():
         (97, "exponent", "what the contact law leaves"),
         (124, "restitution", "scatter of the hits on struck"),
         (129, "restitution", "form of the loss"),
-        (43, "duration", "zero after the impact"),
+        (44, "exponent", "zero after the impact"),
     ],
 )
 def test_without_a_line_of_its_budget_the_truth_falls_outside(number, name, source):
