@@ -162,7 +162,7 @@ def _lay_out_campaign(hammer_unit: str) -> rrb.Container:
     layout = sdk.blueprint
     when = "of each hit: 7 s is record 7"
     trends = [
-        _make_time_view(f"{title} {when}", [(*entities.TRENDS, quantity)])
+        _make_time_view(f"{title} {when}", [(*entities.TRENDS, quantity)], _show_all())
         for title, quantity in (
             ("Contact time τp [µs]", entities.CONTACT_TIME),
             (f"Peak of the hammer [{show_unit(hammer_unit)}]", entities.HAMMER_PEAK),
@@ -192,7 +192,9 @@ def _lay_out_health() -> rrb.Container:
     sdk = import_rerun()
     layout = sdk.blueprint
     losses = _make_time_view(
-        "Gaps, missing points, dropped, rejected", [(*entities.HEALTH_HISTORY, LOSSES)]
+        "Gaps, missing points, dropped, rejected",
+        [(*entities.HEALTH_HISTORY, LOSSES)],
+        _show_all(),
     )
     states = layout.StateTimelineView(
         origin=sdk.new_entity_path([*entities.HEALTH_HISTORY, LEVELS]),
@@ -207,7 +209,10 @@ def _lay_out_health() -> rrb.Container:
 
 
 def _show_all() -> rrb.TimeAxis:
-    """Return an axis without which a part of a time line of more than a minute is shown."""
+    """Return an axis over the whole time line, of which else the minute at the cursor is shown.
+
+    It is for plots over hits and health; a record of milliseconds would be a stroke on it.
+    """
     sdk = import_rerun()
     end = sdk.TimeRangeBoundary.infinite()
     return sdk.blueprint.TimeAxis(view_range=sdk.TimeRange(end, end))
@@ -228,13 +233,13 @@ def _make_time_view(
 ) -> rrb.TimeSeriesView:
     """Return a plot over time of all entities below `parents`.
 
-    It shows what `time_axis` says first, or everything.
+    It shows what `time_axis` says first, or its own lines as far as they last.
     """
     sdk = import_rerun()
     layout = sdk.blueprint
     return layout.TimeSeriesView(
         contents=[f"+ {sdk.new_entity_path(parent)}/**" for parent in parents],
         name=name,
-        axis_x=time_axis or _show_all(),
+        axis_x=time_axis,
         plot_legend=layout.PlotLegend(layout.Corner2D.RightTop, visible=has_legend),
     )

@@ -30,6 +30,8 @@ LEAST_INK = 40
 """Pixels that a colour must have in a view."""
 LEAST_TEXT = 40
 """Bright pixels of a text: less than those of two words."""
+LEAST_WIDTH = 0.15
+"""Part of a plot's width that a trace or points take at least."""
 COLOUR_DISTANCE = 40
 """How far a drawn colour may be from the ordered one, per channel: lines have soft edges."""
 DRIVER_MISSING = ("No graphics adapter was found", "Failed to get render context")
@@ -259,6 +261,29 @@ TRACES = (palette.HAMMER, palette.CONTACT), (palette.SPECIMEN, *MODELS, palette.
 )
 def test_a_recording_s_tab_is_drawn(viewer, path, expected):
     check_tab(viewer, path, expected)
+
+
+def measure_width(pixels, colour):
+    """Return over which part of a view's width a colour lies: of a legend's dot it is small."""
+    if pixels is None:
+        return 0.0
+    return float((np.abs(pixels - np.array(colour)).max(axis=-1) < COLOUR_DISTANCE).any(0).mean())
+
+
+@pytest.mark.parametrize(
+    ("path", "name", "colour"),
+    [
+        ((TAB_HIT,), RECORD, palette.SPECIMEN),
+        ((TAB_SAMPLE, "steel medium"), "Force on the hammer of steel medium [N]", palette.BLUE),
+        ((TAB_CAMPAIGN,), f"Contact time τp [µs] {EACH_HIT}", palette.CONTACT),
+    ],
+    ids=["hit", "law", "trend"],
+)
+def test_lines_are_as_wide_as_their_plot(viewer, path, name, colour):
+    view = viewer.show(*path)[name]
+    deadline = time.monotonic() + PATIENCE
+    while (width := measure_width(viewer.draw(view), colour)) < LEAST_WIDTH:
+        assert time.monotonic() < deadline, width
 
 
 @pytest.mark.parametrize(
