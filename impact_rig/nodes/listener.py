@@ -17,8 +17,9 @@ from impact_rig.core.errors import DeviceError
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.executor import accept_message_info, make_executor, spin_until
 
-DISCOVERY_TIME = 1.0
-"""How long publishers are looked for [s]: nodes of one computer find each other in 0.1 s."""
+DISCOVERY_TIME = 3.5
+"""How long publishers are looked for [s]: nodes of one computer find each other in 0.1 s, or where
+the first packets are lost, when they are sent again, after 3 s."""
 DEPTH = 2000
 """Messages that may wait [-]: half a second of one point each at 4 kHz."""
 

@@ -143,6 +143,7 @@ unit = "m/s^2"               # or g, N, V …: where the type of the message doe
         for item in self._inputs:
             self._listener.subscribe(item.topic, partial(self._take_message, item))
         with self.changed:
+            self._last_time = time.monotonic()  # only now a message may be late
             while not self.count and self._fault is None:
                 self._wait(time.monotonic() + self.longest_silence)
             if self._fault is not None:

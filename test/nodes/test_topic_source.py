@@ -241,6 +241,26 @@ def test_what_cannot_be_meant_is_refused_in_a_sentence(channel, words):
             take_hit(publisher, plan)
 
 
+def test_a_node_whose_first_packets_are_lost_is_found(monkeypatch):
+    """Of a busy computer that is every third; they are sent again after 3 s."""
+    times = []
+
+    def is_late():
+        times.append(time.monotonic())
+        return times[-1] > times[0] + 3.1
+
+    for name, nothing in (("count_publishers", 0), ("get_publishers_info_by_topic", [])):
+        found = getattr(Node, name)
+
+        def ask(self, topic, found=found, nothing=nothing):
+            return found(self, topic) if is_late() else nothing
+
+        monkeypatch.setattr(Node, name, ask)
+    with closing(Publisher({"/accel": make_accel})) as publisher:
+        hammer, _ = take_hit(publisher, make_plan(*ACCEL))
+    assert hammer.max() > 10.0
+
+
 def test_uneven_stamps_and_a_second_publisher_are_refused():
     plan = make_plan(*ACCEL)
     with closing(Publisher({"/accel": make_accel})) as publisher:
