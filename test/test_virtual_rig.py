@@ -45,6 +45,19 @@ def test_a_node_in_the_rigs_domain_is_scored_against_the_truth(virtual_rig):
     assert deaf.failed == deaf.hits == 1
 
 
+@pytest.mark.parametrize(
+    ("read", "words"),
+    [
+        (lambda message: message.nonsense, "AttributeError: .*nonsense"),
+        (lambda message: (message.sample, 1), "ValueError: not enough values"),
+    ],
+)
+def test_what_goes_wrong_in_a_reader_is_told(virtual_rig, read, words):
+    with pytest.warns(UserWarning, match=f"read raised 1 error, first {words}"):
+        (found,) = score_node(virtual_rig, "/impact", read, samples=STEEL, impacts=1, patience=0.1)
+    assert found.failed == 1
+
+
 def test_an_estimator_is_scored_against_the_truth():
     found = score(lambda hit: (hit.truth.contact_time * 1.01, 2e-6), samples=[STEEL], impacts=4)
     assert found[0].bias == pytest.approx(0.01)

@@ -152,17 +152,29 @@ def score_node(
     RigError
         If not just one node publishes there, the campaign does not succeed, or the plant has no
         such quantity.
+
+    Warns
+    -----
+    UserWarning
+        If `read` raises errors, or does not return five things; of the first.
     """
     from impact_rig.nodes.listener import Listener
 
     found: dict[tuple[str, int, int], tuple[float, float]] = {}
     came = threading.Condition()
+    errors: list[str] = []
 
     def take(message: Any, _: object) -> None:
-        if (estimate := read(message)) is not None:
-            with came:
-                found[estimate[:3]] = estimate[3:]
-                came.notify_all()
+        try:
+            if (estimate := read(message)) is None:
+                return
+            sample, impact, attempt, value, expanded = estimate
+        except Exception as error:  # noqa: BLE001 - whatever a foreign reader does is its own
+            errors.append(f"{type(error).__name__}: {error}")
+            return
+        with came:
+            found[sample, impact, attempt] = value, expanded
+            came.notify_all()
 
     with closing(Listener(rig.domain)) as listener:
         listener.subscribe(topic, take)
@@ -170,6 +182,9 @@ def score_node(
         hits = [hit.label for hit in results.record.hits]
         with came:
             came.wait_for(lambda: len(found) >= len(hits), patience)
+    if errors:
+        text = f"read raised {format_count(len(errors), 'error')}, first {errors[0]}"
+        warnings.warn(text, stacklevel=2)
     scores = []
     for name in dict.fromkeys(label.sample for label in hits):
         judged = [
