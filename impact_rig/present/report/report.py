@@ -1,11 +1,12 @@
 """The whole report of a run: its first page, its samples, tables of all, hits, method."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 from impact_rig.configuration.particulars import NOTHING_STATED, Particulars
 from impact_rig.core.findings import Note
 from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import IMPORTED, MEASURED, join_origins
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.present.campaign_figures import (
@@ -101,18 +102,18 @@ def _make_results_section(
 
 def conclude(results: Results, judged: Sequence[JudgedValue]) -> str:
     """Return in one sentence what was found, and whether it is as expected or required."""
-    clauses = []
-    for item in SAMPLE_MEASURANDS:
-        values = [
-            found.value * item.scale
-            for sample in results.samples
-            if (found := item.read(sample)).is_known
-        ]
-        if values:
-            digits = max(item.digits - 1, 0)
-            ends = dict.fromkeys(format_number(end, digits) for end in (min(values), max(values)))
-            clauses.append(f"{item.name} {item.symbol} {' to '.join(ends)} {item.unit}")
+    clauses = [
+        f"{item.name} {item.symbol} {spanned} {item.unit}"
+        for item in SAMPLE_MEASURANDS
+        if (spanned := _span(map(item.read, results.samples), item.scale, item.digits - 1))
+    ]
     text = "; ".join(clauses) or "nothing could be determined"
+    laws = [item.contact_law for item in results.samples if item.contact_law.is_known]
+    if laws:
+        text += f"; by the contact law, of {format_count(len(laws), 'sample')}: duration"
+        text += f" {_span((law.duration for law in laws), 1e6, 1)} µs"
+        if stiffness := _span((law.equivalent_stiffness for law in laws), 1e-6, 1):
+            text += f", linear stiffness {stiffness} MN/m"
     expected = tables.count_expected(results)
     if any(expected):
         text += f"; {expected[0]} of {sum(expected)} values agree with what is expected, within U"
@@ -121,6 +122,15 @@ def conclude(results: Results, judged: Sequence[JudgedValue]) -> str:
         told = ", ".join(f"{count} {name}" for name, count in counts.items())
         text += f"; of {format_count(len(judged), 'value')} with limits {told}"
     return f"{format_count(len(results.samples), 'sample')}: {text}."
+
+
+def _span(found: Iterable[Quantity], scale: float, digits: int) -> str:
+    """Return the least and the largest of what is known, "" of none."""
+    values = [item.value * scale for item in found if item.is_known]
+    if not values:
+        return ""
+    ends = (format_number(end, max(digits, 0)) for end in (min(values), max(values)))
+    return " to ".join(dict.fromkeys(ends))
 
 
 def _make_tables_section(run: ReportedCampaign) -> Section | None:

@@ -130,7 +130,9 @@ def test_the_method_names_its_sources_and_the_forms_that_were_used(read, told):
     law = ContactLaw(Quantity(1.5), duration=Quantity(2e-4), form="δⁿ δ' + √δ δ'")
     samples = (replace(results.samples[0], contact_law=law),)
     run = replace(told, campaign=TracedCampaign(replace(results, samples=samples)))
-    sources = Reader(render_page(make_report([run]))).text.partition(paper)[2]
+    page = Reader(render_page(make_report([run]))).text
+    assert "; by the contact law, of 1 sample: duration 200.0 µs" in page
+    sources = page.partition(paper)[2]
     for name in ("H. Hertz", "F. R. E. Crossley", "K. Kono"):
         assert name in sources
     assert "Zener" not in sources
