@@ -88,10 +88,12 @@ def _run(make_node: Callable[[], RigNode], argv: Sequence[str] | None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     finally:
-        if executor is not None:
-            executor.shutdown()
+        # First, since what follows waits for locks of the middleware, which may be held for ever
+        # after a flood: a recording is whole by then.
         if node is not None:
             node.close()
+        if executor is not None:
+            executor.shutdown()
         # The middleware takes more than 3 s to leave on a busy machine, and `impact-rig up` kills
         # after 10 s: before that the process ends and shows where it stood.
         faulthandler.dump_traceback_later(8.0, exit=True, file=2)

@@ -287,7 +287,7 @@ class RecorderNode(RigNode):
         self.report_fault(str(error))
 
     def _close(self, writer: RecordingWriter, reason: str) -> None:
-        """Withdraw the subscriptions, write how it ended, and finish the recording.
+        """Write how it ended, finish the recording, and withdraw the subscriptions.
 
         Raises
         ------
@@ -298,10 +298,12 @@ class RecorderNode(RigNode):
         # An error here must not keep the file from being finished.
         with contextlib.suppress(FileError):
             writer.add_metadata(HEALTH_RECORD, {"reason": reason, **health})
-        for subscription in self._recorded.values():
-            self.destroy_subscription(subscription)
-        self._recorded.clear()
-        writer.close()
+        try:
+            writer.close()
+        finally:
+            for subscription in self._recorded.values():
+                self.destroy_subscription(subscription)
+            self._recorded.clear()
 
     def _publish_state(self, message: str) -> None:
         self._message = message

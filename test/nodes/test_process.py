@@ -126,6 +126,38 @@ process.run_node(Standing)
     assert "in stand" in process.stderr
 
 
+def test_a_recording_is_whole_although_the_middleware_is_locked_up_at_the_end(
+    run_script, tmp_path
+):
+    path = tmp_path / "session.mcap"
+    process = run_script(f"""
+import os, signal, time
+import rclpy
+from impact_rig.nodes import process
+from impact_rig.nodes.recorder import RecorderNode
+from rclpy.impl.implementation_singleton import rclpy_implementation
+
+def wait_for_a_lock(*_):
+    time.sleep(1000)
+
+class Locked(rclpy_implementation.EventsExecutor):
+    shutdown = wait_for_a_lock
+
+class Stopping(RecorderNode):
+    def autostart(self):
+        super().autostart()
+        self.destroy_subscription = wait_for_a_lock
+        os.kill(os.getpid(), signal.SIGTERM)
+
+process.make_executor = lambda: Locked(rclpy.get_default_context())
+process.STUCK_AFTER = 3.0
+process.run_node(Stopping, ["--ros-args", "-p", "output:={path}"])
+""")
+    assert process.returncode == 1
+    assert "in wait_for_a_lock" in process.stderr
+    assert path.read_bytes().endswith(b"\x89MCAP0\r\n")
+
+
 def test_signals_while_a_node_ends_change_nothing(start_process, tmp_path):
     path = tmp_path / "session.mcap"
     process = start_process("recorder", output=path)
