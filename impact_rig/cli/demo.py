@@ -13,7 +13,7 @@ import click
 
 from impact_rig.cli import options
 from impact_rig.cli.campaign import CampaignView, report_outcome, run_campaign
-from impact_rig.cli.up import RunningNodes, check_open_files
+from impact_rig.cli.up import RunningNodes, check_open_files, check_ros
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     LOG_NAME,
@@ -105,6 +105,7 @@ def run(
         rig.setup.samples.find(name)
     if angles:
         rig.setup.at_angles(angles)
+    check_ros()
     check_open_files()
     folder = choose_run_folder(output)
     source = {key: chosen.pop(key) for key in options.SOURCE_KEYS}

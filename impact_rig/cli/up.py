@@ -58,6 +58,13 @@ def make_command(process: NodeProcess, namespace: str = "") -> list[str]:
     return words
 
 
+def check_ros() -> None:
+    """Raise `ModuleNotFoundError` where nodes cannot run: each would, with its log around it."""
+    for name in ("rclpy", "impact_rig_msgs"):
+        if find_spec(name) is None:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+
 def check_open_files() -> None:
     """Raise `RigError` if this process, or a node, may not open as many files as a rig needs."""
     allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -84,9 +91,7 @@ class RunningNodes:
     def __init__(
         self, *outputs: IO[str], on_page: Callable[[str, str], None] = lambda *_: None
     ) -> None:
-        for name in ("rclpy", "impact_rig_msgs"):
-            if find_spec(name) is None:  # each node would say so, with its log around it
-                raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        check_ros()
         self._outputs = outputs
         self._on_page = on_page
         self._nodes: dict[str, subprocess.Popen[bytes]] = {}  # those that have not ended
@@ -226,6 +231,7 @@ def run(
         found = find_rig_of_run(resume, rig_file, source)
         rig, source = options.load_rig(found.rig.path), {**found.source}
         chosen["continuous"] |= found.is_continuous
+    check_ros()
     check_open_files()
     folder = resume or choose_run_folder(output)
     options.set_discovery(network=network)

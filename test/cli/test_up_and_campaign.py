@@ -120,7 +120,7 @@ def test_without_a_rig_one_sentence_says_what_to_start(run, environment, monkeyp
     assert done.stderr.startswith("error: no rig answers in namespace '/' within 0.2 s: start one")
 
 
-@pytest.mark.parametrize("command", ["up", "page"])
+@pytest.mark.parametrize("command", ["up", "page", "demo"])
 def test_without_ros_it_is_said_before_a_node_is_started(command, run, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sys.modules, "rclpy", None)
@@ -128,3 +128,4 @@ def test_without_ros_it_is_said_before_a_node_is_started(command, run, monkeypat
     assert outcome.exit_code == 2
     assert "error: rclpy is not installed: analyze, export" in outcome.stderr
     assert "started" not in outcome.stdout
+    assert not list(tmp_path.iterdir())  # no folder of a run that never was
