@@ -7,15 +7,23 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from impact_rig.configuration.rig_file import RigFile, read_today, take_trigger_level
+from impact_rig.configuration.rig_file import (
+    RigFile,
+    read_today,
+    take_barrier_distance,
+    take_trigger_level,
+)
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import ParameterError
+from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF
 from impact_rig.core.paper_estimate import check_control
 from impact_rig.core.sensors import CHANNELS, STANDARD_GRAVITY, Sensor
 from impact_rig.core.setup import RigSetup
 
 HAMMER, SPECIMEN = CHANNELS
 VIRTUAL = "virtual"
+VIRTUAL_RATE = 2.5e6
+"""Sampling rate of the virtual rig where [source] states none [Hz]: the paper's."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +61,8 @@ class _Reading:
         self.source, self.samples = rig.source, rig.setup.samples
         self.is_virtual = self.source.get("driver", VIRTUAL) == VIRTUAL
         # Of the record [Hz, s]; NaN: the driver chooses.
-        self.rate = self.source.take_quantity("sampling_rate", "Hz", "2.5 MHz", math.nan)
+        default = VIRTUAL_RATE if self.is_virtual else math.nan
+        self.rate = self.source.take_quantity("sampling_rate", "Hz", "2.5 MHz", default, low=1.0)
         self.duration = self.source.take_quantity("record_duration", "s", "2.2 ms", math.nan)
         self.pre_trigger = self.source.take_quantity("pre_trigger", "s", "300 us", math.nan)
         self.contact_times = [
@@ -125,12 +134,12 @@ def _check_rate(reading: _Reading) -> Notes:
     source, analysis, rate = reading.source, reading.find_table("analysis"), reading.rate
     if math.isnan(rate):
         return
-    cutoff = reading.analysis.cutoff_frequency
-    if cutoff >= rate / 2.0:
-        text = f"cutoff_frequency of [analysis] is {cutoff:g} Hz: at {rate:g} Hz it must be below"
+    cutoff, highest = reading.analysis.cutoff_frequency, HIGHEST_RELATIVE_CUTOFF * rate
+    if cutoff > highest:
+        text = f"cutoff_frequency of [analysis] is {cutoff:g} Hz: at {rate:g} Hz it must be"
         table = analysis if "cutoff_frequency" in analysis else source
         key = "cutoff_frequency" if "cutoff_frequency" in analysis else "sampling_rate"
-        yield fault(table, key, f"{text} half of that, {rate / 2:g} Hz")
+        yield fault(table, key, f"{text} {highest:g} Hz or less")
     before = reading.analysis.pre_trigger * rate
     if before < 10.0:
         text = f"sampling_rate of [source] is {rate:g} Hz: the {before:.1f} points before the"
@@ -261,7 +270,7 @@ def _check_barrier(reading: _Reading) -> Notes:
         if name and name == str(reading.find_channel(channel).get("channel", "")):
             text = f"channel of {table.place} is {name!r}, the {channel}'s: a barrier has its own"
             yield fault(table, "channel", text)
-    distance = table.take_quantity("distance", "m", "10 mm")
+    distance = take_barrier_distance(table)
     way = setup.impact_speed / setup.pendulum_rate
     if distance >= way:
         text = f"distance of {table.place} is {distance * 1e3:.3g} mm: the hammer swings only"

@@ -185,6 +185,11 @@ def take_trigger_level(source: TomlTable, moving_mass: float) -> float | None:
         return value * compute_scale(unit, moving_mass)
 
 
+def take_barrier_distance(table: TomlTable) -> float:
+    """Return the hammer's way between the edges of a light barrier [m]."""
+    return table.take_quantity("distance", "m", "10 mm", low=1e-6)
+
+
 def _take_full_scale(table: TomlTable, quantity: str, unit: str) -> float:
     """Return the largest value that the sensor takes [unit]; 0: not stated."""
     if "full_scale" not in table:

@@ -248,13 +248,16 @@ def check_chain(traced: float, stated: float) -> tuple[Finding, ...]:
     """Return what a hit on a free rigid mass has against the chain, by both masses [kg]."""
     if abs(traced - stated) <= CHAIN_TOLERANCE * stated:
         return ()
-    text = (
-        f"the free mass of {stated * 1e3:.4g} g, accelerometer included, moves as"
-        f" {traced * 1e3:.4g} g would, {100.0 * (traced / stated - 1.0):+.1f} %: more than the"
-        f" {100.0 * CHAIN_TOLERANCE:g} % of ISO 7626-1; see to sensitivities, masses, mounts and"
-        " cables"
-    )
-    return (Finding(Reason.OPERATIONAL_CHECK, text),)
+    text = f"the free mass of {stated * 1e3:.4g} g, accelerometer included,"
+    if math.isfinite(traced):
+        text = (
+            f"{text} moves as {traced * 1e3:.4g} g would, {100.0 * (traced / stated - 1.0):+.1f}"
+        )
+        text = f"{text} %: more than the {100.0 * CHAIN_TOLERANCE:g} % of ISO 7626-1"
+    else:
+        text = f"{text} cannot be weighed by these traces"
+    advice = "see to sensitivities, masses, mounts and cables"
+    return (Finding(Reason.OPERATIONAL_CHECK, f"{text}; {advice}"),)
 
 
 def _describe_check(checks: Checks, setup: RigSetup, sample: str) -> tuple[Note, ...]:

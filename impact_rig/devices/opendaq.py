@@ -4,7 +4,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -237,6 +237,7 @@ class OpenDaqSource(StreamedSource):
         self.name = f"openDAQ device {self._describe_device()}"
         chosen = [self._choose_channel(channel) for channel in plan.inputs]
         channels, signals = [item for item, _ in chosen], [item for _, item in chosen]
+        self._check_signals(plan.inputs, signals)
         self._set_rate(plan.sampling_rate, channels)
         set_properties(self._device, self._properties)
         for channel, wanted in zip(channels, plan.inputs, strict=True):
@@ -289,6 +290,21 @@ class OpenDaqSource(StreamedSource):
             f"channel of {wanted.options.place} is {wanted.name!r}: {self.name} has"
             f" {names or 'none'}, or their numbers from 1, or the end of a signal's path",
         )
+
+    def _check_signals(
+        self, inputs: Sequence[SourceChannel | SpeedGate], signals: list[Any]
+    ) -> None:
+        """Raise `ParameterError` if two inputs name one signal, as 1 and its name do."""
+        seen: dict[str, str] = {}
+        for wanted, signal in zip(inputs, signals, strict=True):
+            place = wanted.options.place
+            if signal.global_id in seen:
+                raise wanted.options.make_error(
+                    "channel",
+                    f"channel of {place} is {wanted.name!r}, which is that of"
+                    f" {seen[signal.global_id]}: give each a channel of its own",
+                )
+            seen[signal.global_id] = place
 
     def _set_rate(self, rate: float, channels: list[Any]) -> None:
         """Ask devices or, where they have no rate, channels for a rate."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impact_rig.configuration.rig_file import take_barrier_distance
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.records import NO_SPEED, FloatArray, MeasuredSpeed
 from impact_rig.core.setup import RigSetup
@@ -136,7 +137,7 @@ def take_speed_gate(source: TomlTable, setup: RigSetup) -> SpeedGate | None:
             f"{table.place} needs release_angle in [hammer]: the pendulum gains speed between"
             " the barrier and the contact",
         )
-    distance = table.take_quantity("distance", "m", "10 mm", low=1e-6)
+    distance = take_barrier_distance(table)
     standard = table.take_quantity("distance_uncertainty", "m", "0.05 mm", 0.0, low=0.0)
     if not 0.0 <= standard < distance:
         raise table.refuse("distance_uncertainty", "less than the distance")

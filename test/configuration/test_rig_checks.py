@@ -115,6 +115,7 @@ def test_what_cannot_be_meant_is_refused_with_its_line(old, new, told):
 IMPOSSIBLE = [
     ("channel = 2", "channel = 1", "line 36: channel of [source.specimen] is '1', the hammer's"),
     ('"50 kHz"', '"1.5 MHz"', "line 12: cutoff_frequency of [analysis] is 1.5e+06 Hz: at"),
+    ('"50 kHz"', '"1.1 MHz"', "it must be 1e+06 Hz or less"),
     ('"2.5 MHz"', '"96 kHz"', "line 12: cutoff_frequency of [analysis] is 50000 Hz: at 96000"),
     ('"2.5 MHz"', '"30 kHz"', "line 22: sampling_rate of [source] is 30000 Hz: the 6.0 points"),
     ('"2.5 MHz"', '"30 kHz"', "the shortest expected pulse has 2.5 points at half amplitude"),
@@ -172,6 +173,26 @@ def test_mistakes_of_barrier_and_check_mass_are_named_with_their_line(old, new, 
     assert old in BARRIER
     notes = check_rig(parse_rig_file(add(BARRIER.replace(old, new, 1))))
     assert any(told in note.text for note in notes if note.is_fault is is_fault), notes
+
+
+@pytest.mark.parametrize("distance", ["0 mm", "-5 mm"])
+def test_a_barrier_without_a_way_is_refused_with_its_line(distance):
+    rig = parse_rig_file(add(BARRIER.replace("5 mm", distance)))
+    with pytest.raises(ParameterError, match=f"line 42: distance of .* is '{distance}': it must"):
+        check_rig(rig)
+
+
+@pytest.mark.parametrize("rate", ["0 Hz", "-1 MHz"])
+def test_a_rate_that_is_none_is_refused_with_its_line(rate):
+    rig = parse_rig_file(change("2.5 MHz", rate))
+    with pytest.raises(ParameterError, match=f"line 22: sampling_rate of .* is '{rate}': it must"):
+        check_rig(rig)
+
+
+def test_the_virtual_rig_has_a_rate_where_the_file_states_none():
+    text = read_template().replace('cutoff_frequency = "50 kHz"', 'cutoff_frequency = "2 MHz"')
+    with pytest.raises(ParameterError, match=r"line \d+: cutoff_frequency .* at 2.5e\+06 Hz"):
+        require_rig(parse_rig_file(text))
 
 
 def test_a_sample_may_not_be_called_as_the_check_mass():

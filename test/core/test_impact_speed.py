@@ -1,11 +1,13 @@
 """The hammer's speed, measured at each hit or stated, and the operational check of the chain."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from impact_rig.core.checks import check_chain
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.findings import Reason, Subject
 from impact_rig.core.hits import JudgedHit
@@ -147,3 +149,9 @@ def test_a_chain_beyond_it_is_rejected_on_the_check_mass_and_on_no_other(gain):
 def test_a_check_mass_that_is_not_in_the_set_is_refused():
     with pytest.raises(ParameterError, match="check sample 'lead' is missing from the set"):
         replace(SETUP.samples, check_sample="lead")
+
+
+def test_a_check_mass_that_cannot_be_weighed_fails_the_check_in_words():
+    (finding,) = check_chain(math.nan, 0.15)
+    assert "the free mass of 150 g, accelerometer included, cannot be weighed" in str(finding)
+    assert "nan" not in str(finding)

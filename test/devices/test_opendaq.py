@@ -140,6 +140,7 @@ def test_a_scale_that_cannot_be_known_is_refused(unit, limit, sensor, words):
     [
         ({"hammer": make_channel("hammer", "AI 7")}, r"is 'AI 7': .* has RefCh0, RefCh1, or"),
         ({"hammer": make_channel("hammer", "3")}, r"is '3'"),
+        ({"hammer": make_channel("hammer", "2")}, r"is 'RefCh1', which is that of .source.ham"),
         ({"hammer": make_channel("hammer", "1", colour="red")}, r"unknown key 'colour'"),
         (
             {"hammer": make_channel("hammer", "1", properties={"Gain": 2})},

@@ -8,6 +8,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from impact_rig.configuration.rig_checks import VIRTUAL_RATE
 from impact_rig.core.errors import (
     ParameterError,
     check_between,
@@ -117,7 +118,7 @@ SHORTEST_RECORD = 100
 class DigitizerSettings:
     """The virtual acquisition chain; the paper's digitizer by default."""
 
-    sampling_rate: float = 2.5e6  # [Hz]
+    sampling_rate: float = VIRTUAL_RATE  # [Hz]
     record_duration: float = 2e-3  # [s]
     pre_trigger: float = 0.2e-3  # [s], from the first point to the contact, jitter apart
     bits: int = 12
