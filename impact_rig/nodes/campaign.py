@@ -25,6 +25,7 @@ from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.async_node import ANSWER_TIMEOUT
 from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.campaign_state import (
+    PAUSE_CANCELLED,
     TASKS,
     TRANSITIONS,
     ArmingError,
@@ -44,6 +45,8 @@ PAUSE_TIMEOUT = 1.0
 """How long the hammer may take to answer that it is disarmed, before it is asked again [s]."""
 RESULTS_TIMEOUT = 600.0
 """How long the estimator may take to read a run, or to fit the model to a hundred samples [s]."""
+SILENCE = 30.0
+"""How long an estimator may be silent at a campaign's end, before its results are given up [s]."""
 
 
 CHECK_ATTEMPTS = 3
@@ -144,7 +147,7 @@ class CampaignNode(RigNode):
         """Raise `EndError` if the client, this node's end or a long pause ends the campaign."""
         if campaign.is_cancelled:
             pause = campaign.state.message
-            raise EndError(f"cancelled in a pause: {pause}" if pause else "cancelled by a client")
+            raise EndError(f"{PAUSE_CANCELLED}: {pause}" if pause else "cancelled by a client")
         if campaign.is_superseded:
             raise EndError("another client goes on with it")
         if self.stop_requested.done():
@@ -531,7 +534,14 @@ class CampaignNode(RigNode):
             return
         for client in (self._disarm_hammer, self._disarm):
             await self._call_if_there(client, Trigger.Request())
-        results = await self._call_if_there(self._results, GetResults.Request(), RESULTS_TIMEOUT)
+        # Before the first hit it may read a run; later it answers soon, or not at all.
+        patience = SILENCE if campaign.has_armed else RESULTS_TIMEOUT
+        counts = GetResults.Request(counts_only=True)
+        results = await self._call_if_there(self._results, counts, patience)
+        if results is not None:
+            results = await self._call_if_there(
+                self._results, GetResults.Request(), RESULTS_TIMEOUT
+            )
         if results is None or results.setup.campaign_id != campaign.setup.campaign_id:
             result.success = False
             result.message += ": the estimator has no results, analyze the recording"

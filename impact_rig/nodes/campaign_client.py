@@ -21,6 +21,7 @@ from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.campaign_state import PAUSE_CANCELLED
 from impact_rig.nodes.client import START_ONE, RigClient
 from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
@@ -201,14 +202,14 @@ class CampaignClient(RigClient):
         self._status.begin(None)
         self._status.recorder = RecorderStatus()
         self._operator, self._paused_since = operator, math.inf
-        vain = ""  # why a campaign that nobody could go on with was cancelled
+        is_vain = False  # it was cancelled since nobody could go on with it
         self._sent.clear()
         self._duties.clear()
         self._result = self._send_goal(goal).get_result_async()
         while not self._result.done():
             self._check_life()
-            if not vain and time.monotonic() - self._paused_since > longest_pause:
-                vain = self._status.campaign.message
+            if not is_vain and time.monotonic() - self._paused_since > longest_pause:
+                is_vain = True
                 self._goal.cancel_goal_async()
             if self._duties:
                 self._duties.pop(0)(operator)
@@ -222,6 +223,9 @@ class CampaignClient(RigClient):
                 "the campaign node was started again, and does not know the campaign"
             )
         result = answer.result
+        if is_vain:
+            in_vain = "nobody is there to end this pause"
+            result.message = result.message.replace(PAUSE_CANCELLED, in_vain, 1)
         if not result.setup.samples:
             raise RigError(f"the campaign is rejected: {result.message}")
         if not result.success and not (result.accepted or result.rejected):
@@ -237,7 +241,7 @@ class CampaignClient(RigClient):
         }
         return CampaignOutcome(
             success=result.success and answer.status == GoalStatus.STATUS_SUCCEEDED,
-            message=f"nobody is there to end this pause: {vain}" if vain else result.message,
+            message=result.message,
             results=results_from_msg(result, faults),
             recording=result.recording,
         )

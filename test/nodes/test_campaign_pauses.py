@@ -1,12 +1,16 @@
 """A campaign pauses while something is missing, says why, and goes on with its hits."""
 
+import signal
+
+import pytest
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import CampaignState, HammerState
+from impact_rig_msgs.srv import GetResults, JoinCampaign
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.nodes import interfaces
+from impact_rig.nodes import campaign, interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.campaign_client import CampaignClient
@@ -22,6 +26,7 @@ WAITING_FOR_HAMMER = CampaignState.WAITING_FOR_HAMMER
 START_PATIENCE = 60.0
 MANY = 100_000
 """Impacts that no test waits for."""
+JOIN_ESTIMATOR = interfaces.make_join_name("estimator")
 FOR_GOOD = {"reconnect_period": 0.0}
 """A lost device stays away until the test brings it back."""
 SOON = {"verdict_timeout": 1.0}
@@ -108,6 +113,32 @@ def test_where_nobody_is_there_a_pause_that_a_person_would_end_is_an_end(
     told = states.wait(lambda got: got[-1].state == CampaignState.ENDED)[-1].message
     assert told.startswith("cancelled in a pause: the hammer is not armed")
     assert [hit.impact for hit in outcome.results.hits if hit.accepted][:1] == [1]
+
+
+def test_where_nobody_is_there_a_silent_estimator_ends_it_while_its_process_lives(
+    harness, start_process, ros_domain, monkeypatch
+):
+    monkeypatch.setattr(campaign, "SILENCE", 1.0)
+    monkeypatch.setattr(campaign, "ANSWER_TIMEOUT", 2.0)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    estimator = start_process("estimator")
+    harness.add(AccelerometerNode, trigger_timeout=0.2)
+    harness.add(HammerNode, swing_time=0.001)
+    harness.record()
+    harness.add(CampaignNode, **SOON)
+    harness.wait_until(harness.peer.create_client(JoinCampaign, JOIN_ESTIMATOR).service_is_ready)
+
+    def stop(rig):
+        if rig.campaign.progress.accepted >= 1:
+            estimator.send_signal(signal.SIGSTOP)
+
+    goal = RunCampaign.Goal(samples=["steel small"], impacts=MANY)
+    with CampaignClient() as client:
+        client.wait_for_rig(START_PATIENCE)
+        with pytest.raises(DeviceError, match=r"^nobody is there to end this pause: estimator/"):
+            client.run(goal, Onlooker(stop), longest_pause=1.0)
+        still = harness.peer.create_client(GetResults, interfaces.GET_RESULTS)
+        harness.wait_until(still.service_is_ready)
 
 
 def test_a_device_that_was_lost_and_is_back_is_used_again_once_a_person_has_armed(harness):
