@@ -224,6 +224,13 @@ def test_a_hit_is_rejected_by_hand_struck_again_and_the_verdict_undone(page):
     sync_api.expect(hits.last.locator("td").nth(2)).to_have_text("accepted")
 
 
+@pytest.mark.parametrize("width", [390, 1280])
+def test_stop_stays_in_sight_wherever_the_page_is_scrolled_to(page, width):
+    page.set_viewport_size({"width": width, "height": 600})
+    page.locator("#health").scroll_into_view_if_needed()
+    sync_api.expect(page.locator("#stop button")).to_be_in_viewport()
+
+
 def test_a_name_and_a_note_stand_in_the_recording(page, rig):
     page.locator("input[name=who]").fill("Anna <b>")
     page.get_by_role("button", name="Keep it").click()
