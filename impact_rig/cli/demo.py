@@ -131,7 +131,8 @@ def run(
                 samples=samples, impacts=impacts, attempts_per_impact=ATTEMPTS,
                 release_angles=angles,
             )  # fmt: skip
-            outcome = run_campaign(client, goal, view, is_attended=False)
+            # Who looks at the page can end a pause.
+            outcome = run_campaign(client, goal, view, is_attended=bool(chosen["page"]))
             if chosen["page"]:
                 view.stay("the campaign is done; the page stays until Ctrl-C")
                 with contextlib.suppress(KeyboardInterrupt):
