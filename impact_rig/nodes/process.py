@@ -24,9 +24,9 @@ from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.rig_node import RigNode
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-STUCK_AFTER = 60.0
+STUCK_AFTER = 600.0
 """How long a node may stand still, none of its threads running Python, or take to end [s], our
-choice: the longest that a disk or a device has held one up is 10 s."""
+choice: longer than a person lets a stopped process stand who means to go on with it."""
 DRAIN_QUIET = 0.1
 """How long nothing may have come before the queues count as empty at the end [s]."""
 
