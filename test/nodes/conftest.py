@@ -293,6 +293,9 @@ def ros_domain() -> Iterator[int]:
 def harness(ros_domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Harness]:
     """Return a place to run nodes in."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv(
+        "ROS_DOMAIN_ID", str(ros_domain)
+    )  # of which a node looks for a rig that is up
     keep = RigMember._keep_liveliness
 
     def keep_liveliness(member: RigMember, status: Any) -> None:
