@@ -6,12 +6,10 @@ units. What is wrong with any of them raises `RigError`, in one sentence.
 
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from glob import glob, has_magic
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +19,16 @@ from numpy.typing import ArrayLike
 from impact_rig.analysis.analyze import HitSource, analyze
 from impact_rig.analysis.exporting import ExportedHit, read_campaigns
 from impact_rig.analysis.sources import RunSource, find_run, read_runs
+from impact_rig.configuration.processes import limit_threads
 from impact_rig.configuration.rig_file import read_rig_file, read_settings
 from impact_rig.configuration.units import Given, read_given
-from impact_rig.core.errors import FileError, ParameterError, RigError  # noqa: F401 - public
+from impact_rig.core.errors import (
+    FileError,
+    ParameterError,
+    RigError,  # noqa: F401 - public
+    check_count,
+    check_name,
+)
 from impact_rig.core.records import Block, FloatArray, HitLabel
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
@@ -36,19 +41,6 @@ from impact_rig.recordings.source import find_bag
 from impact_rig.results.batch import BatchCampaign, tabulate_changes
 from impact_rig.results.numbers import format_count
 from impact_rig.results.traces import AlignedHit, align_hit
-
-
-@contextmanager
-def _use_one_thread() -> Iterator[None]:
-    """Let linear algebra use one thread: several take four times as long, and round otherwise."""
-    if find_spec("threadpoolctl") is None:
-        yield
-        return
-    import scipy.linalg  # noqa: F401 - it has a library of its own, which must be there to be asked
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1, "blas"):
-        yield
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -77,6 +69,11 @@ class Hit:
     filtered: AlignedHit | None = None  # `.time`, `.traces`: after baseline and low-pass
 
     @property
+    def name(self) -> str:
+        """As `Run.analyze` takes it: "steel small/1.1"."""
+        return f"{self.sample}/{self.impact}.{self.attempt}"
+
+    @property
     def time(self) -> FloatArray:
         """From the first point [s], shape (n,)."""
         return np.arange(self.hammer.size) / self.rate
@@ -86,41 +83,50 @@ class Hit:
         bodies = "hammer" if self.specimen is None else "hammer and specimen"
         verdict = {None: "", True: ", accepted", False: f", rejected: {'; '.join(self.reasons)}"}
         return (
-            f"{self.sample}/{self.impact}.{self.attempt}: {self.hammer.size} points of {bodies} at"
-            f" {self.rate / 1e3:g} kHz{verdict[self.accepted]}"
+            f"{self.name}: {self.hammer.size} points of {bodies} at {self.rate / 1e3:g} kHz"
+            f"{verdict[self.accepted]}"
         )
 
 
-def _make_hit(block: Block, **known: Any) -> Hit:
-    label, traces = block.label, [channel.acceleration for channel in block.channels]
-    specimen = traces[1] if len(traces) > 1 else None
-    place = label.sample, label.impact, label.attempt, label.record
-    return Hit(*place, block.sampling_rate, traces[0], specimen, **known)
-
-
-def _show_hit(hit: ExportedHit, truths: Mapping[HitLabel, Truth]) -> Hit:
-    label, filtered = hit.record.label, hit.judged.filtered
-    return _make_hit(
-        hit.record,
-        accepted=hit.accepted,
-        reasons=tuple(map(str, hit.judged.rejections)),
-        truth=truths.get(label),
-        filtered=None if filtered is None else align_hit(label, filtered),
+def _make_hit(block: Block, truth: Truth | None, judged: ExportedHit | None = None) -> Hit:
+    label, (hammer, *others) = block.label, [item.acceleration for item in block.channels]
+    hit = Hit(
+        label.sample,
+        label.impact,
+        label.attempt,
+        label.record,
+        block.sampling_rate,
+        hammer,
+        others[0] if others else None,
+        truth=truth,
     )
+    if judged is None:
+        return hit
+    filtered, reasons = judged.judged.filtered, tuple(map(str, judged.judged.rejections))
+    aligned = None if filtered is None else align_hit(label, filtered)
+    return replace(hit, accepted=judged.accepted, reasons=reasons, filtered=aligned)
 
 
 Chosen = str | int | Hit | Iterable[str | int | Hit]
 """Hits, each as itself, by name, or by the number of its record."""
 
 
+def list_items(given: Any) -> list[Any]:
+    """Return things as a list; one may be given by itself."""
+    is_one = isinstance(given, str | Path) or not isinstance(given, Iterable)
+    return [given] if is_one else [*given]
+
+
 def _name_hits(chosen: Chosen) -> list[str]:
-    items = chosen if isinstance(chosen, Iterable) and not isinstance(chosen, str) else [chosen]
-    return [str(item.record if isinstance(item, Hit) else item) for item in items]
+    return [item.name if isinstance(item, Hit) else str(item) for item in list_items(chosen)]
 
 
-def list_names(samples: str | Iterable[str]) -> tuple[str, ...]:
-    """Return names of samples; one may be given by itself."""
-    return (samples,) if isinstance(samples, str) else tuple(samples)
+class _Hits(dict[str, tuple[Hit, ...]]):
+    """Hits by sample."""
+
+    def __missing__(self, name: str) -> Any:
+        """Refuse the name."""
+        check_name("sample", name, self)
 
 
 class Run:
@@ -133,6 +139,8 @@ class Run:
         campaign: int | None = None,
         truths: Mapping[HitLabel, Truth] | None = None,
     ) -> None:
+        if campaign is not None:
+            check_count("campaign", campaign, 1)
         self.name = name
         self._source = source
         self._campaign = campaign
@@ -142,10 +150,8 @@ class Run:
         """Return the campaign that is meant."""
         if not campaigns:
             raise FileError(f"{self.name} holds no complete hit")
-        number = self._campaign
-        if number is None and len(campaigns) == 1:
-            return campaigns[0]
-        if number is None or not 1 <= number <= len(campaigns):
+        number = 1 if self._campaign is None and len(campaigns) == 1 else self._campaign
+        if number is None or number > len(campaigns):
             raise ParameterError(
                 f"{self.name} holds {format_count(len(campaigns), 'campaign')}: choose one with"
                 f" campaign=1 to {len(campaigns)}"
@@ -153,21 +159,23 @@ class Run:
         return campaigns[number - 1]
 
     @cached_property
-    @_use_one_thread()
+    @limit_threads()
     def hits(self) -> dict[str, tuple[Hit, ...]]:
         """All hits in their order, by sample, each with its verdict.
 
         Raises
         ------
         RigError
-            If they cannot be read.
+            If they cannot be read. A sample that is not there is a `KeyError`, too.
         """
-        found: dict[str, list[Hit]] = {}
+        found = _Hits()
         for hit in self._choose(read_campaigns(self._source)).list_hits():
-            found.setdefault(hit.record.label.sample, []).append(_show_hit(hit, self._truths))
-        return {name: tuple(hits) for name, hits in found.items()}
+            label = hit.record.label
+            shown = _make_hit(hit.record, self._truths.get(label), hit)
+            found[label.sample] = *found.get(label.sample, ()), shown
+        return found
 
-    @_use_one_thread()
+    @limit_threads()
     def analyze(
         self,
         *,
@@ -200,7 +208,7 @@ class Run:
         1 sample, 3 hits accepted, 1 rejected; simulated (virtual rig, plant published)
         """
         overruled = map(_name_hits, (accept, reject))
-        chosen = read_settings({"cutoff_frequency": cutoff, **settings})
+        chosen = read_settings({"cutoff": cutoff, **settings})
         found = analyze(self._source, chosen, *overruled, keep_traces=True)
         return Results(self._choose(found.campaigns), self.name, found.warnings)
 
@@ -214,22 +222,22 @@ class _StoredRun(Run):
 
     def __init__(self, source: RunSource) -> None:
         self.name = source.title
-        self._results = source
+        self._path = source.results
+        (self._found,) = read_runs(source)
 
     @cached_property
     def hits(self) -> dict[str, tuple[Hit, ...]]:
         """Nothing of them is left."""
-        raise FileError(f"{self._results.results} holds results alone: hits are in a recording")
+        raise FileError(f"{self._path} holds results alone: hits are in a recording")
 
     def analyze(self, **settings: Any) -> Results:
         """Return the results."""
         if settings:
             raise ParameterError(
-                f"{', '.join(settings)} does not change {self._results.results}, a results file:"
+                f"{', '.join(settings)} does not change {self._path}, a results file:"
                 " open its recording"
             )
-        (found,) = read_runs(self._results)
-        return Results(found.campaign, self.name, found.warnings)
+        return Results(self._found.campaign, self.name, self._found.warnings)
 
 
 def open_run(
@@ -250,7 +258,7 @@ def open_run(
     Raises
     ------
     RigError
-        If there is no such run.
+        If there is no such run, or it cannot be read.
 
     Examples
     --------
@@ -258,10 +266,17 @@ def open_run(
     Traceback (most recent call last):
     impact_rig.core.errors.FileError: nowhere.mcap does not exist
     """
-    source = find_run(find_bag(Path(path)), namespace)
+    source = find_run(find_bag(_read_path("path", path)), namespace)
     if source.run is None:
         return _StoredRun(source)
+    _ = source.run.namespace  # raises an error at once
     return Run(source.run, source.title, campaign)
+
+
+def _read_path(what: str, path: Any) -> Path:
+    if isinstance(path, str | Path) and str(path):
+        return Path(path)
+    raise ParameterError(f"{what} is {path!r}: it must be the name of a file or a folder")
 
 
 def read_files(
@@ -304,10 +319,9 @@ def read_files(
     from impact_rig.analysis.measured_files import MeasuredFiles, make_series
     from impact_rig.files.import_file import MeasurementOptions
 
-    named = [files] if isinstance(files, str | Path) else list(files)
-    if not named:
+    paths = [path for item in list_items(files) for path in _expand(_read_path("files", item))]
+    if not paths:
         raise FileError("no file is given")
-    paths = [Path(place) for item in named for place in _expand(str(item))]
     options = MeasurementOptions(
         channels=None if channels is None else Path(channels),
         hammer_channel=hammer_channel,
@@ -329,11 +343,13 @@ def read_files(
     return Run(source, str(paths[0]) if len(paths) == 1 else f"{paths[0]} and others")
 
 
-def _expand(name: str) -> list[str]:
+def _expand(path: Path) -> list[Path]:
     """Return the files that a name with wildcards means, or the name."""
-    found = sorted(glob(name, recursive=True)) if has_magic(name) else [name]  # noqa: PTH207
+    if not has_magic(str(path)):
+        return [path]
+    found = [Path(name) for name in sorted(glob(str(path), recursive=True))]  # noqa: PTH207
     if not found:
-        raise FileError(f"no file is called like {name}")
+        raise FileError(f"no file is called like {path}")
     return found
 
 
@@ -376,18 +392,12 @@ class Session(Run):
         cutoff: Given = None,
         **settings: Given,
     ) -> None:
-        from impact_rig.analysis.measured_arrays import MeasuredArrays
+        from impact_rig.analysis.measured_arrays import MeasuredArrays, read_setup
 
-        self._arrays = MeasuredArrays(
-            samples,
-            hammer_mass=hammer_mass,
-            accelerometer_mass=accelerometer_mass,
-            control=control,
-            hammer_stiffness=hammer_stiffness,
-            rig_file=rig_file,
-            cutoff=cutoff,
-            **settings,
+        setup = read_setup(
+            samples, hammer_mass, accelerometer_mass, control, hammer_stiffness, rig_file
         )
+        self._arrays = MeasuredArrays(setup, read_settings({"cutoff": cutoff, **settings}))
         super().__init__(self._arrays, "session")
 
     def add(
@@ -399,11 +409,11 @@ class Session(Run):
         on: str,
         unit: str = "m/s^2",
     ) -> None:
-        """Take a hit.
+        """Take a hit, or several: all of them or, if one is refused, none.
 
         Parameters
         ----------
-        hammer, specimen : array_like, shape (n,)
+        hammer, specimen : array_like, shape (n,) or (hits, n), or a list of arrays
             Both channels at the same instants, with some baseline before the pulse. Without the
             specimen's there are contact times alone.
         rate : str or float
@@ -417,7 +427,8 @@ class Session(Run):
         Raises
         ------
         RigError
-            If the arrays are no hit, or cannot be averaged with those before.
+            If the arrays are no hit, cannot be averaged with those before, or have no such
+            sample or unit.
         """
         self._arrays.add_arrays(hammer, specimen, rate=rate, on=on, unit=unit)
         self.__dict__.pop("hits", None)
@@ -436,26 +447,25 @@ def estimate(
     rate: Given,
     hammer_mass: Given = None,
     sample_mass: Given = None,
-    accelerometer_mass: Given = None,
     control: bool = False,
-    hammer_stiffness: Given = None,
     sample: str = "sample",
     unit: str = "m/s^2",
-    cutoff: Given = None,
-    **settings: Given,
+    **settings: Any,
 ) -> SampleResults:
     """Estimate contact time, stiffness and damping from arrays.
 
     Parameters
     ----------
-    hammer, specimen : array_like, shape (n,) or (hits, n)
-        One hit, or several, which are averaged; both channels alike.
+    hammer, specimen, rate, unit
+        As of `Session.add`; several hits are averaged.
+    hammer_mass, sample_mass : str or float, optional
+        With a unit, or in kg. Without both there are neither stiffness nor damping.
     control : bool
         The sample is alike to the hammer: it gives k1 by itself.
-    rate, unit
-        As of `Session.add`.
-    hammer_mass, sample_mass, accelerometer_mass, hammer_stiffness, cutoff, **settings
-        As of `Session`. What is not given leaves out what follows from it.
+    sample : str
+        What to call it.
+    **settings
+        `accelerometer_mass`, `hammer_stiffness`, `cutoff` and all others as of `Session`.
 
     Raises
     ------
@@ -469,26 +479,13 @@ def estimate(
     >>> print(found.contact_time)
     169.7... µs
     """
-    from impact_rig.analysis.measured_arrays import take_array
-
     session = Session(
         {sample: sample_mass},
         hammer_mass=hammer_mass,
-        accelerometer_mass=accelerometer_mass,
         control=sample if control else "",
-        hammer_stiffness=hammer_stiffness,
-        rig_file=None,
-        cutoff=cutoff,
         **settings,
     )
-    rows = [None if item is None else np.atleast_2d(take_array(name, item))
-            for name, item in (("hammer", hammer), ("specimen", specimen))]  # fmt: skip
-    hammers, specimens = rows
-    if hammers is None or (specimens is not None and len(specimens) != len(hammers)):
-        raise ParameterError("hammer and specimen must have as many hits each")
-    for place, row in enumerate(hammers):
-        other = None if specimens is None else specimens[place]
-        session.add(row, other, rate=rate, on=sample, unit=unit)
+    session.add(hammer, specimen, rate=rate, on=sample, unit=unit)
     return session.results[sample]
 
 
@@ -521,9 +518,7 @@ class VirtualRig:
         faults: float = 0.0,
         rig_file: str | Path | None = None,
     ) -> None:
-        plants = [item.value for item in Plant]
-        if plant not in plants:
-            raise ParameterError(f"there is no plant {plant!r}: there are {', '.join(plants)}")
+        check_name("plant", plant, [item.value for item in Plant])
         self.setup = PAPER_SETUP if rig_file is None else read_rig_file(Path(rig_file)).setup
         settings = VirtualRigSettings(Plant(plant), seed=seed, faults=FaultPlan(faults))
         self._rig = Simulation(self.setup, settings)
@@ -546,21 +541,21 @@ class VirtualRig:
         self._counts[sample] += 1
         hit = self._rig.strike(HitLabel(sample, self._counts.total(), self._counts[sample]))
         (block,) = hit.split(hit.hammer.output.size, 0)
-        return _make_hit(block, truth=make_truth(hit))
+        return _make_hit(block, make_truth(hit))
 
     def find_truth(self, label: HitLabel) -> Truth:
         """Return what happens at a hit of this name, however often it is struck."""
         return make_truth(self._rig.strike(label))
 
-    def run(self, samples: str | Iterable[str] | None = None, impacts: int = 10) -> Run:
-        """Strike samples, each so many times, as a campaign does; None: all samples.
+    def run(self, samples: str | Iterable[str] = (), impacts: int = 10) -> Run:
+        """Strike samples, each so many times, as a campaign does; without names all samples.
 
         Raises
         ------
         ParameterError
             If there is no such sample, or `impacts` is no number of hits.
         """
-        names = self.samples if samples is None else list_names(samples)
+        names = list_items(samples) or self.samples
         campaign = VirtualCampaign(self._rig, self.setup, names, impacts)
         return Run(campaign, "virtual rig", truths=campaign.truths)
 
@@ -583,9 +578,10 @@ def compare(first: Results | Run, second: Results | Run) -> Comparison:
     """
     for item in (first, second):
         if not isinstance(item, Run | Results):
-            raise ParameterError(f"{item!r} is neither a run nor results: open it by open_run")
+            raise ParameterError(f"{item!r:.40} is neither a run nor results: open it by open_run")
     pair = [item.analyze() if isinstance(item, Run) else item for item in (first, second)]
     tables = tabulate_changes(*(BatchCampaign(Path(item.name), 1, item.record) for item in pair))
     if not tables:
-        raise ParameterError(f"{pair[0].name} and {pair[1].name} have no quantity in common")
+        named = (f"{item.name} ({', '.join(item)})" for item in pair)
+        raise ParameterError(f"{' and '.join(named)} have no quantity in common")
     return Comparison(tables)

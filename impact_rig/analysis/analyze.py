@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.filtering import check_cutoff
 from impact_rig.core.findings import Reason
 from impact_rig.core.hits import (
     NO_OVERRULES,
@@ -114,6 +115,8 @@ def judge(
             recorded = source.overrules.recorded
             session = Session(setup, replace(overrules, recorded=recorded))
         elif session is not None:
+            if "cutoff_frequency" in settings:
+                check_cutoff(settings["cutoff_frequency"], event.sampling_rate)
             yield session, event, session.feed_records(event)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.detection import ImpactDetector
-from impact_rig.core.errors import ParameterError, RigError, SignalError, check_positive
+from impact_rig.core.errors import ParameterError, RigError, SignalError
 from impact_rig.core.filtering import check_cutoff
 from impact_rig.core.findings import Reason
 from impact_rig.core.hits import NO_OVERRULES
@@ -70,12 +70,6 @@ def make_series(options: MeasurementOptions) -> TraceSeries:
     rig_file = options.rig_file
     file = ImportFile() if options.channels is None else read_import_file(options.channels)
     file = add_options(file, options)
-    if not math.isnan(file.hammer_stiffness):
-        check_positive("stiffness of [hammer]", file.hammer_stiffness, "N/m")
-        if file.control:
-            raise ParameterError(
-                "stiffness of [hammer] and control of [specimen] both give k1: choose one"
-            )
     setup = _make_setup(file) if rig_file is None else _read_setup(rig_file, file)
     return TraceSeries(
         file.sample or DEFAULT_NAME,
@@ -113,13 +107,13 @@ def _read_setup(path: Path, file: ImportFile) -> RigSetup:
     ]
     if file.control or any(given):
         raise ParameterError(
-            "--rig-file gives the masses and the control sample: leave out --hammer-mass and"
-            " --sample-mass, and in the file of channels mass, accelerometer_mass and control"
+            "the rig file gives the masses and the control sample: give it alone, also in the file"
+            " of channels"
         )
     setup = read_rig_file(path).setup
     if not file.sample:
         names = ", ".join(map(repr, setup.samples.names))
-        raise ParameterError(f"--rig-file needs --sample, one of {names}")
+        raise ParameterError(f"the rig file needs the name of the sample, one of {names}")
     setup.samples.find(file.sample)
     return setup
 
@@ -127,11 +121,6 @@ def _read_setup(path: Path, file: ImportFile) -> RigSetup:
 def _make_setup(file: ImportFile) -> RigSetup:
     """Return the set-up that the masses make, NaN where they are not known."""
     name = file.sample or DEFAULT_NAME
-    if file.control and math.isnan(file.hammer_mass + file.sample_mass):
-        raise ParameterError(
-            "control = true needs both masses: --hammer-mass and --sample-mass, or mass under"
-            " [hammer] and [specimen]"
-        )
     carried = file.accelerometer_mass
     samples = SampleSet(
         (Sample(name, file.sample_mass, mass_uncertainty=file.sample_mass_uncertainty),),
@@ -140,14 +129,28 @@ def _make_setup(file: ImportFile) -> RigSetup:
         accelerometer_mass_uncertainty=file.accelerometer_mass_uncertainty,
     )
     # Speed and clock are not stated.
-    return RigSetup(
+    setup = RigSetup(
         samples,
         file.hammer_mass,
         math.nan,
         description=file.description,
         clock_uncertainty=0.0,
         hammer_mass_uncertainty=file.hammer_mass_uncertainty,
+        hammer_stiffness=file.hammer_stiffness,
     )
+    check_control(setup)
+    return setup
+
+
+def check_control(setup: RigSetup) -> None:
+    """Refuse a control sample that gives no k1, or not the only one."""
+    control = setup.samples.control_sample
+    if control and not math.isnan(setup.hammer_stiffness):
+        raise ParameterError(
+            "the hammer's stiffness and a control sample both give k1: choose one"
+        )
+    if control and setup.find_unknown_masses(control):
+        raise ParameterError("a control sample needs both masses, its own and the hammer's")
 
 
 def _add_responses(sensors: tuple[Sensor, ...], plan: ChannelPlan) -> tuple[Sensor, ...]:
@@ -221,7 +224,7 @@ class MeasuredHits:
             rate = self.hits[0].block.sampling_rate / 1e3
             remarks.append(
                 f"{rate:g} kHz is too slow for the {self._wanted / 1e3:g} kHz low-pass:"
-                " there is none (--cutoff)"
+                " there is none, since no cutoff was asked for"
             )
         return tuple(dict.fromkeys(remarks))
 
@@ -316,7 +319,7 @@ def _check_cutoff(hit: MeasuredHit, series: TraceSeries) -> TraceSeries:
         check_cutoff(analysis.cutoff_frequency, hit.block.sampling_rate)
     except ParameterError as error:
         if not series.is_filter_optional:
-            raise ParameterError(f"{hit.path}: {error} (--cutoff off)") from None
+            raise ParameterError(f"{hit.path}: {error}") from None
         analysis = replace(analysis, cutoff_frequency=0.0)
     return replace(series, setup=replace(series.setup, analysis=analysis))
 

@@ -25,7 +25,7 @@ from impact_rig.configuration.units import (
     parse_sensitivity,
     read_given,
 )
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.errors import ParameterError, check_name
 from impact_rig.core.sensors import (
     CHANNELS,
     QUANTITIES,
@@ -75,18 +75,20 @@ def parse_settings(document: TomlTable) -> dict[str, float]:
 
 
 def read_settings(given: Mapping[str, Given]) -> dict[str, float]:
-    """Return the settings that a program gives, in SI units, as `parse_settings` does."""
-    known = [item.name for item in fields(AnalysisSettings)]
+    """Return the settings that a program gives, in SI units, as `parse_settings` does.
+
+    Programs and the command line call the cutoff frequency ``cutoff``.
+    """
+    known = {item.name.removesuffix("_frequency"): item.name for item in fields(AnalysisSettings)}
     settings = {}
     for name, value in given.items():
-        if name not in known:
-            raise ParameterError(f"there is no setting {name!r}: there are {', '.join(known)}")
-        unit, example = ANALYSIS_QUANTITIES.get(name, ("", "2"))
+        check_name("setting", name, known)
+        unit, example = ANALYSIS_QUANTITIES.get(known[name], ("", "2"))
         if isinstance(value, str) and not unit:
             raise ParameterError(f"{name} is {value!r}: it must be a number")
         number = read_given(name, value, unit or "1", example)
         if number is not None:
-            settings[name] = number
+            settings[known[name]] = number
     return settings
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from functools import lru_cache
+from numbers import Real
 from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 
@@ -94,13 +95,10 @@ def read_given(what: str, value: Given, unit: str, example: str) -> float | None
         return None
     if isinstance(value, str):
         return 0.0 if value == "off" else parse_quantity(what, value, unit, example)
-    try:
-        if not isinstance(value, bool):
-            return float(value)
-    except (TypeError, ValueError):
-        pass
+    if isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value):
+        return float(value)
     raise ParameterError(
-        f'{what} is {value!r}: it must be a text like "{example}" or a number in {unit}'
+        f'{what} is {value!r}: it must be a text like "{example}" or a finite number in {unit}'
     )
 
 

@@ -1,7 +1,8 @@
 """Errors of the rig, and the checks of numbers that raise them."""
 
 import math
-from numbers import Integral
+from collections.abc import Collection
+from numbers import Integral, Real
 
 
 class RigError(Exception):
@@ -16,6 +17,12 @@ class ParameterError(RigError, ValueError):
     def __init__(self, message: str, name: str = "") -> None:
         super().__init__(message)
         self.name = name  # of what has the value; empty: of nothing with a name
+
+
+class UnknownNameError(ParameterError, KeyError):
+    """A name that there is not; as a `KeyError` it is what a mapping raises."""
+
+    __str__ = Exception.__str__  # that of a `KeyError` adds quotes
 
 
 class SignalError(RigError, ValueError):
@@ -49,7 +56,7 @@ def check_positive(name: str, value: float, unit: str) -> None:
     ParameterError
         If `value` is not a finite positive number.
     """
-    if not (math.isfinite(value) and value > 0):
+    if not (_is_finite(value) and value > 0):
         raise ParameterError(
             f"{name} is {value!r} {unit}: it must be a finite number above zero", name
         )
@@ -63,7 +70,7 @@ def check_if_known(name: str, value: float, unit: str) -> None:
 
 def check_not_negative(name: str, value: float, unit: str) -> None:
     """Require a finite number of zero or more; parameters and errors as `check_positive`."""
-    if not (math.isfinite(value) and value >= 0):
+    if not (_is_finite(value) and value >= 0):
         raise ParameterError(
             f"{name} is {value!r} {unit}: it must be a finite number, 0 or more", name
         )
@@ -79,10 +86,21 @@ def check_count(name: str, value: object, least: int) -> None:
 
 def check_between(name: str, value: float, low: float, high: float) -> None:
     """Require a finite number in the closed interval [low, high]; raises `ParameterError`."""
-    if not (math.isfinite(value) and low <= value <= high):
+    if not (_is_finite(value) and low <= value <= high):
         raise ParameterError(
             f"{name} is {value!r}: it must lie between {low:g} and {high:g}", name
         )
+
+
+def check_name(what: str, name: object, known: Collection[str]) -> None:
+    """Require a name that there is; raises `UnknownNameError`."""
+    if name not in known:
+        names = ", ".join(map(repr, known)) or "none"
+        raise UnknownNameError(f"unknown {what} {name!r}: there are {names}")
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, Real) and math.isfinite(value)
 
 
 def check_mass_uncertainty(name: str, uncertainty: float, mass: float) -> None:

@@ -10,6 +10,7 @@ from impact_rig.core.errors import (
     check_between,
     check_if_known,
     check_mass_uncertainty,
+    check_name,
     check_not_negative,
     check_positive,
 )
@@ -209,15 +210,11 @@ class SampleSet:
 
         Raises
         ------
-        ParameterError
+        UnknownNameError
             If the set has no such sample.
         """
-        for sample in self.samples:
-            if sample.name == name:
-                return sample
-        raise ParameterError(
-            f"unknown sample {name!r}: the set has " + ", ".join(map(repr, self.names))
-        )
+        check_name("sample", name, self.names)
+        return self.samples[self.names.index(name)]
 
     def find_series(self, bodies: Sequence[str]) -> tuple[str, ...]:
         """Return the names of all series on some bodies, in the order of the bodies."""

@@ -18,6 +18,7 @@ from impact_rig import __version__
 from impact_rig.core.detection import ImpactDetector, find_pulse_start
 from impact_rig.core.errors import SignalError
 from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.sensors import CHANNELS
 from impact_rig.core.setup import AnalysisSettings, RigSetup
 from impact_rig.core.stream import cut_impacts
 from impact_rig.files.channels import MeasuredHit, map_channels
@@ -118,11 +119,11 @@ def check_series(hits: Sequence[MeasuredHit], hit: MeasuredHit) -> None:
     kinds = [(len(item.block.channels), item.block.sampling_rate) for item in pair]
     if len(set(kinds)) > 1:
         told = (
-            f"{item.path} has {count} of two channels, at {rate:g} Hz"
+            f"{item.path} has {' and '.join(CHANNELS[:count])} at {rate / 1e3:g} kHz"
             for item, (count, rate) in zip(pair, kinds, strict=True)
         )
         raise SignalError(
-            f"{'; '.join(told)}: all hits of a sample need the same channels and rate"
+            f"{', '.join(told)}: all hits of a sample need the same channels and rate"
         )
 
 

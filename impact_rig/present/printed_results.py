@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from impact_rig.core.errors import ParameterError, RigError, SignalError
+from impact_rig.core.errors import RigError, SignalError, check_name
 from impact_rig.present.printed import Number, Printed, View
 from impact_rig.present.sample_figures import draw_sample
 from impact_rig.results.campaign import Results as CampaignResults
@@ -50,9 +50,7 @@ class SampleResults(View):
 
     def __init__(self, name: str, campaign: TracedCampaign) -> None:
         found = {item.name: item for item in campaign.results.samples}
-        if name not in found:
-            known = ", ".join(map(repr, found))
-            raise ParameterError(f"there is no sample {name!r}: there are {known}")
+        check_name("sample", name, found)
         super().__init__(found[name], name)
         self._campaign = campaign
 
@@ -121,12 +119,8 @@ class Results(Printed, Mapping[str, SampleResults]):
         self._warnings = tuple(warnings)
 
     def __getitem__(self, sample: str) -> SampleResults:
-        """Return what was found of a sample; raises `ParameterError` for an unknown one."""
+        """Return what was found of a sample; `RigError`, also a `KeyError`, if unknown."""
         return SampleResults(sample, self._campaign)
-
-    def __contains__(self, sample: object) -> bool:
-        """Return whether there is a sample of this name."""
-        return any(item.name == sample for item in self.record.samples)
 
     def __iter__(self) -> Iterator[str]:
         """Yield the names of the samples."""

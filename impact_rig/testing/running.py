@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from impact_rig.api import VirtualRig, list_names
+from impact_rig.api import VirtualRig, list_items
 from impact_rig.configuration.processes import LOG_NAME, RECORDING_NAME, list_rig_processes
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import RigError, check_count
@@ -55,7 +55,7 @@ class RunningRig:
         from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal
 
         check_count("impacts", impacts, 1)
-        names = list(list_names(samples))
+        names = list_items(samples)
         goal = CampaignGoal(samples=names, impacts=impacts, attempts_per_impact=ATTEMPTS)
         with CampaignClient(check=self.check) as client:
             client.wait_for_rig(START_TIMEOUT)

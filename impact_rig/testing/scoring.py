@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from impact_rig.api import Hit, VirtualRig, list_names
+from impact_rig.api import Hit, VirtualRig, list_items
 from impact_rig.core.errors import ParameterError, check_count
 from impact_rig.core.quantity import Quantity
 from impact_rig.devices.virtual.truth import Truth
@@ -110,7 +110,7 @@ def score(
     rig = VirtualRig(seed=seed, plant=plant, faults=faults)
     scores = []
     errors: list[str] = []
-    for name in list_names(samples) or rig.samples:
+    for name in list_items(samples) or rig.samples:
         hits = [rig.strike(name) for _ in range(impacts)]
         found = [(_read_truth(hit.truth, quantity), *_ask(estimator, hit, errors)) for hit in hits]
         scores.append(_compute_score(name, found))

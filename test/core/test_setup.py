@@ -30,7 +30,7 @@ def test_a_name_or_material_that_would_steer_a_terminal_is_refused(text):
 def test_an_unknown_sample_is_named_with_those_there_are():
     samples = SampleSet((STEEL, BRASS), "")
     for call in (samples.find, samples.get_moving_mass):
-        with pytest.raises(ParameterError, match="'stel': the set has 'steel', 'brass'"):
+        with pytest.raises(ParameterError, match="'stel': there are 'steel', 'brass'"):
             call("stel")
 
 

@@ -63,8 +63,7 @@ class VirtualCampaign:
         self, rig: VirtualRig, setup: RigSetup, samples: Sequence[str], impacts: int
     ) -> None:
         check_count("impacts", impacts, 1)
-        for name in samples:
-            setup.samples.find(name)
+        samples = [setup.samples.find(name).name for name in dict.fromkeys(samples)]
         labels = [
             HitLabel(name, place * impacts + impact, impact)
             for place, name in enumerate(samples)

@@ -123,9 +123,7 @@ def test_what_the_virtual_rig_cannot_strike_is_named():
     assert make_nominal_model(setup, "known").contact_time == 200e-6
     with pytest.raises(ParameterError, match="sample 'bare' has no reference contact time"):
         make_nominal_model(setup, "bare")
-    with pytest.raises(
-        ParameterError, match="unknown sample 'other': the set has 'known', 'bare'"
-    ):
+    with pytest.raises(ParameterError, match="unknown sample 'other': there are 'known', 'bare'"):
         make_nominal_model(setup, "other")
     for control, message in (("bare", "'bare' has no reference contact"), ("", "needs a control")):
         changed = replace(setup, samples=replace(setup.samples, control_sample=control))
