@@ -40,10 +40,10 @@ INTERRUPTED = 128 + signal.SIGINT
 NOT_FOUND = 127
 
 
-def check_python(version: "tuple[int, ...]") -> str:
-    """Return why a Python of this version cannot be used, or an empty text."""
+def check_python(version: "tuple[int, ...]") -> "str | None":
+    """Return why a Python of this version cannot be used; None: it can."""
     if OLDEST <= tuple(version[:2]) <= NEWEST:
-        return ""
+        return None
     return (
         "error: rig.py runs on Python {}.{} to {}.{}, and this is Python {}.{}: "
         "call it with another, for example `python3.12 launch_scripts/rig.py`.".format(
@@ -105,7 +105,7 @@ def become(command: "list[str]", environment: "dict[str, str]") -> int:
 def main(arguments: "list[str]") -> int:
     """Run one command of `USAGE`; return its exit code."""
     reason = check_python(sys.version_info[:2])
-    if reason:
+    if reason is not None:
         print(reason, file=sys.stderr)
         return 2
     command, options = (arguments[0], arguments[1:]) if arguments else ("", [])

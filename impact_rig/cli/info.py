@@ -86,6 +86,8 @@ def describe_hits(contents: Contents) -> str:
     return ", ".join([*parts, *(f"{outcomes[it]} {it}" for it in states if outcomes[it])])
 
 
+UNCODED = "reasons in words"
+"""What older recordings have; --json shows them."""
 ACCEPTED, REJECTED, OPEN = "accepted", "rejected", "without a verdict"
 
 
@@ -96,8 +98,8 @@ def find_outcome(hit: RecordedHit) -> str:
     return {True: ACCEPTED, False: REJECTED, None: OPEN}[hit.is_accepted]
 
 
-def describe_losses(contents: Contents) -> str:
-    """Return in words what was lost while recording."""
+def describe_losses(contents: Contents) -> str | None:
+    """Return in words what was lost while recording; None: nothing."""
     gaps = [
         (
             "the blocks",
@@ -117,7 +119,7 @@ def describe_losses(contents: Contents) -> str:
     ):
         if number:
             parts.append(f"{format_count(number, 'message')} {where}")
-    return ", ".join(parts)
+    return ", ".join(parts) or None
 
 
 def read_fields(contents: Contents, name: str) -> dict[str, str]:
@@ -126,10 +128,10 @@ def read_fields(contents: Contents, name: str) -> dict[str, str]:
     return records[-1] if records else {}
 
 
-def describe_end(contents: Contents) -> str:
-    """Return why the recorder ended; empty: it does not say, or its file was not closed."""
+def describe_end(contents: Contents) -> str | None:
+    """Return why the recorder ended; None: it does not say, or its file was not closed."""
     is_closed = contents.scans[-1].is_closed
-    return read_fields(contents, HEALTH_RECORD).get("reason", "") if is_closed else ""
+    return read_fields(contents, HEALTH_RECORD).get("reason") if is_closed else None
 
 
 def read_versions(contents: Contents) -> dict[str, str]:
@@ -232,7 +234,7 @@ def _list_facts(contents: Contents) -> list[tuple[str, str]]:
             for topic, stream in contents.streams.items()
         ),
         ("losses", describe_losses(contents) or "none"),
-        ("ended", describe_end(contents)),
+        ("ended", describe_end(contents) or ""),
         ("versions", ", ".join(map(" ".join, read_versions(contents).items()))),
         *(
             ("attachment", f"{name}, {kind}, {len(data)} byte (--extract FOLDER)")
@@ -252,7 +254,7 @@ def _print_samples(console: Console, contents: Contents) -> None:
         return
     outcomes = Counter(hits)
     # A hit may have several reasons.
-    reasons = Counter(code for hit in contents.hits for code in hit.codes)
+    reasons = Counter(it.reason or UNCODED for hit in contents.hits for it in hit.rejections)
     given = ", ".join(f"{reason} ({number})" for reason, number in reasons.most_common())
     columns = [
         make_text_column("Sample", names),

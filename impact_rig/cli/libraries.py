@@ -62,9 +62,9 @@ ROS_PACKAGES = ("_msgs", "_srvs", "_interfaces", "ament_index_python")
 """How the names of modules end that come with rclpy."""
 
 
-def describe_missing(module: str) -> str:
-    """Return which library a missing module belongs to, and how to get it; empty: unknown."""
+def describe_missing(module: str) -> str | None:
+    """Return which library a missing module belongs to, and how to get it; None: unknown."""
     top = module.partition(".")[0]
     top = "rclpy" if top.endswith(ROS_PACKAGES) and top != "impact_rig_msgs" else top
-    found = [item for item in LIBRARIES if item.module == top]
-    return f"{found[0].name} is not installed: {found[0].advice}" if found else ""
+    found = next((item for item in LIBRARIES if item.module == top), None)
+    return f"{found.name} is not installed: {found.advice}" if found else None

@@ -44,7 +44,7 @@ class RigGroup(click.Group):
             raise _Failure(str(error)) from None
         except ModuleNotFoundError as error:
             missing = describe_missing(error.name or "")
-            if not missing:
+            if missing is None:
                 raise
             raise _Failure(missing) from None
         except click.Abort as error:  # raised by a prompt in place of what ended it

@@ -1,12 +1,9 @@
-"""Findings in hits and notes on estimates: a code, which decides, and a sentence, which tells.
-
-Files and messages write ``code: sentence``. It is read here alone.
-"""
+"""Findings in hits and notes on estimates: a code decides, a sentence explains it to people."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, Self
+from typing import Any, get_args
 
 from impact_rig.core.errors import ParameterError
 
@@ -75,17 +72,12 @@ class Finding:
 
     reason: Reason
     explanation: str
-    # It was corrected, or cannot be told from what is harmless; it is not written.
+    # It was corrected, or looks like something harmless; neither compared nor written.
     is_harmless: bool = field(default=False, compare=False)
 
     def __str__(self) -> str:
         """Return ``code: sentence``."""
         return f"{self.reason.value}: {self.explanation}"
-
-    @classmethod
-    def parse(cls, text: str) -> Self:
-        """Return what a file or a message holds; raises `ParameterError` for an unknown code."""
-        return cls(*_read(text, Reason))
 
 
 @dataclass(frozen=True)
@@ -99,30 +91,19 @@ class Note:
         """Return ``code: sentence``."""
         return f"{self.about.value}: {self.explanation}"
 
-    @classmethod
-    def parse(cls, text: str) -> Self:
-        """Return what a file or a message holds; raises `ParameterError` for an unknown code."""
-        return cls(*_read(text, Reason, Subject))
+
+CODES = (Reason, Reason | Subject)
+"""Types of the codes."""
 
 
-CODED = (Finding, Note)
-"""What files and messages hold as text."""
+def read_code(hint: Any, text: str) -> Any:
+    """Return a code, of one of `CODES`, of a file or message; raises `ParameterError`."""
+    known = {item.value: item for kind in get_args(hint) or (hint,) for item in kind}
+    if text not in known:
+        raise ParameterError(f"is {text!r:.80}: it must be a code, such as {next(iter(known))!r}")
+    return known[text]
 
 
 def join_findings(findings: Iterable[Finding | Note]) -> str:
     """Return them on one line."""
     return "; ".join(map(str, findings))
-
-
-def split_code(text: str) -> tuple[str, str]:
-    """Return code and sentence of the text of a finding or note."""
-    code, _, explanation = text.partition(": ")
-    return code, explanation
-
-
-def _read(text: str, *kinds: type[Enum]) -> tuple[Any, str]:
-    code, explanation = split_code(text)
-    known = {item.value: item for kind in kinds for item in kind}
-    if code not in known:
-        raise ParameterError(f"{text!r:.80} must begin with a code, such as {next(iter(known))!r}")
-    return known[code], explanation

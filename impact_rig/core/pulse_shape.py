@@ -394,7 +394,7 @@ class PulseShapeEstimate(Comparable):
     """What the mean hammer pulse looks like; NaN, or empty: not determined."""
 
     best_shape: str = ""  # name of the shape that leaves least
-    is_told_apart: bool = False  # the next best shape leaves clearly more
+    is_clear: bool = False  # the next best shape leaves clearly more
     # of the best shape's durations
     fall_over_rise: float = field(default=NAN, metadata=NOT_NEGATIVE)
     fits: tuple[ShapeFit, ...] = ()  # in the order of `PULSE_SHAPES`
@@ -464,7 +464,7 @@ def estimate_pulse_shape(mean: MeanHit, chain: Chain) -> PulseShapeEstimate:
         best_shape=shape_fits[order[0]].shape,
         fall_over_rise=(1.0 - asymmetry) / (1.0 + asymmetry),
         fits=shape_fits,
-        is_told_apart=fits[order[1]].is_worse(best, level),
+        is_clear=fits[order[1]].is_worse(best, level),
         warning=_find_warning(
             shape_fits[order[0]],
             shape_fits[PULSE_SHAPES.index(VERSED_SINE)],

@@ -120,10 +120,10 @@ class StoredField(NamedTuple):
 
 
 def _list_fields(kind: Any) -> tuple[StoredField, ...]:
-    """Return the fields of a dataclass that are not internal."""
+    """Return the fields of a dataclass that are compared and not internal."""
     hints = get_type_hints(kind)
-    found = (StoredField(it.name, hints[it.name], read_description(it)) for it in fields(kind))
-    return tuple(item for item in found if not item.description.is_internal)
+    found = (it for it in fields(kind) if it.compare and not read_description(it).is_internal)
+    return tuple(StoredField(it.name, hints[it.name], read_description(it)) for it in found)
 
 
 list_fields: Callable[[Any], tuple[StoredField, ...]] = cache(_list_fields)

@@ -37,7 +37,7 @@ from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.rig_node import Answer, RigNode
 from impact_rig.page.states import Disarming, HammerPlace, HammerStatus, Step, Task
-from impact_rig.recordings.messages import NO_ID
+from impact_rig.recordings.messages import NO_ID, from_message
 
 LOOK_PERIOD = 0.5
 """How often a campaign checks whether its pause is over [s]."""
@@ -379,7 +379,7 @@ class CampaignNode(RigNode):
         verdict = campaign.verdict
         if verdict.record != record:
             raise DeviceError(campaign.failure)
-        reasons = [Finding.parse(text) for text in verdict.reasons]
+        reasons = [from_message(Finding, item) for item in verdict.reasons]
         campaign.failure = join_findings(reasons)
         shows_nothing = any(item.reason in SHOWS_NOTHING for item in reasons)
         campaign.blind = campaign.blind + 1 if shows_nothing else 0

@@ -12,6 +12,7 @@ from impact_rig.recordings.messages import (
     from_message,
     label_from_msg,
     origin_from_msg,
+    speed_from_msg,
 )
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import AlignedHit, JudgedTraces, ModelTraces, SampleTraces
@@ -25,14 +26,14 @@ def hit_results_from_msg(message: msg.Impact) -> HitResults:
     ParameterError
         If a number or a reason cannot be meant.
     """
+    speed = speed_from_msg(message)
     return from_message(
         HitResults,
         message,
         injected_faults=(),
         origin=origin_from_msg(message),
-        # 0, as in a message that nobody has filled, is none.
-        impact_speed=message.impact_speed or math.nan,
-        impact_speed_uncertainty=message.impact_speed_uncertainty or math.nan,
+        impact_speed=speed.value,
+        impact_speed_uncertainty=speed.standard,
     )
 
 

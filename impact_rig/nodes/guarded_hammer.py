@@ -226,10 +226,11 @@ class GuardedHammer:
         return f"nothing holds the hammer: {self._fault or 'activate the hammer node first'}"
 
     def _change(self, **changes: Any) -> None:
-        condition = replace(self._condition, **changes)
-        if self._fault and self._fault not in condition.message:
+        message = changes.get("message", self._fault)
+        if self._fault and message != self._fault:
             # The reason of a loss stays in the message until the hammer is back.
-            condition = replace(condition, message=f"{condition.message}; {self._fault}")
+            changes["message"] = f"{message}; {self._fault}"
+        condition = replace(self._condition, **changes)
         if condition != self._condition:
             self._condition = condition
             self._publish(condition)

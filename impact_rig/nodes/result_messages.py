@@ -12,6 +12,7 @@ from builtin_interfaces.msg import Time
 from impact_rig_msgs import msg
 
 from impact_rig.core.comparison import ModelComparison
+from impact_rig.core.findings import Finding
 from impact_rig.core.hits import JudgedHit, Overrule
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.records import FloatArray
@@ -39,7 +40,8 @@ def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
     message = msg.Impact(
         **asdict(judged.label),
         accepted=judged.accepted,
-        reasons=list(map(str, judged.rejections)),
+        reasons=_findings(judged.rejections),
+        findings=_findings(judged.findings + judged.overruled),
         impact_time=judged.impact_time,
         contact_time=judged.contact_time,
         hammer_peak=judged.hammer_peak,
@@ -47,10 +49,13 @@ def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
         impact_speed=judged.impact_speed.value,
         impact_speed_uncertainty=judged.impact_speed.standard,
         sample_mass=judged.sample_mass,
-        findings=list(map(str, judged.findings + judged.overruled)),
     )
     fill_message(message.origin, judged.origin)
     return identity.fill(message, stamp_to_msg(judged.stamp))
+
+
+def _findings(found: Sequence[Finding]) -> list[msg.Finding]:
+    return [fill_message(msg.Finding(), item) for item in found]
 
 
 def overrule_to_msg(overrule: Overrule, identity: Identity, stamp: Time) -> msg.Overrule:

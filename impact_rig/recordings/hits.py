@@ -5,7 +5,6 @@ from enum import Enum
 from itertools import islice, pairwise
 from typing import Any
 
-from impact_rig.core.findings import split_code
 from impact_rig.core.records import UNSTATED, HitLabel, Origin
 from impact_rig.recordings.campaigns import CampaignWatch
 from impact_rig.recordings.messages import (
@@ -101,6 +100,14 @@ LONGEST_TEXT, MOST_TEXTS = 1000, 20
 times ours."""
 
 
+@dataclass(frozen=True)
+class RecordedReason:
+    """A reason for a rejection, of any version."""
+
+    reason: str  # its code; empty: a recording of before results had version 12 has none
+    explanation: str
+
+
 class HitState(Enum):
     """How much of a hit is there."""
 
@@ -120,8 +127,7 @@ class RecordedHit(BlockCount):
     state: HitState = HitState.LOST
     reason: str = "nothing of it is left"  # what is missing; empty: nothing
     is_accepted: bool | None = None  # None: there is no verdict
-    rejections: tuple[str, ...] = ()  # every reason, "code: explanation"
-    codes: tuple[str, ...] = ()  # of the reasons
+    rejections: tuple[RecordedReason, ...] = ()
     origin: Origin = UNSTATED
     expected: int | None = 0
     stored_blocks: int | None = None  # that the recorder has stored; None: it does not say
@@ -202,11 +208,7 @@ class HitWatch:
         elif type_name == STORED_TYPE:
             hit.stored_blocks = int(message.blocks)
         elif type_name == VERDICT_TYPE:
-            hit.rejections = tuple(
-                str(text)[:LONGEST_TEXT] for text in message.reasons[:MOST_TEXTS]
-            )
-            # Here the message becomes ours; nothing behind it looks into a sentence.
-            hit.codes = tuple(split_code(text)[0] for text in hit.rejections)
+            hit.rejections = tuple(map(_read_reason, message.reasons[:MOST_TEXTS]))
             hit.is_accepted = bool(message.accepted)
 
     @property
@@ -238,6 +240,11 @@ class HitWatch:
                 hits += _find_vanished(name, hits)
                 found += sorted(hits, key=lambda hit: (hit.campaign, hit.record))
         return tuple(found)
+
+
+def _read_reason(found: Any) -> RecordedReason:
+    code, text = ("", found) if isinstance(found, str) else (found.reason, found.explanation)
+    return RecordedReason(str(code)[:LONGEST_TEXT], str(text)[:LONGEST_TEXT])
 
 
 def _find_vanished(name: str, hits: list[RecordedHit]) -> list[RecordedHit]:

@@ -17,7 +17,7 @@ from rosbags.typesys.store import Typestore
 
 from impact_rig import __version__
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.findings import CODED
+from impact_rig.core.findings import CODES, read_code
 from impact_rig.core.quantity import list_fields
 from impact_rig.core.records import (
     NO_SPEED,
@@ -122,8 +122,8 @@ def _channel_from_msg(message: Any) -> ChannelBlock:
     )
 
 
-def _speed_from_msg(message: Any) -> MeasuredSpeed:
-    """Return the speed of a block; 0, as in a message that nobody has filled, is none."""
+def speed_from_msg(message: Any) -> MeasuredSpeed:
+    """Return the impact speed of a block or verdict; 0 and NaN: it was not measured."""
     if not message.impact_speed > 0.0:
         return NO_SPEED
     return MeasuredSpeed(float(message.impact_speed), float(message.impact_speed_uncertainty))
@@ -150,7 +150,7 @@ def block_from_msg(message: Any) -> Block:
         last=bool(message.last),
         stamp=stamp_from_msg(message.header.stamp),
         origin=origin_from_msg(message),
-        impact_speed=_speed_from_msg(message),
+        impact_speed=speed_from_msg(message),
     )
 
 
@@ -194,8 +194,8 @@ def fill_message(message: Any, record: Any, make: MessageMaker = NO_LISTS) -> An
 def _value_to_message(hint: Any, value: Any, make: MessageMaker) -> Any:
     if get_origin(hint) is tuple:
         return [_value_to_message(get_args(hint)[0], item, make) for item in value]
-    if hint in CODED:
-        return str(value)
+    if hint in CODES:
+        return value.value
     if is_dataclass(hint):
         name = type(value).__name__
         return fill_message(make(RENAMED.get(name, name)), value, make)
@@ -240,8 +240,8 @@ def check_numbers(record: Any) -> None:
 def _value_from_message(hint: Any, value: Any) -> Any:
     if get_origin(hint) is tuple:
         return tuple(_value_from_message(get_args(hint)[0], item) for item in value)
-    if hint in CODED:
-        return hint.parse(value)
+    if hint in CODES:
+        return read_code(hint, value)
     is_plain = hint in PLAIN or issubclass(hint, IntEnum)
     return hint(value) if is_plain else from_message(hint, value)
 

@@ -23,7 +23,7 @@ from impact_rig.results.remarks import gather_remarks
 from impact_rig.results.wire import Json, WireError, from_json, to_json, to_row
 
 FORMAT_NAME = "impact-rig results"
-FORMAT_VERSION = 11
+FORMAT_VERSION = 12
 UNSAFE = re.compile("[\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """What JSON may hold as it is, and terminals take for a command or an end of the line."""
 

@@ -458,7 +458,7 @@ def tabulate_pulse_shapes(samples: Sequence[SampleEstimate]) -> list[Table]:
         make_text_column("Sample", [sample.name for sample in known]),
         make_text_column(
             "Best shape",
-            [shape.best_shape + ("" if shape.is_told_apart else " ?") for shape in shapes],
+            [shape.best_shape + ("" if shape.is_clear else " ?") for shape in shapes],
         ),
         read_column("It leaves [%]", shapes, "best_fit.residual_percent", 2),
         read_column("Versed-sine leaves [%]", versed, "residual_percent", 2),

@@ -386,8 +386,8 @@ class Provenance:
     end_time: int  # of the last message [ns since the epoch]; 0: there is none
     files: tuple[RecordedFile, ...]  # one, or all of a run that was resumed
     problems: tuple[str, ...] = ()  # what is damaged or missing; empty: every checksum is right
-    losses: str = ""  # what was lost while it was recorded; empty: nothing
-    ended: str = ""  # why the recording ended, by the recorder
+    losses: str | None = None  # what was lost while it was recorded; None: nothing
+    ended: str | None = None  # why the recording ended, by the recorder
     versions: tuple[tuple[str, str], ...] = ()  # of software and libraries
     # What an operator said, and when [ns since the epoch]; 0: before the recording.
     notes: tuple[tuple[int, str], ...] = ()

@@ -17,7 +17,7 @@ from dataclasses import is_dataclass
 from typing import Any, TypeVar, get_args, get_origin
 
 from impact_rig.core.errors import ParameterError, RigError
-from impact_rig.core.findings import CODED
+from impact_rig.core.findings import CODES, join_findings, read_code
 from impact_rig.core.quantity import (
     BudgetLine,
     Quantity,
@@ -38,9 +38,7 @@ WANTED = {int: "a whole number from 0 to below 2^63", str: "text", bool: "true o
 LARGEST_WHOLE = 2**63
 """Whole numbers are below this [-]: those of messages are."""
 JOINED = ("warnings", "notes")
-JOINT = "; "
-"""Texts that share a cell of a row, and what stands between them."""
-
+"""Lists whose items share a cell of a row."""
 
 SURROGATE = re.compile("[\ud800-\udfff]")
 """Half of a letter in UTF-16: JSON can write it, but it is no text."""
@@ -86,8 +84,8 @@ def _value_to_json(hint: Any, value: Any) -> Any:
         return [_value_to_json(get_args(hint)[0], item) for item in value]
     if hint is float:
         return float(value) if math.isfinite(value) else None
-    if hint in CODED:
-        return str(value)
+    if hint in CODES:
+        return value.value
     return to_json(value) if is_dataclass(value) else value
 
 
@@ -166,8 +164,8 @@ def _value_from_json(hint: Any, value: Any, place: str) -> Any:
         if not is_number or not abs(value) <= sys.float_info.max:
             raise WireError(f"{place} is {value!r:.32}: it must be a finite number or null")
         return float(value)
-    if hint in CODED:
-        return _read_coded(hint, _value_from_json(str, value, place), place)
+    if hint in CODES:
+        return _read_code(hint, value, place)
     if hint in WANTED:
         is_kind = isinstance(value, hint) and isinstance(value, bool) is (hint is bool)
         if not is_kind or (hint is int and not 0 <= value < LARGEST_WHOLE):
@@ -178,11 +176,11 @@ def _value_from_json(hint: Any, value: Any, place: str) -> Any:
     return from_json(hint, value, place)
 
 
-def _read_coded(hint: Any, text: str, place: str) -> Any:
+def _read_code(hint: Any, value: Any, place: str) -> Any:
     try:
-        return hint.parse(text)
+        return read_code(hint, _value_from_json(str, value, place))
     except ParameterError as error:
-        raise WireError(f"{place}: {error}") from None
+        raise WireError(f"{place} {error}") from None
 
 
 def _join(place: str, name: str) -> str:
@@ -194,7 +192,7 @@ def to_row(record: Any, prefix: str = "") -> dict[str, str]:
     cells = {}
     for key, value in to_json(record).items():
         if key in JOINED:
-            cells[prefix + key] = JOINT.join(value)
+            cells[prefix + key] = join_findings(getattr(record, key))
         elif isinstance(value, float):
             cells[prefix + key] = repr(value)
         elif not isinstance(value, list | dict):

@@ -133,7 +133,7 @@ def struck(tmp_path_factory):
 
     Nearly one chunk for each hit, as the recorder writes them.
     """
-    from impact_rig_msgs.msg import HammerRelease, Impact, RecordStored
+    from impact_rig_msgs.msg import Finding, HammerRelease, Impact, RecordStored
 
     from impact_rig.nodes import interfaces, messages
 
@@ -147,7 +147,8 @@ def struck(tmp_path_factory):
     for record, (name, impact) in enumerate(itertools.product(names, (1, 2, 3)), start=1):
         label = {"record": record, "sample": name, "impact": impact, "attempt": 1}
         blocks = rig.strike(HitLabel(**label)).split(1000, 0)
-        reasons = ["weak: 3 % of full scale"] if impact == 3 else []
+        weak = Finding(reason="weak", explanation="3 % of full scale")
+        reasons = [weak] if impact == 3 else []
         verdict = Impact(accepted=not reasons, reasons=reasons, contact_time=math.nan, **label)
         told += [
             (interfaces.RELEASE, HammerRelease(**label)),

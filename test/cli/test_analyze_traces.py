@@ -97,9 +97,8 @@ def test_a_real_clipped_shock_is_rejected_with_the_rail_that_its_readme_states(r
     words = (*SHOCK_OPTIONS, *channels('columns = ["time", "hammer"]'))
     outcome = run("analyze", *words, REAL_SHOCKS / "acc_pcb_a1_start.txt")
     (hit,) = json.loads(outcome.stdout)["hits"]
-    assert hit["reasons"] == [
-        "overload: 7 points in a row of the hammer at the rail of 5360 m/s^2 (546.6 g)"
-    ]
+    told = "7 points in a row of the hammer at the rail of 5360 m/s^2 (546.6 g)"
+    assert hit["reasons"] == [{"reason": "overload", "explanation": told}]
 
 
 def test_a_record_of_many_impacts_is_a_double_hit_and_says_how_to_cut_it(run, save, tmp_path):

@@ -80,7 +80,7 @@ def test_every_shape_is_known_again(shape, asymmetry, tau, start, sign):
     fit = found.find_fit(shape.name)
     assert found.best_shape == shape.name
     assert found.best_fit is fit
-    assert found.is_told_apart
+    assert found.is_clear
     # The trace is filtered point by point, the model on every second or fourth.
     assert fit.residual_percent < 0.05
     assert fit.duration == pytest.approx(tau, rel=5e-4)
@@ -118,10 +118,10 @@ def test_a_versed_sine_is_not_warned_of(noise, asymmetry):
 def test_in_noise_shapes_are_seldom_told_apart_wrongly():
     hammer = strike(HERTZ)
     found = [estimate(hammer, 40.0, seed) for seed in range(100)]
-    wrong = [item for item in found if item.is_told_apart and item.best_shape != "Hertz"]
+    wrong = [item for item in found if item.is_clear and item.best_shape != "Hertz"]
     # Two standard deviations, one side: 2.3 %; of 100 seldom more than six.
     assert len(wrong) <= 6
-    assert np.mean([item.is_told_apart for item in found]) < 0.5
+    assert np.mean([item.is_clear for item in found]) < 0.5
     assert not any(item.warning for item in found)
 
 

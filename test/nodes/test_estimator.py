@@ -1,7 +1,7 @@
 """The estimator node says what the core says, bit for bit, hit by hit."""
 
 import pytest
-from impact_rig_msgs.msg import RecordStored
+from impact_rig_msgs.msg import Finding, RecordStored
 from impact_rig_msgs.srv import GetResults, JoinCampaign
 
 from impact_rig.core.records import HitLabel
@@ -152,8 +152,8 @@ def test_a_hit_of_another_rate_than_the_others_is_rejected_by_name(harness, esti
     feed(harness, publisher, hit.split(1000, 0))
     verdicts = impacts.wait_for_count(2)
     assert [verdict.accepted for verdict in verdicts] == [True, False]
-    told = "other_kind: sampled at 1250000 Hz, the hits before sampled at 2500000 Hz"
-    assert verdicts[1].reasons == [told]
+    told = "sampled at 1250000 Hz, the hits before sampled at 2500000 Hz"
+    assert verdicts[1].reasons == [Finding(reason="other_kind", explanation=told)]
     assert not node.fault
 
 

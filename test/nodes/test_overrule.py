@@ -1,7 +1,7 @@
 """A person's verdict on a hit: struck again at once, in the recording, and the same ever after."""
 
 import pytest
-from impact_rig_msgs.msg import Overrule
+from impact_rig_msgs.msg import Finding, Overrule
 from impact_rig_msgs.srv import GetResults, OverruleHit
 from unique_identifier_msgs.msg import UUID
 
@@ -16,6 +16,7 @@ from impact_rig.results.results_file import format_json, results_to_json
 from .campaigns import begin, run, start_rig
 
 NAME = "steel small"
+BY_HAND = Finding(reason="operator", explanation="left out by hand, by Ann: loose cable")
 
 
 @pytest.fixture
@@ -60,7 +61,7 @@ def test_a_hit_left_out_by_hand_is_struck_again_and_every_reader_says_the_same(h
     assert result.success, result.message
     assert [hit.record for hit in result.accepted] == [2, 3, 4]
     (rejected,) = result.rejected
-    assert rejected.reasons == ["operator: left out by hand, by Ann: loose cable"]
+    assert rejected.reasons == [BY_HAND]
     # The second verdict on the hit is the person's.
     verdicts.wait_for_count(5)
     assert [hit.accepted for hit in verdicts.messages if hit.record == 1] == [True, False]
@@ -103,6 +104,6 @@ def test_a_run_that_is_resumed_keeps_what_a_person_made_of_its_hits(harness, ask
     second = harness.wait(handle.get_result_async()).result
     assert second.success, second.message
     assert [hit.record for hit in second.accepted] == [1, 3]
-    assert second.rejected[0].reasons == ["operator: left out by hand, by Ann: loose cable"]
+    assert second.rejected[0].reasons == [BY_HAND]
     live = find_results(harness)
     assert analyze_again(harness) == live

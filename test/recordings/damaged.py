@@ -49,7 +49,8 @@ def add_hit(maker: Any, record: int) -> None:
         maker.add_block(record, **label(record), first_sample=first, last=first > 0)
     counts = {"blocks": 2, "gaps": 0, "missing_points": 0}
     maker.add("recorder/stored", OURS + "RecordStored", {**label(record), **counts})
-    verdict = {"accepted": record % 2 == 1, "reasons": [] if record % 2 else ["weak: too weak"]}
+    weak = {"reason": "weak", "explanation": "too weak"}
+    verdict = {"accepted": record % 2 == 1, "reasons": [] if record % 2 else [weak]}
     values = dict.fromkeys(("impact_time", "contact_time", "hammer_peak", "specimen_peak"), 1.0)
     maker.add("impact", OURS + "Impact", {**label(record), **verdict, **values})
     maker.writer.flush()

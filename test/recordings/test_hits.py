@@ -7,11 +7,11 @@ import pytest
 
 from impact_rig.core.records import HitLabel
 from impact_rig.recordings.contents import inspect_run
-from impact_rig.recordings.hits import RecordWatch
+from impact_rig.recordings.hits import RecordedReason, RecordWatch
 from impact_rig.recordings.messages import NO_ID
 from impact_rig.recordings.run import Run
 
-from .conftest import block_fields
+from .conftest import OUR_MESSAGES, OURS, block_fields
 
 FIRST = HitLabel("brass", record=1)
 SECOND = HitLabel("brass", record=2, impact=2)
@@ -64,3 +64,20 @@ def test_gaps_of_a_stream_are_no_damage_of_the_file(make_recording):
     assert (stream.gaps, stream.missing_points) == (2, 50 + 300)
     assert contents.is_sound
     assert contents.hits == ()
+
+
+def test_a_reason_of_an_older_recording_is_a_sentence_without_a_code(make_recording, install):
+    now = (OUR_MESSAGES / "Impact.msg").read_text()
+    then = now.replace("Finding[]", "string[]")
+    found = []
+    for text, reason in (
+        (now, {"reason": "weak", "explanation": "too weak"}),
+        (then, "weak: too weak"),
+    ):
+        install("impact_rig_msgs", "Impact", text)
+        maker = make_recording(f"{len(found)}.mcap")
+        verdict = {"record": 1, "sample": "brass", "impact": 1, "attempt": 1, "reasons": [reason]}
+        maker.add("impact", OURS + "Impact", verdict)
+        (hit,) = inspect_run(Run(maker.close())).hits
+        found += hit.rejections
+    assert found == [RecordedReason("weak", "too weak"), RecordedReason("", "weak: too weak")]

@@ -163,7 +163,7 @@ def test_the_best_shape_stands_beside_what_the_versed_sine_leaves():
     assert (row["Best shape"], row["It leaves [%]"]) == ("half-sine", "0.12")
     assert row["Versed-sine leaves [%]"] == "3.21"
     assert (row["τp, shape [µs]"], row["k2, shape [MN/m]"]) == ("160.50", "70.00")
-    doubtful = replace(SAMPLE, pulse_shape=replace(SHAPE, is_told_apart=False))
+    doubtful = replace(SAMPLE, pulse_shape=replace(SHAPE, is_clear=False))
     (table,) = tables.tabulate_pulse_shapes([doubtful])
     assert find_row(table)["Best shape"] == "half-sine ?"
 

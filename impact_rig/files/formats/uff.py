@@ -87,15 +87,15 @@ def read_uff(path: Path) -> Measurement:
     return Measurement(path, tuple(channels))
 
 
-def _name_function(function: dict[str, Any]) -> str:
-    """Return the kind of a data set that is no trace; empty: it is one."""
+def _name_function(function: dict[str, Any]) -> str | None:
+    """Return the kind of a data set that is no trace; None: it is one."""
     kind = int(function["func_type"])
     if kind != TIME_RESPONSE:
         return FUNCTIONS.get(kind, f"a function of type {kind}")
     axis = str(function["abscissa_axis_units_lab"]).strip()
     if axis.lower() in SPECTRUM_WORDS:
         return f"a spectrum, whose axis is in {axis}"
-    return "" if function["ord_data_type"] in REAL_TYPES else "complex numbers"
+    return None if function["ord_data_type"] in REAL_TYPES else "complex numbers"
 
 
 def _make_channel(path: Path, function: dict[str, Any], number: int) -> MeasuredChannel:

@@ -214,8 +214,9 @@ def gather_run_remarks(run: ReportedCampaign, stated: Particulars) -> list[Remar
     results, provenance = run.campaign.results, run.provenance
     texts = list(run.warnings)
     if provenance is not None:
-        losses = [f"lost while recording: {provenance.losses}"] * bool(provenance.losses)
-        texts += [*provenance.problems, *losses]
+        texts += provenance.problems
+        if provenance.losses is not None:
+            texts.append(f"lost while recording: {provenance.losses}")
         if is_dated(provenance.start_time):
             day = format_time(provenance.start_time).partition(" ")[0]
             texts += list_calibration_warnings(results.setup, stated, day)

@@ -100,7 +100,7 @@ def _list_recording_facts(provenance: Provenance) -> list[tuple[str, str]]:
         ("Condition", "; ".join(provenance.problems) or is_sound),
         # Only a recorder that was there knows.
         ("Lost while recorded", provenance.losses or ("nothing" if provenance.ended else "")),
-        ("Ended", provenance.ended),
+        ("Ended", provenance.ended or ""),
         ("Recorded by", ", ".join(f"{name} {number}" for name, number in provenance.versions)),
     ]
     return facts + [

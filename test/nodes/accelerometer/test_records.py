@@ -158,8 +158,8 @@ def test_a_record_that_stalls_gets_one_verdict_for_its_gap(
     wait_for_state(states, AcquisitionState.IDLE, "the record breaks off")
     (verdict,) = impacts.wait_for_count(1)
     assert verdict.record == record
-    assert verdict.reasons[0].startswith("gap:")
-    assert "4550 points missing at point 700" in verdict.reasons[0]
+    assert verdict.reasons[0].reason == "gap"
+    assert "4550 points missing at point 700" in verdict.reasons[0].explanation
     # The next one is whole.
     release(arm(harness).record, latest_contact=60.0)
     desk.deliver(make_record())

@@ -85,7 +85,7 @@ def test_a_hit_that_the_end_of_the_stream_cuts_off_is_rejected_at_once(
         harness.change_state("accelerometer", "deactivate")
     (verdict,) = impacts.wait_for_count(1)
     assert (verdict.record, verdict.accepted) == (record, False)
-    assert verdict.reasons[0].startswith("gap:")
+    assert verdict.reasons[0].reason == "gap"
     got = stream.wait(lambda got: block_from_msg(got[-1]).ends_stream)
     final = block_from_msg(got[-1])
     assert (final.first_sample, final.hammer.output.size) == (6200, 0)
@@ -105,7 +105,7 @@ def test_a_stream_that_breaks_off_while_the_hammer_swings_gets_one_verdict(
     wait_for_state(states, AcquisitionState.FAULT)
     (verdict,) = impacts.wait_for_count(1)
     assert verdict.record == record
-    assert verdict.reasons[0].startswith("no_trigger:")
+    assert verdict.reasons[0].reason == "no_trigger"
     desk.plug()
     harness.wait_until(lambda: node.is_active)
     assert arm(harness).success
