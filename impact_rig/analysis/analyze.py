@@ -128,6 +128,7 @@ def analyze(
     *,
     reason: str = "",
     who: str = "",
+    stamp: int = 0,
     keep_traces: bool = False,
     report: Report = lambda *_: None,
 ) -> Analysis:
@@ -140,8 +141,8 @@ def analyze(
     accept, reject : sequence of str
         Hits that a person takes into the mean or leaves out, by name (see `find_label`), or by
         the file that they were imported from.
-    reason, who : str
-        Why, and that person's name.
+    reason, who, stamp : str, str, int
+        Why, that person's name, and when [ns since the epoch; 0: not told].
     keep_traces : bool
         Whether the traces are wanted as well.
 
@@ -153,7 +154,7 @@ def analyze(
         If the settings cannot be used, or `accept` or `reject` name no hit.
     """
     overrules = _find_overrules(source, settings, accept, reject)
-    overrules = replace(overrules, reason=reason, who=who)
+    overrules = replace(overrules, reason=reason, who=who, stamp=stamp)
     judged: list[_JudgedCampaign] = []
     assembler = TraceAssembler()
     reading = _bind(report, "reading", source.size)

@@ -75,6 +75,7 @@ class ByHand:
     reject: Sequence[str] = ()
     reason: str = ""
     who: str = ""
+    stamp: int = 0  # when [ns since the epoch]; 0: not told
 
 
 def read_runs(source: RunSource, by_hand: ByHand = ByHand()) -> tuple[ReportedCampaign, ...]:
@@ -101,7 +102,7 @@ def read_runs(source: RunSource, by_hand: ByHand = ByHand()) -> tuple[ReportedCa
         return _read_recorded(source, source.run, by_hand)
     except FileError as error:
         has_results = source.run.is_of_recorder and source.results.is_file()
-        if not has_results or by_hand != ByHand():
+        if not has_results or by_hand.accept or by_hand.reject:
             raise
         warning = f"{error}: this is the {RESULTS_NAME} beside it"
         return (_read_results_alone(replace(source, run=None), (warning,)),)

@@ -1,5 +1,6 @@
 """`impact-rig report`: a run as one HTML file."""
 
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,15 +16,20 @@ from impact_rig.cli.info import (
     read_versions,
 )
 from impact_rig.cli.output import show_progress
-from impact_rig.configuration.particulars import Particulars, parse_particulars
+from impact_rig.configuration.particulars import (
+    NOTHING_STATED,
+    OF_SAMPLE,
+    Particulars,
+    read_particulars,
+)
 from impact_rig.configuration.processes import REPORT_NAME
-from impact_rig.configuration.rig_file import read_rig_file
-from impact_rig.configuration.toml_table import parse_toml_table
+from impact_rig.configuration.toml_table import read_toml_file
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.records import IMPORTED, MEASURED, join_origins
+from impact_rig.present.console import print_warning
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
-from impact_rig.present.report.setup import NO_DATE, format_date
+from impact_rig.present.report.setup import find_test_days, list_calibration_warnings
 from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import PROVENANCE_RECORD, compute_sha256
@@ -52,20 +58,16 @@ def make_provenance(contents: Contents) -> Provenance:
     )
 
 
-def read_particulars(contents: Contents | None, rig_file: Path | None) -> Particulars:
-    """Return what a person states, by a rig file: the one given, else that of the recording."""
-    if rig_file is not None:
-        return read_rig_file(rig_file).particulars
+def find_particulars(contents: Contents | None, rig_file: Path | None) -> Particulars:
+    """Return what a person states: by the rig file that is named, then by the recording's."""
+    named = read_toml_file(rig_file, "rig file", read_particulars) if rig_file else NOTHING_STATED
     for item in contents.attachments if contents is not None else ():
         if item.name.endswith(".toml"):
             try:
-                return parse_particulars(parse_toml_table(item.data.decode("utf-8-sig")))
+                return named.put_over(read_particulars(item.data.decode("utf-8-sig")))
             except (UnicodeDecodeError, ParameterError) as error:
-                raise FileError(
-                    f"the rig file {item.name} in the recording: {error}: name another one with"
-                    " --rig-file"
-                ) from None
-    return Particulars()
+                print_warning(f"the rig file {item.name} in the recording is not used: {error}")
+    return named
 
 
 def run(
@@ -83,7 +85,8 @@ def run(
     output = output or source.folder / REPORT_NAME
     if output.exists() and not is_check:
         raise FileError(f"{output} exists already: name another file with -o")
-    asked = ByHand(**by_hand)  # type: ignore[arg-type]  # its fields are the options
+    # Its fields are the options, and now.
+    asked = ByHand(**by_hand, stamp=time.time_ns())  # type: ignore[arg-type]
     _check_reason(asked, source)
     contents = None
     with show_progress() as follow:
@@ -93,10 +96,10 @@ def run(
             contents = inspect_with_progress(source.run)
             provenance = make_provenance(contents)
             runs = tuple(replace(run, provenance=provenance) for run in runs)
-        stated = read_particulars(contents, rig_file).set(texts)
-        unknown = _find_unknown_items(runs, stated)
+        stated = find_particulars(contents, rig_file).set(texts)
+        doubts = _list_doubts(runs, stated)
         if is_check:
-            _print_lacking(runs, stated, unknown)
+            _print_lacking(runs, stated, doubts)
             return
         document = make_report(
             runs,
@@ -106,8 +109,8 @@ def run(
         )
     with write_new_file(output) as part:
         part.write_text(render_page(document), encoding="utf-8")
-    for text in unknown:
-        click.echo(f"warning: {text}", err=True)
+    for text in doubts:
+        print_warning(text)
     click.echo(f"report: {output}", err=True)
 
 
@@ -116,40 +119,49 @@ def _check_reason(asked: ByHand, source: RunSource) -> None:
     if not (asked.accept or asked.reject):
         if asked.reason or asked.who:
             raise ParameterError("--reason and --who belong to --accept or --reject: name a hit")
-    elif not asked.reason.strip():
-        raise ParameterError('a report says why a person overrules: add --reason "TEXT"')
+    elif not (asked.reason.strip() and asked.who.strip()):
+        raise ParameterError(
+            'a report says why a hit is decided on by hand, and who did: add --reason "TEXT" --who'
+            ' "NAME"'
+        )
     elif source.run is None:
         raise ParameterError(f"{source.named} has no traces: --accept and --reject need them")
 
 
-def _find_unknown_items(runs: Sequence[ReportedCampaign], stated: Particulars) -> tuple[str, ...]:
-    """Say of which samples something is stated though no run has them, as by a wrong name."""
+def _list_doubts(runs: Sequence[ReportedCampaign], stated: Particulars) -> list[str]:
+    """Say which statements cannot be true of the runs: of other samples, of other days."""
     samples = (sample for run in runs for sample in run.campaign.results.setup.samples.samples)
     known = list(dict.fromkeys(sample.body for sample in samples))
-    return tuple(
-        f"the rig file states facts or limits of {name!r}, and the run has no such sample, so they"
-        f" are not in the report: its samples are {', '.join(known)}"
-        for name, item in stated.items.items()
-        if (item.texts or item.limits) and name not in known
-    )
+    doubts = [
+        f"facts or limits are stated of {name!r}, and the run has no such sample, so they are not"
+        f" in the report: its samples are {', '.join(known)}"
+        for name in stated.samples
+        if name not in known
+    ]
+    return doubts + stated.list_contradictions(*find_test_days(runs[0].provenance))
 
 
 def _print_lacking(
-    runs: Sequence[ReportedCampaign], stated: Particulars, unknown: Iterable[str]
+    runs: Sequence[ReportedCampaign], stated: Particulars, doubts: Iterable[str]
 ) -> None:
     """Print what a formal report would lack; the exit code says whether that is anything."""
     results = [run.campaign.results for run in runs]
     setups = [(item.setup.samples, sample.name) for item in results for sample in item.samples]
-    lacking = stated.list_lacking(dict.fromkeys(known.find(name).body for known, name in setups))
+    bodies = list(dict.fromkeys(known.find(name).body for known, name in setups))
+    provenance = runs[0].provenance
+    lacking = stated.list_lacking(bodies, is_dated=any(find_test_days(provenance)))
+    texts = [*doubts, *list_calibration_warnings(results[0].setup, stated, provenance)]
     kind = join_origins(item.origin for item in results).kind
     if kind not in (MEASURED, IMPORTED):
-        lacking.insert(0, f"Measured hits: these are {kind}")
-    if format_date(runs[0].provenance) == NO_DATE:
-        lacking.append("Date of the tests (7.8.2.1 i): the recording has none")
-    lacking += (text[:1].upper() + text[1:] for text in unknown)
-    for text in lacking:
-        click.echo(text)
+        texts.insert(0, f"measured hits are lacking: these are {kind}")
+    for text in (*lacking, *texts):
+        click.echo(text[:1].upper() + text[1:])
     if lacking:
-        click.echo("State it in the rig file, or with --set TABLE.KEY=TEXT.", err=True)
+        click.echo(
+            "State what is lacking in the rig file, in another file of the same tables (--rig-file"
+            f" LABORATORY.toml), or with --set TABLE.KEY=TEXT, of a sample {OF_SAMPLE}NAME.KEY.",
+            err=True,
+        )
+    if lacking or texts:
         raise SystemExit(EXIT_LACKING)
     click.echo("Nothing is lacking.")

@@ -1,13 +1,12 @@
 """What a formal report says beside the numbers, in a person's words, and what it lacks."""
 
-import datetime as dt
 import difflib
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Self
 
-from impact_rig.configuration.toml_table import TomlTable
+from impact_rig.configuration.toml_table import REQUIRED, TomlTable, parse_toml_table
 from impact_rig.core.errors import ParameterError
 
 
@@ -18,6 +17,7 @@ class Entry:
     key: str
     label: str  # in the report
     clause: str = ""  # of ISO/IEC 17025:2017, which asks for it; empty: only where it applies
+    is_date: bool = False
 
 
 LABORATORY = (
@@ -30,23 +30,29 @@ REPORT = (
     Entry("replaces", "Replaces report"),
     Entry("changes", "Changed, and why"),
     Entry("customer", "Customer", "7.8.2.1 e"),
+    Entry("tested", "Date of the tests", is_date=True),
     Entry("condition", "Condition of the items", "7.8.2.1 g"),
-    Entry("received", "Items received", "7.8.2.1 h"),
+    Entry("received", "Items received", "7.8.2.1 h", is_date=True),
     Entry("sampling", "Sampling"),
+    Entry("from_customer", "Stated by the customer"),
     Entry("temperature", "Temperature", "7.8.3.1 a"),
     Entry("humidity", "Relative humidity", "7.8.3.1 a"),
+    Entry("method", "Method"),
     Entry("deviations", "Deviations from the method", "7.8.2.1 n"),
+    Entry("specification", "Limits by"),
     Entry("external", "Results of others"),
+    Entry("further", "Further information"),
     Entry("operator", "Tested by"),
     Entry("authorised_by", "Authorised by", "7.8.2.1 o"),
-    Entry("issued", "Date of issue", "7.8.2.1 j"),
+    Entry("issued", "Date of issue", "7.8.2.1 j", is_date=True),
 )
 INSTRUMENT = (
     Entry("maker", "Maker"),
     Entry("model", "Model", "6.4.13 b"),
     Entry("serial_number", "Serial number", "6.4.13 b"),
     Entry("certificate", "Certificate", "6.5.1"),
-    Entry("calibration_date", "Calibration date", "6.5.1"),
+    Entry("calibration_date", "Calibration date", "6.5.1", is_date=True),
+    Entry("calibration_due", "Calibration due", is_date=True),
 )
 INSTRUMENTS = {
     "source.hammer": "hammer sensor",
@@ -64,6 +70,8 @@ SAMPLE = (
     Entry("serial_number", "Serial or batch", "7.8.2.1 g"),
     Entry("dimensions", "Dimensions", "7.8.2.1 g"),
 )
+OF_SAMPLE = "sample."
+"""Stands before the name of a sample where `TABLES` have the name of a table."""
 INSTRUMENT_KEYS = tuple(entry.key for entry in INSTRUMENT)
 MEASURANDS = {
     "contact_time": ("s", "203.2 us"),
@@ -72,20 +80,15 @@ MEASURANDS = {
 }
 """Of a sample that values and limits are stated for: unit, and an example."""
 LIMITS = tuple(f"{bound}_{name}" for name in MEASURANDS for bound in ("minimum", "maximum"))
-SAMPLE_KEYS = (*(entry.key for entry in SAMPLE), *LIMITS)
-"""Keys of a sample that only a report needs."""
-
-
-@dataclass(frozen=True)
-class Item:
-    """What is stated of one sample."""
-
-    texts: Mapping[str, str] = field(default_factory=dict)  # by the keys of `SAMPLE`
-    # Of tau_p, k and c by the names of `MEASURANDS` [SI units]; infinite: there is no such limit.
-    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-
-
-UNSTATED = Item()
+SAMPLE_KEYS = (
+    "name", "material", "mass", "mass_uncertainty", *(f"reference_{name}" for name in MEASURANDS),
+    *(entry.key for entry in SAMPLE), *LIMITS,
+)  # fmt: skip
+FILE_KEYS = (
+    "name", "description", "hammer", "digitizer", "analysis", "samples", "sample", "check_mass",
+    "source", "holder", "laboratory", "report", "balance",
+)  # fmt: skip
+"""Of a rig file."""
 
 
 @dataclass(frozen=True)
@@ -93,20 +96,34 @@ class Particulars:
     """What is stated; what is empty is absent."""
 
     texts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # by table and key
-    items: Mapping[str, Item] = field(default_factory=dict)  # by the name of the sample
+    # Least and largest value by sample and `MEASURANDS` [SI units]; infinite: there is no limit.
+    limits: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
 
     def get(self, table: str, key: str) -> str:
         """Return one text; empty: it is not stated."""
         return self.texts.get(table, {}).get(key, "")
 
-    def find_item(self, body: str) -> Item:
-        """Return what is stated of a sample, whatever its release angle."""
-        return self.items.get(body, UNSTATED)
+    @property
+    def samples(self) -> list[str]:
+        """Names of the samples of which something is stated."""
+        described = (table for table, texts in self.texts.items() if texts)
+        names = [name.removeprefix(OF_SAMPLE) for name in described if name.startswith(OF_SAMPLE)]
+        return [*dict.fromkeys([*names, *self.limits])]
 
     def list_facts(self, table: str) -> list[tuple[str, str]]:
         """Return labels and texts of a table."""
         texts = self.texts.get(table, {})
         return [(entry.label, texts[entry.key]) for entry in TABLES[table] if entry.key in texts]
+
+    def put_over(self, other: "Particulars") -> "Particulars":
+        """Return them with those of another one where they state nothing.
+
+        An instrument is described by one of them: what is known of another one is not true of it.
+        """
+        texts = dict(other.texts)
+        for table, own in self.texts.items():
+            texts[table] = own if own and table in INSTRUMENTS else {**texts.get(table, {}), **own}
+        return Particulars(texts, {**other.limits, **self.limits})
 
     def set(self, assignments: Iterable[str]) -> Self:
         """Return them with texts in place of others.
@@ -114,32 +131,44 @@ class Particulars:
         Parameters
         ----------
         assignments : iterable of str
-            As ``report.number=4711``; an empty text takes one away.
+            As ``report.number=4711`` or ``sample.steel small.serial_number=7``; an empty text
+            takes one away.
 
         Raises
         ------
         ParameterError
-            If one is no assignment, or there is no such key.
+            If one is no assignment, there is no such key, or it wants a date.
         """
         texts = {table: dict(found) for table, found in self.texts.items()}
         known = [f"{table}.{entry.key}" for table, entries in TABLES.items() for entry in entries]
+        known += [f"{OF_SAMPLE}NAME.{entry.key}" for entry in SAMPLE]
         for assignment in assignments:
-            name, is_assigned, text = assignment.partition("=")
-            if not is_assigned or name.strip() not in known:
+            name, _, text = assignment.partition("=")
+            table, _, key = name.strip().rpartition(".")
+            entries = SAMPLE if table.startswith(OF_SAMPLE) else TABLES.get(table, ())
+            entry = next((entry for entry in entries if entry.key == key), None)
+            if entry is None or "=" not in assignment:
                 near = difflib.get_close_matches(name, known, n=1)
                 hint = near[0] if near else "report.number"
                 raise ParameterError(
-                    f"{assignment!r} sets nothing: write it like {hint}=TEXT, with one of"
-                    f" {', '.join(known)}"
+                    f"{assignment!r} sets nothing: write it like {hint}=TEXT; impact-rig up"
+                    " --template has all keys"
                 )
-            table, _, key = name.strip().rpartition(".")
-            texts.setdefault(table, {})[key] = text.strip()
-            if not text.strip():
-                del texts[table][key]
-        return replace(self, texts=texts)
+            found = texts.setdefault(table, {})
+            found.pop(key, None)
+            found |= _take_texts(TomlTable({key: text.strip()}, f"[{table}]"), [entry])
+        return type(self)(texts, self.limits)
 
-    def list_lacking(self, samples: Iterable[str]) -> list[str]:
-        """Return what ISO/IEC 17025 asks for and nobody has stated, with where to state it."""
+    def list_lacking(self, samples: Sequence[str], *, is_dated: bool) -> list[str]:
+        """Return what ISO/IEC 17025 asks for and nobody has stated, with where to state it.
+
+        Parameters
+        ----------
+        samples : sequence of str
+            Names of those that were tested.
+        is_dated : bool
+            Whether the recording says when.
+        """
         lacking = [
             f"{entry.label}{f' of the {INSTRUMENTS[table]}' if table in INSTRUMENTS else ''}"
             f" ({entry.clause}): {entry.key} in [{table}]"
@@ -147,20 +176,46 @@ class Particulars:
             for entry in entries
             if entry.clause and not self.get(table, entry.key)
         ]
+        if not (is_dated or self.get("report", "tested")):
+            lacking.append("Date of the tests (7.8.2.1 i): tested in [report]")
         if self.get("report", "replaces") and not self.get("report", "changes"):
             lacking.append("Changed, and why (7.8.8.2): changes in [report]")
-        named = list(samples)
+        if any(self.limits.values()) and not self.get("report", "specification"):
+            lacking.append("Limits by, what sets them (7.8.6.2 b): specification in [report]")
         for entry in SAMPLE:
-            without = [name for name in named if entry.key not in self.find_item(name).texts]
+            without = [name for name in samples if not self.get(OF_SAMPLE + name, entry.key)]
             if without:
-                of = "all samples" if without == named else ", ".join(without)
+                of = "all samples" if without == list(samples) else ", ".join(without)
                 lacking.append(
                     f"{entry.label} of {of} ({entry.clause}): {entry.key} in [[sample]]"
                 )
         return lacking
 
+    def list_contradictions(self, first: str, last: str) -> list[str]:
+        """Return which dates cannot be true of tests between two days, year-month-day or empty."""
+        received, tested, issued = (
+            self.get("report", key) for key in ("received", "tested", "issued")
+        )
+        told = []
+        if first and tested and not first <= tested <= last:
+            told.append(f"the tests are dated {tested}, and the recording {first}")
+        first, last = first or tested, last or tested
+        # Days written year-month-day sort as texts.
+        if first and received > first:
+            told.append(f"the items were received on {received}, after the tests began on {first}")
+        if issued and issued < last:
+            told.append(f"the report was issued on {issued}, before the tests ended on {last}")
+        elif issued and issued < received:
+            told.append(f"the report was issued on {issued}, before the items came on {received}")
+        return told
+
 
 NOTHING_STATED = Particulars()
+
+
+def read_particulars(text: str) -> Particulars:
+    """Read a rig file, or one with nothing but what is for reports; errors as below."""
+    return parse_particulars(parse_toml_table(text))
 
 
 def parse_particulars(document: TomlTable) -> Particulars:
@@ -169,9 +224,10 @@ def parse_particulars(document: TomlTable) -> Particulars:
     Raises
     ------
     ParameterError
-        If a key is unknown where only these are known, or a value is no text or no limit.
+        If a key is unknown where only these are known, or a value is no text, date or limit.
     """
-    texts = {}
+    document.check_keys(*FILE_KEYS)
+    texts, limits = {}, {}
     for name, entries in TABLES.items():
         table = document
         for part in name.split("."):
@@ -179,22 +235,20 @@ def parse_particulars(document: TomlTable) -> Particulars:
         if entries is not INSTRUMENT or name == "balance":
             table.check_keys(*(entry.key for entry in entries))
         texts[name] = _take_texts(table, entries)
-    items = {
-        str(table.get("name")): Item(_take_texts(table, SAMPLE), _take_limits(table))
-        for table in document.take_tables("sample")
-    }
-    return Particulars(texts, items)
+    for table in document.take_tables("sample"):
+        table.check_keys(*SAMPLE_KEYS)
+        name = table.take_text("name", REQUIRED, "steel small")
+        texts[OF_SAMPLE + name] = _take_texts(table, SAMPLE)
+        limits[name] = _take_limits(table)
+    return Particulars(texts, {name: found for name, found in limits.items() if found})
 
 
 def _take_texts(table: TomlTable, entries: Iterable[Entry]) -> dict[str, str]:
-    texts = {}
-    for entry in entries:
-        value = table.get(entry.key)
-        if isinstance(value, dt.date):
-            texts[entry.key] = value.isoformat()
-        elif text := table.take_text(entry.key).strip():
-            texts[entry.key] = text
-    return texts
+    texts = {
+        entry.key: (table.take_date if entry.is_date else table.take_text)(entry.key)
+        for entry in entries
+    }
+    return {key: text.strip() for key, text in texts.items() if text.strip()}
 
 
 def _take_limits(table: TomlTable) -> dict[str, tuple[float, float]]:

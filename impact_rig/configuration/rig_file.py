@@ -13,7 +13,6 @@ from impact_rig.configuration.particulars import (
     INSTRUMENT_KEYS,
     MEASURANDS,
     NOTHING_STATED,
-    SAMPLE_KEYS,
     Particulars,
     parse_particulars,
 )
@@ -264,14 +263,12 @@ def parse_rig_file(text: str) -> RigFile:
         If it is not TOML, has an unknown key, lacks a key, or has a wrong value.
     """
     document = parse_toml_table(text)
-    document.check_keys("name", "description", "hammer", "digitizer", "analysis", "samples",
-                        "sample", "check_mass", "source", "holder", "laboratory", "report",
-                        "balance")  # fmt: skip
+    particulars = parse_particulars(document)
     source, holder = document.take_table("source"), document.take_table("holder")
     setup = _parse_setup(document, parse_sensors(source))
     return RigFile(
         setup=setup,
-        particulars=parse_particulars(document),
+        particulars=particulars,
         release_angles=_parse_angles(document.take_table("hammer"), setup),
         check_mass=_parse_check_mass(document),
         hammer=_parse_swing(holder),
@@ -404,7 +401,6 @@ def _parse_samples(document: TomlTable) -> SampleSet:
 
 def _parse_sample(table: TomlTable) -> Sample:
     references = {f"reference_{name}": found for name, found in MEASURANDS.items()}
-    table.check_keys("name", "material", "mass", "mass_uncertainty", *references, *SAMPLE_KEYS)
     name, material = table.take_text("name"), table.take_text("material")
     numbers = {
         "mass": table.take_quantity("mass", "kg", "21.31 g"),

@@ -418,6 +418,7 @@ class Overrules:
     rejected: frozenset[HitLabel] = frozenset()
     reason: str = ""  # for these, in the words of the person
     who: str = ""  # that person; empty: not told
+    stamp: int = 0  # when they were decided [ns since the epoch]; 0: not told
     # The newest of each hit of a campaign, by record.
     recorded: Mapping[int, Overrule] = field(default_factory=dict)
 
@@ -432,7 +433,7 @@ class Overrules:
         """Return what a person makes of a hit; None: nothing."""
         for labels, verdict in ((self.accepted, Verdict.ACCEPT), (self.rejected, Verdict.REJECT)):
             if label in labels:
-                return Overrule(label.record, verdict, self.reason, self.who)
+                return Overrule(label.record, verdict, self.reason, self.who, self.stamp)
         return self.recorded.get(label.record)
 
     def add(self, overrule: Overrule) -> "Overrules":

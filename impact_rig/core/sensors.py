@@ -298,17 +298,19 @@ def _check_response(name: str, response: SensorResponse) -> None:
         )
 
 
-def describe_calibration_age(name: str, day: str, today: str) -> str | None:
-    """Say what is wrong with the age of an instrument's calibration; both days year-month-day.
+def describe_calibration_age(name: str, day: str, today: str, due: str = "") -> str | None:
+    """Say what is wrong with the age of an instrument's calibration; all days year-month-day.
 
     A day that is written in another way, or not known, says nothing.
     """
-    if not _DATE.fullmatch(day):
+    # Days written year-month-day sort as texts.
+    if due and due < today:
+        return f"the calibration of the {name} was due on {due}, before {today}"
+    if not (today and _DATE.fullmatch(day)):
         return None
     told = f"the {name} was calibrated on {day}"
-    # Makers of accelerometers and force sensors recommend a year. Days written year-month-day
-    # sort as texts.
-    if day < f"{int(today[:4]) - 1:04d}{today[4:]}":
+    # Where no day is due: makers of accelerometers and force sensors recommend a year.
+    if not due and day < f"{int(today[:4]) - 1:04d}{today[4:]}":
         return f"{told}, over a year before {today}: have it calibrated again"
     if day > today:
         return f"{told}, which lies ahead of {today}: check calibration_date and this clock"

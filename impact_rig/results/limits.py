@@ -8,14 +8,16 @@ from enum import Enum
 from impact_rig.core.quantity import Quantity
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import SAMPLE_MEASURANDS, Measurand, format_number
+from impact_rig.results.references import shows_scatter
 from impact_rig.results.tables import Column, Table, list_table, make_text_column
 
 Limits = Mapping[str, tuple[float, float]]
 """Smallest and largest value of a quantity, by its field [SI units]; infinite: there is none."""
 DECISION_RULE = (
     "Decision rule: non-binary statement with the guard band U (ILAC-G8:09/2019, 4.2.3). Passed:"
-    " the interval of 95 % lies within the limits; failed: outside; undecided: a limit lies in"
-    " it, or the value was not determined."
+    " the interval of 95 % lies within the limits; failed: outside; each is wrong with a"
+    " probability of 2.5 % at most for each limit. Undecided: a limit lies in it (conditional pass"
+    " or conditional fail), or the value is not known or of one hit."
 )
 
 
@@ -36,11 +38,14 @@ class JudgedValue:
     found: Quantity
     low: float  # [SI unit]; infinite: there is none
     high: float
+    has_scatter: bool = True  # of hits, in the uncertainty
 
     @property
     def conformity(self) -> Conformity:
         """What is stated, with the expanded uncertainty as guard band."""
         least, most = self.found.lower, self.found.upper
+        if not self.has_scatter:
+            return Conformity.UNDECIDED
         if math.isnan(most) and math.isfinite(least):
             most = math.inf
         if self.low <= least and most <= self.high:
@@ -52,7 +57,13 @@ class JudgedValue:
 def judge_values(results: Results, limits: Mapping[str, Limits]) -> list[JudgedValue]:
     """Return the values that have limits, by the names of the samples without release angles."""
     return [
-        JudgedValue(sample.name, item, item.read(sample), *stated[item.field])
+        JudgedValue(
+            sample.name,
+            item,
+            item.read(sample),
+            *stated[item.field],
+            shows_scatter(results, sample.name, item),
+        )
         for sample in results.samples
         if (stated := limits.get(results.setup.samples.find(sample.name).body, {}))
         for item in SAMPLE_MEASURANDS

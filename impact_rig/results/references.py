@@ -14,8 +14,9 @@ from impact_rig.core.setup import (
     PAPER_SETUP,
     Sample,
 )
+from impact_rig.core.uncertainty import LEAST_HITS
 from impact_rig.results.campaign import Results
-from impact_rig.results.numbers import HAMMER_NAME
+from impact_rig.results.numbers import CONTACT_TIME, HAMMER_NAME, Measurand
 
 NAN = math.nan
 MASS_TOLERANCE = 1e-9
@@ -109,6 +110,24 @@ def find_expected(results: Results, name: str) -> Reference:
         stiffness=HAMMER_STIFFNESS,
         damping_coefficient=HAMMER_DAMPING_COEFFICIENT,
         is_published=True,
+    )
+
+
+def shows_scatter(results: Results, name: str, quantity: Measurand) -> bool:
+    """Return whether what scatters from hit to hit is in the uncertainty of a value.
+
+    It takes two hits and, for k and c, two on the control sample.
+    """
+    samples, needed = results.setup.samples, {name}
+    # k1 may be that of an earlier control experiment.
+    needs_control = quantity is not CONTACT_TIME and math.isnan(results.setup.hammer_stiffness)
+    if needs_control and samples.control_sample:
+        angle = math.nan if name == HAMMER_NAME else samples.find(name).release_angle
+        needed.add(samples.find_control(angle))
+    return all(
+        sample.impacts_accepted >= LEAST_HITS
+        for sample in results.samples
+        if sample.name in needed
     )
 
 

@@ -104,7 +104,8 @@ def _compare_dampings(sample: SampleEstimate) -> float:
     return difference / decay.value if is_beyond else math.nan
 
 
-CHECKS: dict[Callable[[SampleEstimate], float], str] = {
+Check = Callable[[SampleEstimate], float]
+CHECKS: dict[Check, str] = {
     _compare_with_law: (
         "the pulse is no versed-sine: k by the contact law differs by {percent} %."
         " Use the contact law."
@@ -138,6 +139,11 @@ def gather_remarks(results: Results, reading: Iterable[str] = ()) -> list[Remark
         *_list_notes(struck, results.hammer, find_plant(results.origin)),
         *_list_rejections(results),
     ]
+    return sort_remarks(remarks)
+
+
+def sort_remarks(remarks: Iterable[Remark]) -> list[Remark]:
+    """Return remarks, the largest effect on a result first."""
     return sorted(remarks, key=lambda remark: -remark.effect)
 
 
@@ -146,29 +152,37 @@ def select_attention(remarks: Sequence[Remark]) -> list[Remark]:
     return [remark for remark in remarks if remark.effect > 0.0]
 
 
-def gather_sample_remarks(sample: SampleEstimate, left_out: Collection[Note] = ()) -> list[Remark]:
-    """Return what needs attention in one sample, in its own numbers, without some notes."""
+Common = Collection[Note | Check]
+"""What is said of all samples at once."""
+
+
+def gather_sample_remarks(sample: SampleEstimate, left_out: Common = ()) -> list[Remark]:
+    """Return what needs attention in one sample, in its own numbers, without what is common."""
     notes = dict.fromkeys(_list_own(sample))
-    checked = [replace(remark, about="") for remark in _check([sample])]
+    checked = [replace(remark, about="") for remark in _check([sample], left_out)]
     return checked + [Remark(str(note)) for note in notes if note not in left_out]
 
 
-def find_common_notes(results: Results) -> set[Note]:
-    """Return the notes that are said of all samples at once, or with their origin."""
+def find_common(results: Results) -> set[Note | Check]:
+    """Return what is said of all samples at once, or with their origin."""
     plant = find_plant(results.origin)
-    notes = [_list_own(sample) for sample in results.samples if sample.impacts_accepted]
+    struck = [sample for sample in results.samples if sample.impacts_accepted]
+    notes = [_list_own(sample) for sample in struck]
     common = set.intersection(*map(set, notes)) if notes else set()
     explained = plant.explained if plant is not None else frozenset()
-    return common | {note for own in notes for note in own if note.about in explained}
+    common |= {note for own in notes for note in own if note.about in explained}
+    return {*common, *(check for check in CHECKS if all(map(math.isfinite, map(check, struck))))}
 
 
 def _list_own(sample: SampleEstimate) -> list[Note]:
     return [*sample.warnings, *sample.notes]
 
 
-def _check(samples: Sequence[SampleEstimate]) -> list[Remark]:
+def _check(samples: Sequence[SampleEstimate], left_out: Common = ()) -> list[Remark]:
     remarks = []
     for compute, text in CHECKS.items():
+        if compute in left_out:
+            continue
         effects = {sample.name: abs(compute(sample)) for sample in samples}
         found = {name: value for name, value in effects.items() if math.isfinite(value)}
         if found:
@@ -318,10 +332,7 @@ def tabulate_overrules(
         make_text_column("Who", [item.who or MISSING for _, item in overrules]),
         make_text_column(
             "When",
-            [
-                format_time(item.stamp) if item.stamp else "for this report"
-                for _, item in overrules
-            ],
+            [format_time(item.stamp) if item.stamp else MISSING for _, item in overrules],
         ),
         make_text_column(
             "The analysis says",

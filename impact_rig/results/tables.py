@@ -45,6 +45,7 @@ from impact_rig.results.references import (
     Reference,
     explain_misprint,
     find_expected,
+    shows_scatter,
 )
 
 LONGEST_UNBROKEN = 24
@@ -188,6 +189,7 @@ class _Row:
     name: str
     body: SampleEstimate | HammerEstimate
     reference: Reference
+    unscattered: frozenset[Measurand]  # whose uncertainty lacks what scatters from hit to hit
 
     @property
     def marked_name(self) -> str:
@@ -200,8 +202,13 @@ class _Row:
         return UNKNOWN if is_without else quantity.read(self.body)
 
     def compute_deviation(self, quantity: Measurand) -> float:
-        """Return the difference from the expected value, over the measured uncertainty."""
+        """Return the difference from the expected value, over the measured uncertainty.
+
+        NaN: the uncertainty is not known, or not all of it.
+        """
         found = self.read(quantity)
+        if quantity in self.unscattered:
+            return math.nan
         expected = quantity.read_reference(self.reference)
         is_uncertain = is_beyond_rounding(found.expanded, found.value)
         width = found.compute_half_width(expected) if is_uncertain else math.nan
@@ -223,7 +230,22 @@ def _make_rows(results: Results, *, with_hammer: bool) -> list[_Row]:
     ]
     if with_hammer:
         bodies.append((HAMMER_NAME, results.hammer))
-    return [_Row(name, body, find_expected(results, name)) for name, body in bodies]
+    return [_make_row(results, name, body) for name, body in bodies]
+
+
+def _make_row(results: Results, name: str, body: SampleEstimate | HammerEstimate) -> _Row:
+    unscattered = (item for item in SAMPLE_MEASURANDS if not shows_scatter(results, name, item))
+    return _Row(name, body, find_expected(results, name), frozenset(unscattered))
+
+
+def _explain_one_hit(rows: Sequence[_Row], *quantities: Measurand) -> list[str]:
+    """Return what is not known of values by one hit; empty where there are none."""
+    known = {row.name: [item for item in quantities if row.read(item).is_known] for row in rows}
+    found = [row.name for row in rows if row.unscattered.intersection(known[row.name])]
+    if not found:
+        return []
+    names = ", ".join(found) if len(found) < sum(map(bool, known.values())) else "All"
+    return [f"{names}: by one hit, so how hits scatter is not known, and not in ±."]
 
 
 def _make_deviations(rows: Sequence[_Row], quantity: Measurand) -> Column:
@@ -248,7 +270,11 @@ def tabulate_contact_times(results: Results) -> Table:
         read_column("w10/w50", samples, "paper.width_ratio", 3, is_optional=True),
         read_column("Spread [µs]", samples, "paper.contact_time_spread", 2, is_optional=True),
         make_optional("Hits", [str(item.impacts_accepted) for item in samples]),
-        make_optional("Rejected", [str(item.impacts_rejected) for item in samples]),
+        *(
+            [make_optional("Rejected", [str(item.impacts_rejected) for item in samples])]
+            if any(item.impacts_rejected for item in samples)
+            else []
+        ),
         read_column("Fmax [N]", samples, "paper.peak_force", 1, is_optional=True, note=force),
         read_column(
             "Peaks [%]",
@@ -349,6 +375,7 @@ def _tabulate_bodies(
     if quantity is CONTACT_TIME:
         has_deviation = any(math.isfinite(row.compute_deviation(quantity)) for row in rows)
         notes = [*[DEVIATION] * has_deviation, *notes]
+    notes = [*_explain_one_hit(rows, quantity), *notes]
     misprints = [
         row.reference.published
         for row in rows
@@ -393,7 +420,7 @@ def tabulate_summary(results: Results) -> list[Table]:
         note += DEVIATION.removeprefix("±: 95 %.")
         if any(row.reference.is_misprinted for row in rows):
             note += " * Its τp is misprinted in the paper, see Table 2."
-    return [replace(table, notes=(note,))]
+    return [replace(table, notes=(note, *_explain_one_hit(rows, *SAMPLE_MEASURANDS)))]
 
 
 def tabulate_results(results: Results) -> list[Table]:
@@ -593,8 +620,12 @@ def tabulate_free_decays(samples: Sequence[SampleEstimate]) -> list[Table]:
     return list_table("Damping by free decay", columns, [note])
 
 
-def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
-    """Return what each method says of one sample, with coverage and what is expected."""
+def tabulate_methods(results: Results, sample: SampleEstimate) -> Table:
+    """Return what each method says of one sample, with coverage and what is expected.
+
+    The control sample's table has the hammer, too.
+    """
+    reference, hammer = find_expected(results, sample.name), results.hammer
     law, decay = sample.contact_law, sample.free_decay
     others = [
         (CONTACT_TIME, "τ", "contact law", law.duration),
@@ -608,6 +639,8 @@ def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
         expected = format_number(item.read_reference(reference) * item.scale, item.digits)
         name = f"{item.sample_symbol} [{item.unit}]"
         lines.append((name, "the paper's", item.read(sample), item, expected))
+        if item in HAMMER_MEASURANDS and hammer.control_sample == sample.name:
+            others.append((item, f"{item.symbol}1", "of the hammer", item.read(hammer)))
         lines += [
             (f"{symbol} [{item.unit}]", method, found, item, "")
             for quantity, symbol, method, found in others
@@ -634,7 +667,8 @@ def tabulate_methods(sample: SampleEstimate, reference: Reference) -> Table:
         Column("DoF", [format_freedom(quantity) for quantity in found]),
         Column("Expected", [expected for *_, expected in lines]),
     ]
-    return make_table("By method", columns)
+    notes = _explain_one_hit([_make_row(results, sample.name, sample)], *SAMPLE_MEASURANDS)
+    return make_table("By method", columns, notes)
 
 
 def tabulate_budgets(name: str, body: SampleEstimate | HammerEstimate) -> Iterator[Table]:
@@ -657,15 +691,17 @@ def tabulate_shares(results: Results) -> list[Table]:
     rows = [row for row in bodies if any(row.read(item).budget for item in SAMPLE_MEASURANDS)]
     columns = [make_text_column("Sample", [row.name for row in rows])]
     for item in SAMPLE_MEASURANDS:
-        cells = [_describe_shares(row.read(item).budget) for row in rows]
+        cells = [_describe_shares(row, item) for row in rows]
         columns.append(make_text_column(f"of {item.symbol}", cells))
     note = "Largest parts of the variance [%], down to a fifth of it."
     return list_table("Uncertainty budgets, in short", columns, [note])
 
 
-def _describe_shares(budget: Sequence[BudgetLine]) -> str:
+def _describe_shares(row: _Row, quantity: Measurand) -> str:
     return ", ".join(
-        f"{line.source} {100.0 * line.share:.0f}" for line in budget if line.share >= LARGE_SHARE
+        f"{line.source.removesuffix(f' on {row.name}')} {100.0 * line.share:.0f}"
+        for line in row.read(quantity).budget
+        if line.share >= LARGE_SHARE
     )
 
 

@@ -1,6 +1,7 @@
 """`impact-rig report`: a file to hand over, whatever it is made of."""
 
 import shutil
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -59,7 +60,7 @@ def test_the_report_of_a_run_lies_in_its_folder_and_is_never_overwritten(run, fo
 def test_what_is_set_is_in_the_report_and_what_is_missing_is_listed(run, folder):
     lacking = run("report", folder, "--check")
     assert lacking.exit_code == 1
-    assert "Measured hits: these are simulated" in lacking.stdout
+    assert "Measured hits are lacking: these are simulated" in lacking.stdout
     assert "Report number (7.8.2.1 d): number in [report]" in lacking.stdout
     assert not (folder / "report.html").exists()
     number = ("--set", "report.number=4711")
@@ -71,29 +72,24 @@ def test_what_is_set_is_in_the_report_and_what_is_missing_is_listed(run, folder)
     assert "'report.nummer=1' sets nothing: write it like report.number=TEXT" in wrong.stderr
 
 
-def test_the_rig_file_says_what_the_recording_does_not(run, folder):
-    rig = folder / "rig.toml"
+def test_a_file_with_a_laboratory_alone_says_what_the_recording_does_not(run, folder):
+    rig = folder / "lab.toml"
     rig.write_text(
-        read_template().replace(
-            'name = "brass medium"', 'name = "brass medium"\nmaximum_contact_time = "100 us"'
-        )
-        + '[laboratory]\nname = "Lab 7"\n'
+        '[laboratory]\nname = "Lab 7"\n[report]\nissued = 2020-01-01\n'
+        '[[sample]]\nname = "brass medium"\nmaximum_contact_time = "100 us"\n'
+        '[[sample]]\nname = "brass mediun"\ndimensions = "30 mm"\n'
     )
-    assert run("report", folder, "--rig-file", rig).exit_code == 0
+    told = "facts or limits are stated of 'brass mediun', and the run has no such sample"
+    early = "the report was issued on 2020-01-01, before the tests ended on"
+    outcome = run("report", folder, "--rig-file", rig)
+    assert outcome.exit_code == 0
+    for text in (told, early):
+        assert f"warning: {text}" in outcome.stderr
+        checked = run("report", folder, "--check", "--rig-file", rig).stdout
+        assert text[1:] in checked
     text = read_text(folder / "report.html")
     assert "Lab 7" in text
     assert "of 1 value with limits 1 failed" in text
-
-
-def test_facts_and_limits_of_a_sample_that_the_run_does_not_have_are_told_of(run, folder):
-    rig = folder / "rig.toml"
-    wrong = 'name = "brass mediun"\nmaximum_contact_time = "100 us"'
-    rig.write_text(read_template().replace('name = "brass medium"', wrong))
-    told = "states facts or limits of 'brass mediun', and the run has no such sample"
-    outcome = run("report", folder, "--rig-file", rig)
-    assert outcome.exit_code == 0
-    assert f"warning: the rig file {told}" in outcome.stderr
-    assert told in run("report", folder, "--check", "--rig-file", rig).stdout
 
 
 def test_a_recording_brings_its_rig_file_and_what_a_person_decided(run, folder):
@@ -119,15 +115,32 @@ def test_a_recording_brings_its_rig_file_and_what_a_person_decided(run, folder):
 
 def test_a_hit_is_left_out_with_reason_and_name(run, folder):
     asked = ("report", folder, "--reject", "brass medium/1")
-    assert "add --reason" in run(*asked).stderr
-    assert "add --reason" in run(*asked, "--reason", "  ").stderr
+    assert 'add --reason "TEXT" --who "NAME"' in run(*asked, "--reason", "loose cable").stderr
+    assert "add --reason" in run(*asked, "--reason", "  ", "--who", "A. Berg").stderr
     assert "belong to --accept or --reject" in run("report", folder, "--who", "A").stderr
     assert run(*asked, "--reason", "loose cable", "--who", "A. Berg").exit_code == 0
     text = read_text(folder / "report.html")
     assert "Hits on which a person decided: 1" in text
-    for words in ("left out by hand", "loose cable", "A. Berg", "for this report", "(✗) ✓"):
+    today = datetime.now(UTC).date().isoformat()
+    for words in (
+        "left out by hand",
+        "loose cable",
+        "A. Berg",
+        f'<td class="text">{today} ',
+        "(✗) ✓",
+    ):
         assert words in text
-    results = run("report", folder / "results.json", *asked[2:], "--reason", "x", "-o", "x.html")
+    results = run(
+        "report",
+        folder / "results.json",
+        *asked[2:],
+        "--reason",
+        "x",
+        "--who",
+        "A",
+        "-o",
+        "x.html",
+    )
     assert "has no traces: --accept and --reject need them" in results.stderr
 
 

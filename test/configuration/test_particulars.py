@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from impact_rig.configuration.particulars import TABLES, Item
+from impact_rig.configuration.particulars import SAMPLE, TABLES, Particulars, read_particulars
 from impact_rig.configuration.rig_file import parse_rig_file
 from impact_rig.core.errors import ParameterError
 
@@ -33,9 +33,23 @@ def test_what_is_stated_is_read_and_what_is_empty_is_left_out():
     assert stated.list_facts("report") == [("Date of issue", "2026-05-04")]
     assert stated.get("digitizer", "model") == "6115"
     assert stated.list_facts("source.hammer") == [("Certificate", "D-K-1")]
-    item = Item({"serial_number": "batch 7"}, {"stiffness": (1e6, math.inf)})
-    assert stated.find_item("oak") == item
-    assert stated.find_item("ash") == Item()
+    assert stated.get("sample.oak", "serial_number") == "batch 7"
+    assert stated.limits == {"oak": {"stiffness": (1e6, math.inf)}}
+    assert stated.samples == ["oak"]
+
+
+def test_a_laboratory_keeps_its_address_in_a_file_of_its_own():
+    own = read_particulars('[laboratory]\nname = "Lab"\n[source.hammer]\nserial_number = "2"\n')
+    recorded = read(
+        '[laboratory]\nplace = "hall 3"\n'
+        '[source.hammer]\nserial_number = "1"\ncertificate = "D-K-1"\n'
+    )
+    both = own.put_over(recorded)
+    assert both.texts["laboratory"] == {"name": "Lab", "place": "hall 3"}
+    assert both.texts["source.hammer"] == {"serial_number": "2"}  # certificate 1 is not of it
+    assert Particulars().put_over(recorded) == recorded
+    with pytest.raises(ParameterError, match=r"line 2: the file has an unknown key 'laboratry'"):
+        read_particulars('\n[laboratry]\nname = "Lab"')
 
 
 @pytest.mark.parametrize(
@@ -43,6 +57,10 @@ def test_what_is_stated_is_read_and_what_is_empty_is_left_out():
     [
         ('[laboratory]\nnam = "Lab"', r"line 10: \[laboratory\] has an unknown key 'nam'.*'name'"),
         ("[report]\nnumber = 4711", "line 10: number of .report. is 4711: .* a text in quotes"),
+        (
+            '[report]\nissued = "May 4"',
+            "line 10: issued of .report. is 'May 4': it must be a date",
+        ),
         ('[balance]\ncapacity = "1 kg"', "unknown key 'capacity'"),
         ('maximum_stiffness = "1 mm"', "line 9: maximum_stiffness .* is no N/m"),
         (
@@ -58,28 +76,63 @@ def test_what_cannot_be_meant_is_named_with_its_line(text, told):
 
 def test_a_text_is_set_in_place_of_that_of_the_file_or_taken_away():
     stated = read('[report]\nnumber = "1"\noperator = "A. Berg"\n')
-    changed = stated.set(["report.number=2 = two", "report.operator=", "digitizer.model=X"])
+    changed = stated.set(
+        [
+            "report.number=2 = two",
+            "report.operator=",
+            "digitizer.model=X",
+            "sample.oak.dimensions=3",
+        ]
+    )
+    assert changed.get("sample.oak", "dimensions") == "3"
     assert changed.list_facts("report") == [("Report number", "2 = two")]
     assert changed.get("digitizer", "model") == "X"
     assert stated.get("report", "number") == "1"
-    with pytest.raises(
-        ParameterError, match=r"'report.nummer=3' sets nothing.*report.number=TEXT"
+    for wrong, told in (
+        ("report.nummer=3", "'report.nummer=3' sets nothing: write it like report.number=TEXT"),
+        ("sample.serial_number=3", "write it like sample.NAME.serial_number=TEXT"),
+        ("report.number", "'report.number' sets nothing"),
+        ("report.issued=4.5.26", "issued of .report. is '4.5.26': it must be a date"),
     ):
-        stated.set(["report.nummer=3"])
+        with pytest.raises(ParameterError, match=told):
+            stated.set([wrong])
+
+
+def test_dates_that_cannot_be_true_are_named():
+    tested = "2026-05-04", "2026-05-05"
+    good = {"received": "2026-05-04", "tested": "2026-05-05", "issued": "2026-05-05"}
+    assert Particulars({"report": good}).list_contradictions(*tested) == []
+    for key, day, told in (
+        ("received", "2026-05-05", "received on 2026-05-05, after the tests began on 2026-05-04"),
+        ("issued", "2026-05-04", "issued on 2026-05-04, before the tests ended on 2026-05-05"),
+        ("tested", "2026-05-06", "the tests are dated 2026-05-06, and the recording 2026-05-04"),
+    ):
+        (found,) = Particulars({"report": {key: day}}).list_contradictions(*tested)
+        assert told in found
+    (found,) = Particulars(
+        {"report": {"tested": "2026-05-06", "issued": "2026-05-04"}}
+    ).list_contradictions("", "")
+    assert "before the tests ended on 2026-05-06" in found
 
 
 def test_what_the_standard_asks_for_is_listed_until_it_is_stated():
-    lacking = read("").list_lacking(["oak"])
+    lacking = read("").list_lacking(["oak"], is_dated=False)
     for text in ("(7.8.2.1 b): name in [laboratory]", "(7.8.2.1 d): number in [report]",
                  "Certificate of the hammer sensor (6.5.1): certificate in [source.hammer]",
+                 "Date of the tests (7.8.2.1 i): tested in [report]",
                  "Serial or batch of all samples (7.8.2.1 g)"):  # fmt: skip
         assert any(text in item for item in lacking), text
-    whole = read('serial_number = "7"\ndimensions = "30 mm"\n').set(
-        f"{table}.{entry.key}=x" for table, entries in TABLES.items() for entry in entries
+    whole = read('maximum_stiffness = "1 MN/m"').set(
+        f"{table}.{entry.key}={'2026-05-04' if entry.is_date else 'x'}"
+        for table, entries in {**TABLES, "sample.oak": SAMPLE}.items()
+        for entry in entries
     )
-    assert whole.list_lacking(["oak"]) == []
-    unexplained = whole.set(["report.changes="]).list_lacking(["oak"])
-    assert unexplained == ["Changed, and why (7.8.8.2): changes in [report]"]
-    assert [item[:24] for item in whole.list_lacking(["oak", "ash"])] == [
+    assert whole.list_lacking(["oak"], is_dated=False) == []
+    unexplained = whole.set(["report.changes=", "report.specification=", "report.tested="])
+    assert unexplained.list_lacking(["oak"], is_dated=True) == [
+        "Changed, and why (7.8.8.2): changes in [report]",
+        "Limits by, what sets them (7.8.6.2 b): specification in [report]",
+    ]
+    assert [item[:24] for item in whole.list_lacking(["oak", "ash"], is_dated=True)] == [
         "Serial or batch of ash (", "Dimensions of ash (7.8.2",
     ]  # fmt: skip

@@ -22,7 +22,7 @@ from impact_rig.results.references import PLANTS
 from impact_rig.results.remarks import (
     Remark,
     describe_origin,
-    find_common_notes,
+    find_common,
     gather_remarks,
     gather_sample_remarks,
     select_attention,
@@ -165,12 +165,17 @@ def test_notes_of_all_samples_are_said_of_them_at_once_and_those_of_a_plant_with
     )
     samples = (make_sample("tin", of_all, own, known), make_sample("zinc", of_all))
     results = Results(PAPER_SETUP, HAMMER, samples, ())
-    assert find_common_notes(results) == {of_all}
+    assert find_common(results) == {of_all}
     origin = Origin(SIMULATED, "virtual rig, plant published")
     hit = HitResults("tin", 1, 1, 1, accepted=True, origin=origin)
     simulated = replace(results, hits=(hit,))
-    assert find_common_notes(simulated) == {of_all, known}
-    assert gather_sample_remarks(samples[0], find_common_notes(simulated)) == [Remark("hits: x")]
+    assert find_common(simulated) == {of_all, known}
+    assert gather_sample_remarks(samples[0], find_common(simulated)) == [Remark("hits: x")]
+    alike = replace(
+        results, samples=(make_sample("tin", **CONTACT), make_sample("zinc", **CONTACT))
+    )
+    assert gather_sample_remarks(alike.samples[0], find_common(alike)) == []
+    assert len(gather_sample_remarks(alike.samples[0])) == 1
 
 
 def test_every_hit_has_a_mark_in_its_order_with_brackets_where_a_person_decided():
@@ -189,8 +194,6 @@ def test_every_hit_has_a_mark_in_its_order_with_brackets_where_a_person_decided(
         ("3 (tin/2.1)", "left out by hand", "loose cable", "Ann", "2023-11-14 22:13:20 UTC",
          "double_hit: a second pulse"),
     ]  # fmt: skip
-    (asked,) = tabulate_overrules(results, [(hits[0].label, replace(overrule, stamp=0))])
-    assert asked.rows[0][4] == "for this report"
     assert tabulate_overrules(results, []) == []
 
 

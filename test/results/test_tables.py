@@ -23,7 +23,6 @@ from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
 from impact_rig.results import tables
 from impact_rig.results.campaign import FileResults, HitResults, Results
 from impact_rig.results.numbers import format_quantity, format_uncertain
-from impact_rig.results.references import find_expected
 from impact_rig.results.remarks import tabulate_hits
 from impact_rig.results.results_file import format_results_table
 from impact_rig.results.tables import Table
@@ -125,7 +124,7 @@ def test_the_summary_has_every_result_and_how_far_it_is_from_what_is_expected():
 def test_only_a_plant_with_values_of_its_own_is_held_against_them(plant):
     origin = Origin(SIMULATED, f"virtual rig, plant {plant}")
     sample = SampleEstimate(
-        "steel medium", 1, 0, PaperEstimate(Quantity(204.2e-6, expanded=0.5e-6))
+        "steel medium", 2, 0, PaperEstimate(Quantity(204.2e-6, expanded=0.5e-6))
     )
     hit = HitResults("steel medium", 1, 1, 1, accepted=True, origin=origin)
     (table,) = tables.tabulate_summary(replace(make_results(sample), hits=(hit,)))
@@ -145,7 +144,7 @@ def test_samples_of_ones_own_are_held_against_their_references():
         (Sample("brass medium", 0.2, reference_contact_time=2e-4), Sample("zinc", 0.1)), ""
     )
     samples = [
-        SampleEstimate(name, 1, 0, PaperEstimate(Quantity(2.1e-4, expanded=5e-6)))
+        SampleEstimate(name, 2, 0, PaperEstimate(Quantity(2.1e-4, expanded=5e-6)))
         for name in ("brass medium", "zinc")
     ]
     table = tables.tabulate_contact_times(make_results(*samples, known=known))
@@ -200,7 +199,7 @@ def test_a_sample_by_itself_has_every_method_with_coverage_factor_and_freedom():
     stiffness = replace(SAMPLE.paper.stiffness, standard=0.5e6, degrees_of_freedom=9.7)
     law = ContactLaw(duration=Quantity(200e-6), equivalent_stiffness=Quantity(30e6))
     sample = replace(SAMPLE, paper=replace(SAMPLE.paper, stiffness=stiffness), contact_law=law)
-    table = tables.tabulate_methods(sample, find_expected(make_results(sample), "steel medium"))
+    table = tables.tabulate_methods(make_results(sample), sample)
     assert [column.header for column in table.columns] == [
         "", "Method", "Value ± U", "U [%]", "k", "DoF", "Expected",
     ]  # fmt: skip
@@ -274,6 +273,27 @@ def test_a_deviation_counts_on_the_side_where_the_expected_value_lies():
             make_results(SampleEstimate("steel medium", 10, 0, paper=paper))
         )
         assert find_row(table)["Δ/U"] == deviation
+
+
+def test_of_one_hit_or_by_one_on_the_control_sample_no_deviation_is_stated():
+    paper = PaperEstimate(
+        contact_time=Quantity(210e-6, 1e-6, 2e-6), stiffness=Quantity(40e6, 5e6, 10e6)
+    )
+    bodies = [SampleEstimate("steel medium", 10, 0, paper=paper)]
+    for name, hits in (("steel small", 1), ("aluminium large", 1)):
+        bodies.append(SampleEstimate(name, hits, 0, paper=paper))
+    results = Results(PAPER_SETUP, HammerEstimate(), tuple(bodies), ())
+    table = tables.tabulate_contact_times(results)
+    assert [row[3] for row in table.rows] == ["3.4", "-", "-"]
+    assert [row[2][-1] for row in table.rows] == ["!", "0", "0"]
+    told = "by one hit, so how hits scatter is not known, and not in ±."
+    assert f"steel small, aluminium large: {told}" in table.notes
+    # k2 of all is by k1, which is by one hit.
+    (stiffness,) = tables.tabulate_stiffness(results)
+    assert f"All: {told}" in stiffness.notes
+    assert tables.count_expected(results) == (0, 1)
+    known = replace(results, setup=replace(PAPER_SETUP, hammer_stiffness=22.54e6))
+    assert find_row(tables.tabulate_stiffness(known)[0])["Δ/U"] != "-"
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-9, 1e9))

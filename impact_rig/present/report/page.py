@@ -70,6 +70,7 @@ class Document:
     facts: tuple[tuple[str, str], ...]
     sections: tuple[Section, ...]
     laws: frozenset[str] = frozenset()  # forms of loss in its contact laws, whose sources it names
+    signatory: str = ""  # who authorises it
 
 
 def drop_empty(*sections: Section | None) -> tuple[Section, ...]:

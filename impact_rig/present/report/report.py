@@ -1,10 +1,9 @@
 """The whole report of a run: its first page, its samples, tables of all, hits, method."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from impact_rig.configuration.particulars import NOTHING_STATED, Particulars
-from impact_rig.core.findings import Note
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import IMPORTED, MEASURED, join_origins
@@ -38,17 +37,17 @@ from impact_rig.results.numbers import (
     SAMPLE_MEASURANDS,
     format_count,
     format_number,
-    format_time,
-    is_dated,
 )
-from impact_rig.results.references import find_expected
 from impact_rig.results.remarks import (
+    UNSTATED_EFFECT,
+    Common,
     Remark,
     describe_origin,
-    find_common_notes,
+    find_common,
     gather_remarks,
     gather_sample_remarks,
     select_attention,
+    sort_remarks,
     tabulate_accepted,
     tabulate_marks,
     tabulate_overrules,
@@ -56,7 +55,10 @@ from impact_rig.results.remarks import (
 )
 from impact_rig.results.traces import ReportedCampaign, compute_law_curves
 
-SCOPE = "The results relate only to the items tested. Only the whole report may be reproduced."
+SCOPE = (
+    "The results relate only to the items tested{received}. Without the laboratory's approval the"
+    " report may be reproduced only as a whole."
+)
 
 
 def make_run_sections(
@@ -66,7 +68,7 @@ def make_run_sections(
     results = run.campaign.results
     remarks = gather_run_remarks(run, stated)
     others = tuple(remark for remark in remarks if not remark.effect)
-    common = find_common_notes(results)
+    common = find_common(results)
     samples = [
         _make_sample_section(run, item, common, with_printed=with_printed)
         for item in results.samples
@@ -86,19 +88,32 @@ def _make_results_section(
     results: Results, remarks: Sequence[Remark], stated: Particulars
 ) -> Section:
     """Return the first page: the conclusion, one table, what needs attention."""
-    limits = {name: item.limits for name, item in stated.items.items()}
-    judged = judge_values(results, limits)
+    judged = judge_values(results, stated.limits)
     left_out = len(results.rejections)
+    # Where nobody says how the items were taken, the laboratory did not take them (7.8.2.2).
+    received = "" if stated.get("report", "sampling") else ", as received"
     accepted = format_count(len(results.hits) - left_out, "hit")
     parts: list[Part] = [
         Paragraph(conclude(results, judged)),
         *tables.tabulate_summary(results),
+        *_describe_coverage(results),
         *tabulate_conformity(judged),
-        Paragraph(f"{accepted} accepted, {left_out} rejected. {SCOPE}"),
+        Paragraph(f"{accepted} accepted, {left_out} rejected. {SCOPE.format(received=received)}"),
     ]
     if remarks:
         parts += [Paragraph("What needs attention:"), Remarks(tuple(remarks), is_warning=True)]
     return Section("Results", tuple(parts))
+
+
+def _describe_coverage(results: Results) -> list[Part]:
+    """Return the coverage factors of the uncertainties above; empty without any."""
+    values = [item.read(sample) for sample in results.samples for item in SAMPLE_MEASURANDS]
+    factors = [item.expanded / item.standard for item in values if item.standard > 0.0]
+    if not factors:
+        return []
+    ends = dict.fromkeys(f"{factor:.2f}" for factor in (min(factors), max(factors)))
+    text = f"U = k u for 95 %, with k of {' to '.join(ends)} by Student's t: each value's k and"
+    return [Paragraph(f"{text} effective degrees of freedom stand with its sample.")]
 
 
 def conclude(results: Results, judged: Sequence[JudgedValue]) -> str:
@@ -172,7 +187,7 @@ def _explain_figures(run: ReportedCampaign) -> tuple[Part, ...]:
 
 
 def _make_sample_section(
-    run: ReportedCampaign, sample: SampleEstimate, common: Collection[Note], *, with_printed: bool
+    run: ReportedCampaign, sample: SampleEstimate, common: Common, *, with_printed: bool
 ) -> Section:
     """Return what there is of one sample: its traces with the models, methods, remarks."""
     results = run.campaign.results
@@ -184,7 +199,7 @@ def _make_sample_section(
         panels = draw_sample(traces, hits, curves, with_printed=with_printed)
         parts.append(Picture(traces.name, "", panels))
     if sample.impacts_accepted:
-        parts.append(tables.tabulate_methods(sample, find_expected(results, sample.name)))
+        parts.append(tables.tabulate_methods(results, sample))
     if remarks := gather_sample_remarks(sample, common):
         parts.append(Remarks(tuple(remarks)))
     return Section(sample.name, tuple(parts), is_whole=True)
@@ -217,10 +232,9 @@ def gather_run_remarks(run: ReportedCampaign, stated: Particulars) -> list[Remar
         texts += provenance.problems
         if provenance.losses is not None:
             texts.append(f"lost while recording: {provenance.losses}")
-        if is_dated(provenance.start_time):
-            day = format_time(provenance.start_time).partition(" ")[0]
-            texts += list_calibration_warnings(results.setup, stated, day)
-    return gather_remarks(results, texts)
+    old = list_calibration_warnings(results.setup, stated, provenance)
+    remarks = [Remark(text, "instruments", UNSTATED_EFFECT) for text in old]
+    return sort_remarks([*remarks, *gather_remarks(results, texts)])
 
 
 TITLE = "Impact test report"
@@ -263,6 +277,7 @@ def make_report(
         subtitle=_describe_rigs(runs),
         name=", ".join(run.name for run in runs),
         number=stated.get("report", "number"),
+        signatory=stated.get("report", "authorised_by"),
         banner=_describe_origins(runs),
         is_warning=kind not in (MEASURED, IMPORTED),
         facts=_list_facts(runs, stated),
@@ -292,11 +307,12 @@ def _list_facts(
     """Return the facts below the title: what a person states, and of the runs."""
     results = [run.campaign.results for run in runs]
     rigs = dict.fromkeys(item.setup.name for item in results if item.setup.name)
+    tested = "" if stated.get("report", "tested") else "date not known"
     facts = [
         *stated.list_facts("laboratory"),
         *stated.list_facts("report"),
         ("Run", ", ".join(run.name for run in runs)),
         ("Rig", ", ".join(rigs)),
-        ("Tested on", format_date(runs[0].provenance)),
+        ("Tested on", format_date(runs[0]) or tested),
     ]
     return tuple((name, text) for name, text in facts if text)

@@ -3,7 +3,14 @@
 import math
 from collections.abc import Sequence
 
-from impact_rig.configuration.particulars import INSTRUMENT, INSTRUMENTS, SAMPLE, Particulars
+from impact_rig.configuration.particulars import (
+    INSTRUMENT,
+    INSTRUMENTS,
+    OF_SAMPLE,
+    SAMPLE,
+    Particulars,
+)
+from impact_rig.core.records import IMPORTED
 from impact_rig.core.sensors import Sensor, describe_calibration_age
 from impact_rig.core.setup import (
     DEFAULT_CLOCK_UNCERTAINTY,
@@ -65,14 +72,22 @@ def make_setup_section(run: ReportedCampaign) -> Section:
     return Section("Set-up and recording", tuple(parts))
 
 
-NO_DATE = "date not known"
+def format_date(run: ReportedCampaign) -> str:
+    """Return when a run was recorded; empty: it has no date, as imported hits may have none."""
+    if run.provenance is None or not is_dated(run.provenance.start_time):
+        return ""
+    of_files = run.campaign.results.origin.kind == IMPORTED
+    # Many files do not say in which time zone.
+    return format_time(run.provenance.start_time) + ", if the files' clock was UTC" * of_files
 
 
-def format_date(provenance: Provenance | None) -> str:
-    """Return when a run was recorded; imported hits have no date."""
+def find_test_days(provenance: Provenance | None) -> tuple[str, str]:
+    """Return the first and the last day of a run in universal time, empty if it has no date."""
     if provenance is None or not is_dated(provenance.start_time):
-        return NO_DATE
-    return format_time(provenance.start_time)
+        return "", ""
+    ends = provenance.start_time, provenance.end_time
+    first, last = (format_time(end).partition(" ")[0] for end in ends)
+    return first, last
 
 
 def _list_facts(run: ReportedCampaign) -> tuple[tuple[str, str], ...]:
@@ -90,9 +105,8 @@ def _list_facts(run: ReportedCampaign) -> tuple[tuple[str, str], ...]:
 def _list_recording_facts(provenance: Provenance) -> list[tuple[str, str]]:
     is_sound = "sound: every checksum is right and nothing is missing"
     duration = (provenance.end_time - provenance.start_time) * 1e-9
-    period = f", for {duration:.1f} s" if is_dated(provenance.start_time) else ""
     facts = [
-        ("Recorded", f"{format_date(provenance)}{period}"),
+        ("Duration", f"{duration:.1f} s" if is_dated(provenance.start_time) else ""),
         *(
             ("File", f"{file.name}, {file.size / 1e6:.4g} MB, SHA-256 {file.sha256}")
             for file in provenance.files
@@ -170,12 +184,13 @@ def _tabulate_bodies(results: Results, stated: Particulars) -> Table:
         "control sample" if item.name == carried.find_control(item.release_angle) else ""
         for item in samples
     ]
-    texts = [stated.find_item(name).texts for name, *_ in rows]
     columns = [
         make_text_column("Item", [name for name, *_ in rows]),
         make_text_column("Material", [material for _, material, *_ in rows]),
         *(
-            make_text_column(entry.label, [text.get(entry.key, "") for text in texts])
+            make_text_column(
+                entry.label, [stated.get(OF_SAMPLE + name, entry.key) for name, *_ in rows]
+            )
             for entry in SAMPLE
         ),
         Column("Mass [g]", [format_number(mass * GRAM, 2) for *_, mass, _ in rows]),
@@ -192,13 +207,17 @@ def _tabulate_bodies(results: Results, stated: Particulars) -> Table:
     return make_table("Items", columns, [note])
 
 
-def list_calibration_warnings(setup: RigSetup, stated: Particulars, day: str) -> list[str]:
-    """Return in one sentence each which instruments were calibrated too long before a day."""
+def list_calibration_warnings(
+    setup: RigSetup, stated: Particulars, provenance: Provenance | None
+) -> list[str]:
+    """Return in one sentence each which instruments were calibrated too long before the tests."""
     warnings = []
+    day = find_test_days(provenance)[0] or stated.get("report", "tested")
     for table, called in INSTRUMENTS.items():
         name = f"{called} {_state_fact(setup, stated, table, 'serial_number')}".rstrip()
         calibrated = _state_fact(setup, stated, table, "calibration_date")
-        if text := describe_calibration_age(name, calibrated, day):
+        due = _state_fact(setup, stated, table, "calibration_due")
+        if text := describe_calibration_age(name, calibrated, day, due):
             warnings.append(text)
     return warnings
 

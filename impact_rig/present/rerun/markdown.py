@@ -164,7 +164,7 @@ def format_summary(results: Results, sample: SampleEstimate) -> str:
         f"# {escape_markdown(sample.name)}",
         escape_markdown(f"Origin: {results.find_origin(sample.name)}"),
         f"{format_count(accepted, 'hit')} in the mean, {len(struck) - accepted} rejected.",
-        format_table(tabulate_methods(sample, reference)),
+        format_table(tabulate_methods(results, sample)),
         *map(format_table, tabulate_errors([sample])),
         *map(format_table, tabulate_checks([sample])),
     ]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.configuration.particulars import Item, Particulars
+from impact_rig.configuration.particulars import Particulars
 from impact_rig.core.sensors import Sensor
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault, Plant
@@ -77,10 +77,9 @@ STATED = Particulars(
         "report": {"number": '4711"; }', "replaces": "4710", "changes": "hit 3 left out"},
         "source.hammer": {"maker": "PCB", "certificate": "D-K-0815"},
         "balance": {"model": "XS 204"},
+        "sample.brass medium": {"serial_number": "batch 9"},
     },
-    items={
-        "brass medium": Item({"serial_number": "batch 9"}, {"contact_time": (1e-4, 2e-4)}),
-    },
+    limits={"brass medium": {"contact_time": (1e-4, 2e-4)}},
 )
 
 
