@@ -63,7 +63,7 @@ class Hit:
     rate: float  # [Hz]
     hammer: FloatArray  # shape (n,), as recorded, calibrated [m/s^2]
     specimen: FloatArray | None  # the same of the sample; None: not measured
-    accepted: bool | None = None  # the hit is in the mean; None: nobody has judged it
+    accepted: bool | None = None  # the hit is in the mean; None: not judged yet
     reasons: tuple[str, ...] = ()  # every reason against it
     truth: Truth | None = None  # of the virtual rig; None: not known
     filtered: AlignedHit | None = None  # `.time`, `.traces`: after baseline and low-pass
@@ -530,7 +530,7 @@ class VirtualRig:
         return self.setup.samples.names
 
     def strike(self, sample: str) -> Hit:
-        """Strike a sample once more, and return the hit with its truth; nobody judges it.
+        """Strike a sample once more, and return the hit with its truth, without a verdict.
 
         Raises
         ------

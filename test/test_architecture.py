@@ -52,7 +52,7 @@ MAY_IMPORT = {
 }
 """Imports run one way; those side by side know nothing of each other, but for the devices,
 whose tables come from the rig file. Other instruments' files become recordings. What shows results
-knows results, and what a rig and its file say of themselves, not where they come from; the
+knows results, and the state of a rig and its file, not where they come from; the
 analysis makes them of files."""
 
 PURE = {

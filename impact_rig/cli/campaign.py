@@ -154,7 +154,7 @@ def advise_resuming(folder: Path) -> str:
     return f"to go on: impact-rig campaign --resume {shlex.quote(str(folder))}"
 
 
-UNATTENDED_PAUSE = 10.0  # [s] after which a campaign ends that nobody can go on with
+UNATTENDED_PAUSE = 10.0  # [s] after which an unattended campaign ends
 
 
 def run_campaign(
@@ -163,7 +163,7 @@ def run_campaign(
     """Run a campaign under a view.
 
     Ctrl-C, SIGTERM and a closed terminal cancel it on the rig, and so does a pause that only a
-    person can end where nobody is there.
+    person can end, if the campaign is unattended.
     """
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:

@@ -107,7 +107,7 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
             0.0, "from contact back into the holder [s]", low=0.0, high=60.0, is_live=True
         ),
         "confirm_return": Parameter(
-            False, "after each swing, wait until somebody calls hammer/confirm_held",
+            False, "after each swing, wait until a person calls hammer/confirm_held",
             is_live=True,
         ),
     },

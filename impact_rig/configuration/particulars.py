@@ -160,7 +160,7 @@ class Particulars:
         return type(self)(texts, self.limits)
 
     def list_lacking(self, samples: Sequence[str], *, is_dated: bool) -> list[str]:
-        """Return what ISO/IEC 17025 asks for and nobody has stated, with where to state it.
+        """Return what ISO/IEC 17025 asks for and is not stated, with where to state it.
 
         Parameters
         ----------

@@ -118,7 +118,7 @@ FREQUENCIES = {
 }
 """Of a sensor, with an example each."""
 RESPONSE_KEYS = (*FREQUENCIES, "resonance_damping", "sensitivity_uncertainty")
-"""What rig files and files of channels say of a sensor alike."""
+"""Keys of a sensor in rig files and files of channels."""
 
 
 def parse_sensors(source: TomlTable) -> tuple[Sensor, ...]:

@@ -48,7 +48,7 @@ NEAR_SLIP = 0.05
 
 @dataclass(frozen=True)
 class Checks(Comparable):
-    """What momenta say of one sample, whatever the contact is; NaN: not determined."""
+    """Momenta, mass and restitution of one sample without a contact law; NaN: not determined."""
 
     # m2 dv2 / (m1 dv1) [-]: 1 for two free bodies, right masses and right gains
     momentum_ratio: Quantity = field(

@@ -571,7 +571,7 @@ def _describe_laws(points: FloatArray, losses: Sequence[FittedLoss]) -> FloatArr
     is_proportional = [item.form is LossForm.PROPORTIONAL for item in losses]
     duration, restitution = time * pulses.duration, pulses.restitution
     both = hammer * sample / (hammer + sample)
-    # A fit that ended at no pulse has no speed, and its k is nobody's.
+    # A fit that ended without a pulse has no speed, and its k means nothing.
     speed = np.where(height > 0.0, height * time * hammer / both, math.nan)
     return np.stack(
         [
@@ -605,5 +605,5 @@ def _list_notes(exponent: float | None, masses: RigNumbers, fits: _LawFits) -> t
     order = np.argsort(-fits.chances, kind="stable").tolist()
     possible = [fits.losses[place].name for place in order if fits.chances[place] > SMALL_PART]
     if len(possible) > 1:
-        notes.append(f"the pulse does not tell apart the forms of loss {'; '.join(possible)}")
+        notes.append(f"the pulse does not distinguish the forms of loss {'; '.join(possible)}")
     return tuple(Note(Subject.CONTACT_LAW, note) for note in notes)

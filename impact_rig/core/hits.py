@@ -508,7 +508,7 @@ def overrule_hit(hit: JudgedHit, overrules: Overrules) -> JudgedHit:
 
 
 def find_objection(hit: JudgedHit) -> str | None:
-    """Say why nobody can accept a hit by hand; None: a person may."""
+    """Return why a person may not accept a hit by hand; None: a person may."""
     start = f"hit {describe_label(hit.label)} cannot be accepted by hand:"
     if hit.filtered is None:
         why = join_findings(hit.rejections)

@@ -18,7 +18,7 @@ class LossForm(Enum):
 
     PROPORTIONAL = "δⁿ δ'"  # Hunt and Crossley 1975
     # The others may stand beside it; all pull at the end of the contact but the plate's.
-    LINEAR = "δ δ'"  # nobody's, but between the others
+    LINEAR = "δ δ'"  # of no published law, but between the others
     ROOT = "√δ δ'"  # Kuwabara and Kono 1987
     FOURTH_ROOT = "δ^¼ δ'"  # Tsuji, Tanaka and Ishida 1992
     DASHPOT = "δ'"  # Kelvin and Voigt

@@ -1,4 +1,4 @@
-"""What both traces say of momenta, by integration: no law of contact is asked."""
+"""Momenta by integration of both traces, without a contact law."""
 
 import math
 from dataclasses import dataclass, replace

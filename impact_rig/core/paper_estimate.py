@@ -1,4 +1,4 @@
-"""What the paper's method says of one sample, and what is read from its mean traces."""
+"""One sample's estimates by the paper's method, and what is read from its mean traces."""
 
 from dataclasses import dataclass, field, replace
 

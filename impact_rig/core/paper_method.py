@@ -389,7 +389,7 @@ class BodyEstimate(Comparable):
 
 @dataclass(frozen=True)
 class HammerEstimate(BodyEstimate):
-    """What the control experiment says of the hammer: k1, zeta1, c1."""
+    """The hammer's k1, zeta1 and c1, from the control experiment."""
 
     control_sample: str = ""  # sample of the control experiment; empty: the set has none
 

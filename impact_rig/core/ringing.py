@@ -54,7 +54,7 @@ def explain_ringing(frequency: float, setup: RigSetup) -> str | None:
 
 @dataclass(frozen=True)
 class FreeDecayEstimate(Comparable):
-    """What the decay after the contact says of a sample; NaN: not determined."""
+    """A sample's estimates from its decay after the contact; NaN: not determined."""
 
     # m2 times the natural angular frequency squared
     stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)

@@ -175,7 +175,7 @@ class SampleParts:
         checks, setup = traces.checks, use_measured_speed(setup, self.mean)
         speed_is = "measured" if self.mean.impact_speeds.size else "stated"
         shape, law, contact_time = traces.pulse.shape, traces.pulse.law, paper.contact_time.value
-        # A law that contradicts the versed-sine says all that there is to say of the shape.
+        # Where a law contradicts the versed-sine, its note suffices for the shape.
         is_said = law.is_known and law.excludes_versed_sine
         warnings = (
             None if is_said else shape.warning,

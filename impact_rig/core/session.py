@@ -191,7 +191,7 @@ class Session:
         return name == self.setup.for_series(name).samples.control_sample
 
     def estimate_hammer(self, name: str = "") -> HammerEstimate:
-        """Return what the control experiment says of the hammer so far.
+        """Return the hammer's estimate from the control experiment so far.
 
         Parameters
         ----------

@@ -89,7 +89,7 @@ def _estimate_each(name: str, series: Sequence[tuple[str, SampleEstimate]]) -> S
 
 
 def _find_covariances(sample: SampleEstimate) -> Covariances:
-    """Return what the hits of a series say of the errors of v and tau_p, taken as independent."""
+    """Return the errors of v and tau_p, taken as independent, from the scatter of a series."""
     found = [
         (source, own[0, 0] * np.diag([1.0, 0.0]))
         for source, own in sample.contact_law.own_covariances

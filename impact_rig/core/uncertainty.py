@@ -332,7 +332,7 @@ def propagate_decay(
     per_hit : ndarray, shape (n_hits, 2)
         a and omega of every hit.
     estimates : sequence of float, length 2
-        The best estimates, say of the mean trace.
+        The best estimates, for example of the mean trace.
     averaged : int
         Hits that the estimates are the mean of.
     errors : sequence of (str, ndarray of shape (2, 2))

@@ -18,7 +18,7 @@ from impact_rig.core.setup import AnalysisSettings
 SHOWS_NOTHING = frozenset({Reason.NO_TRIGGER, Reason.DEAD_CHANNEL, Reason.NO_PULSE})
 """Of hits that will not become better by striking again and again."""
 SHARE_NO_MEAN = frozenset({Reason.OTHER_KIND, Reason.POLARITY})
-"""Reasons that nobody can overrule: a mean of both would be of neither."""
+"""Reasons that a person cannot overrule: a mean of both kinds would describe neither."""
 
 
 @dataclass(frozen=True)

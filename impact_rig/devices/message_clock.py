@@ -1,4 +1,4 @@
-"""What the times of messages that hold points say of them: their rate, and which are missing."""
+"""Rate and missing points of a stream, from the times of its messages."""
 
 import math
 
@@ -25,7 +25,7 @@ class MessageClock:
     Parameters
     ----------
     rate : float
-        That somebody has stated [Hz].
+        As the rig file states it [Hz].
     is_stamped : bool
         The times are stamps, which must be even; else they are those of the arrival.
     """

@@ -41,7 +41,7 @@ SAMPLE_TYPES = {
 
 @dataclass(frozen=True)
 class SignalFormat:
-    """What a signal says of its packets."""
+    """Format of a signal's packets."""
 
     sampling_rate: float  # [Hz]
     step: int  # [ticks], of the domain, from point to point
@@ -51,7 +51,7 @@ class SignalFormat:
 
 
 def read_format(signal: Any) -> SignalFormat:
-    """Return what a signal says of its packets.
+    """Return the format of a signal's packets.
 
     Raises
     ------

@@ -104,7 +104,7 @@ def map_channels(
     Parameters
     ----------
     plan : ChannelPlan
-        What the user says of the channels.
+        The channels as the user states them.
     hammer_mass : float
         m1 [kg], which makes accelerations of forces; NaN: not known.
     needs_scale : bool

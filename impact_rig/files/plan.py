@@ -1,4 +1,4 @@
-"""What the user says of the channels of measured files."""
+"""The channels of measured files, as the user states them."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""What neither file nor user say of a measured file: asked in one question."""
+"""What neither a measured file nor the user states is asked in one question."""
 
 from dataclasses import dataclass, field
 

@@ -137,7 +137,7 @@ def find_axis(name: str, unit: str = "") -> Axis | None:
 
 @dataclass(frozen=True)
 class Clock:
-    """What a column of times says of the sampling."""
+    """The sampling, from a column of times."""
 
     rate: float = math.nan  # [Hz]; as of seconds where no unit is stated; NaN: not known
     unit: str = ""  # as stated; empty: it is not

@@ -181,7 +181,7 @@ class AccelerometerNode(DeviceNode):
         return response
 
     def _reopen(self, *, is_monitoring: bool) -> None:
-        """Open the source again, for the monitor as a running stream that nobody gets.
+        """Open the source again, for the monitor as a running stream that is not published.
 
         Raises
         ------

@@ -169,7 +169,7 @@ class CampaignNode(RigNode):
         campaign.stream_id = id_from_msg(answer.stream_id)
         campaign.recording = (await self._join_node(campaign, "recorder")).recording
         await self._join_node(campaign, "estimator")
-        self._ask_displays(campaign)  # one that does not answer holds nobody up
+        self._ask_displays(campaign)  # a silent one delays nothing
         self._setup.publish(campaign.setup)
         if not campaign.has_armed:
             answer = await self.call(self._arm_hammer, Trigger.Request())

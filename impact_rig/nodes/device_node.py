@@ -77,7 +77,7 @@ class DeviceNode(RigNode):
     def _reconnect(self) -> None:
         self._reconnection.cancel()
         if self.is_configured:
-            # Somebody else was faster.
+            # Another caller was faster.
             return
         before = self.fault
         if self._start():

@@ -19,7 +19,7 @@ from impact_rig.configuration.processes import DISCOVERY, NETWORK, PROFILES, TRA
 from impact_rig.core.errors import DeviceError
 
 PROFILE_FILE = Path("DEFAULT_FASTRTPS_PROFILES.xml")
-"""Somebody's own profiles, in the folder in which a process runs."""
+"""A user's own profiles, in the folder in which a process runs."""
 OPENERS = (
     *PROFILES, TRANSPORTS, "FASTDDS_ENVIRONMENT_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML",
     "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", "CYCLONEDDS_URI",
@@ -38,7 +38,7 @@ def offer_profile() -> Iterator[None]:
     """Let the context and the first node made in the block stay here, and be found soon.
 
     Only a process that `NETWORK` lets leave this computer keeps what its environment says, and
-    somebody's own profiles. Fast DDS reads profiles once.
+    a user's own profiles. Fast DDS reads profiles once.
 
     Raises
     ------

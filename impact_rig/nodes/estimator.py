@@ -118,7 +118,7 @@ class EstimatorNode(RigNode):
             return (
                 f"records come on {self.resolve_topic_name(interfaces.ACCELERATION.name)} and no"
                 f" set-up on {self.resolve_topic_name(interfaces.SETUP.name)}: nothing is judged"
-                " before a campaign runs, or somebody publishes one there"
+                " before a campaign runs, or another node publishes one there"
             )
         lost = self._cutter.flow.missing_points if self._cutter else 0
         if not lost:

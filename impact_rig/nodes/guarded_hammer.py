@@ -66,7 +66,7 @@ class GuardedHammer:
             Holds.
         confirm_return : bool
             A hammer that left its last holder, or may have while that was lost, is away until
-            somebody confirms that it is back.
+            a person confirms that it is back.
         """
         self._holder, self._fault = holder, None
         self._is_known_held = self._is_known_held or not confirm_return
@@ -98,7 +98,7 @@ class GuardedHammer:
         return reason
 
     def disarm(self, message: str) -> None:
-        """Take the enable back, because somebody wants it."""
+        """Take the enable back on request."""
         taker = Disarming.EMERGENCY_STOP if self.is_stopped else Disarming.OPERATOR
         self._change(armed=False, disarmed_by=taker, message=message)
 
@@ -184,7 +184,7 @@ class GuardedHammer:
         message : str
             What ended it.
         confirm_return : bool
-            The hammer is away until somebody confirms that it is back.
+            The hammer is away until a person confirms that it is back.
         """
         if self._holder is None or self._condition.state is not HammerPlace.SWINGING:
             return

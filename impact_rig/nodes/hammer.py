@@ -29,7 +29,7 @@ class HammerNode(DeviceNode):
 
     A release needs a holder that holds, the operator's enable, accelerometers that are armed for
     this hit, and a recorder that records. The loss of any of them takes the enable back, and so
-    does a time in which this process stood still: meanwhile somebody may have walked up to the
+    does a time in which this process stood still: meanwhile a person may have walked up to the
     hammer. Only a release that was asked for moves the hammer: no start, no end, no watchdog does.
     """
 

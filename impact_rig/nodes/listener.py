@@ -50,7 +50,7 @@ class Listener:
         self._thread.start()
 
     def list_topics(self) -> dict[str, str]:
-        """Return the topics that somebody publishes, with their types."""
+        """Return the topics that have a publisher, with their types."""
         return {
             topic: types[0]
             for topic, types in self._node.get_topic_names_and_types()
@@ -62,7 +62,7 @@ class Listener:
         return int(self._node.count_publishers(topic))
 
     def subscribe(self, topic: str, take: Callable[[Any, Mapping[str, Any]], None]) -> None:
-        """Call `take` with each message and what the middleware says of it.
+        """Call `take` with each message and its metadata.
 
         Raises
         ------

@@ -331,7 +331,7 @@ class _Hands:
 
 
 def _settle(answer: "Future[Answer]", result: Answer) -> None:
-    """Give an answer, unless there is one, or whoever asked has given up.
+    """Give an answer, unless there is one or the asker has given up.
 
     An error in a callback of the executor would end the process.
     """

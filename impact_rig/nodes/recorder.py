@@ -243,7 +243,7 @@ class RecorderNode(RigNode):
     # The file.
 
     def _forget(self) -> None:
-        """Count anew, for a new recording."""
+        """Count from zero, for a new recording."""
         self._records, self._stream = RecordWatch(), BlockCount()
         self._messages_lost = 0  # dropped by the middleware, as far as it numbers them
         self._skipped: dict[str, str] = {}  # topics that are not recorded, and why

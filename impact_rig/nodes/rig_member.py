@@ -42,7 +42,7 @@ class RigMember:
         is_single: bool = True,
     ) -> None:
         self.name = name
-        self.state: Any = None  # what it says of itself; None: nothing yet
+        self.state: Any = None  # newest state of the node; None: none yet
         self.campaign_id = NO_ID  # of that
         self._is_single = is_single
         self._on_change = on_change

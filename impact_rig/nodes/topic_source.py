@@ -50,7 +50,12 @@ class _Input:
 
     def read(self, message: Any) -> list[NDArray[Any]]:
         """Return the points of each channel; raises `DeviceError` if there are none."""
-        points = [read(message) for read in self.readers]
+        try:
+            points = [read(message) for read in self.readers]
+        except (AttributeError, IndexError, TypeError, ValueError):
+            raise DeviceError(
+                f"a message on {self.topic} has other fields than the first"
+            ) from None
         if len({values.size for values in points} | {0}) != 2:  # noqa: PLR2004 - 0 and another
             sizes = " and ".join(str(values.size) for values in points)
             raise DeviceError(f"a message on {self.topic} holds {sizes} points")
@@ -62,7 +67,7 @@ class _Input:
         if sequence is None or before is None:
             return 0
         if sequence <= before:
-            raise DeviceError(f"the node that publishes on {self.topic} began anew")
+            raise DeviceError(f"the node that publishes on {self.topic} was restarted")
         return sequence - before - 1
 
 
@@ -125,7 +130,7 @@ unit = "m/s^2"               # or g, N, V …: where the type of the message doe
         Raises
         ------
         DeviceError
-            If nobody or several publish on a topic, nothing comes, or not as it should.
+            If not just one node publishes on a topic, or its messages do not come or are wrong.
         ParameterError
             If the messages have no such number, or its unit is not known.
         """

@@ -79,7 +79,7 @@ Act: TypeAlias = Callable[[Form], "Future[Answer]"]
 class Address:
     """Where the page is served, and to whom.
 
-    On the loopback address whoever is logged in on this computer may act; elsewhere only who has
+    On the loopback address every user of this computer may act; elsewhere only a person who has
     the token of the link.
     """
 

@@ -1,4 +1,4 @@
-"""What each node of a rig says of itself: a record for each message, with its names and numbers.
+"""State of each node of a rig: a record for each message, with its names and numbers.
 
 No physics is loaded.
 """
@@ -46,7 +46,7 @@ class SampleProgress:
 
 @dataclass(frozen=True)
 class CampaignStatus:
-    """What a campaign says of itself."""
+    """State of a campaign."""
 
     state: Step = Step.ENDED
     message: str = ""  # what is lost, awaited, or ended it; empty while it runs
@@ -99,7 +99,7 @@ class Disarming(IntEnum):
 
 @dataclass(frozen=True)
 class HammerStatus:
-    """What the hammer says of itself."""
+    """State of the hammer."""
 
     state: HammerPlace = HammerPlace.HELD
     armed: bool = False  # the operator's enable is given
@@ -134,7 +134,7 @@ class Phase(IntEnum):
 
 @dataclass(frozen=True)
 class AcquisitionStatus:
-    """What the accelerometers say of themselves."""
+    """State of the accelerometers."""
 
     state: Phase = Phase.IDLE
     record: int = 0  # of the newest arming; 0: none yet
@@ -146,7 +146,7 @@ class AcquisitionStatus:
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """What the recorder says of itself."""
+    """State of the recorder."""
 
     recording: bool = False
     uri: str = ""  # path on the recorder's host

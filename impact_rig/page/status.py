@@ -1,7 +1,7 @@
-"""What a rig says of itself, kept apart from ROS and from any display.
+"""State of a rig, kept apart from ROS and from any display.
 
-Displays read it: the page, the campaign in a terminal, and the view. Whoever listens to the rig
-puts in what has come.
+A node or client that listens to the rig fills it; the page, the campaign in a terminal and the
+view show it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SILENCE = 5.0
 
 @dataclass
 class RigStatus:
-    """Everything that a rig has said of itself, the newest of each.
+    """Newest state of everything in a rig.
 
     A set-up of another campaign begins afresh.
     """
@@ -73,7 +73,7 @@ class RigStatus:
         self,
         status: CampaignStatus | HammerStatus | RecorderStatus | AcquisitionStatus | InputLevels,
     ) -> None:
-        """Keep what a node says of itself now."""
+        """Keep a node's newest state."""
         match status:
             case CampaignStatus():
                 self.campaign = status

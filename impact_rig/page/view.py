@@ -65,7 +65,7 @@ def make_view(status: RigStatus, disk: str = "") -> SimpleNamespace:
     Parameters
     ----------
     status : RigStatus
-        What the rig has said.
+        Of the rig.
     disk : str
         Room left for the recording, in words; empty: not known.
     """
@@ -87,7 +87,7 @@ def make_view(status: RigStatus, disk: str = "") -> SimpleNamespace:
         hit=last,
         numbers=() if last is None else list_numbers(status, last),
         hits=sorted(status.hits.values(), key=lambda hit: -hit.record)[:LONGEST_LIST],
-        # What a template says of a hit.
+        # Functions that put a hit into words.
         say_verdict=_say_verdict,
         advise=_advise,
         say_by_hand=_say_by_hand,
@@ -180,7 +180,7 @@ def _say_verdict(hit: HitResults) -> str:
 
 
 def _say_by_hand(hit: HitResults) -> str:
-    """Return what a person made of a hit, who and why; empty: nobody did."""
+    """Return a person's verdict on a hit, with who and why; empty: there is none."""
     told = (*hit.reasons, *hit.findings)
     return "; ".join(item.explanation for item in told if item.reason is Reason.OPERATOR)
 

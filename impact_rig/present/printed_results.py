@@ -142,7 +142,7 @@ class Results(Printed, Mapping[str, SampleResults]):
 
     @property
     def hammer(self) -> View:
-        """What the control sample says of the hammer: `stiffness` k1, `damping_coefficient` c1."""
+        """The hammer, from the control sample: `stiffness` k1, `damping_coefficient` c1."""
         return View(self.record.hammer, "hammer")
 
     @property

@@ -91,7 +91,7 @@ def make_reader(message: Any, name: str) -> tuple[Callable[[Any], NDArray[Any]],
 
 
 def _get_type_name(message: Any) -> str:
-    """Return the type of a message, as ROS writes it; empty: it is none of ROS's."""
+    """Return the type of a message, as ROS writes it; empty: it is not of ROS."""
     if hasattr(message, "get_fields_and_field_types"):  # of rclpy
         return f"{type(message).__module__.partition('.')[0]}/msg/{type(message).__name__}"
     return str(getattr(message, "__msgtype__", ""))

@@ -621,7 +621,7 @@ def tabulate_free_decays(samples: Sequence[SampleEstimate]) -> list[Table]:
 
 
 def tabulate_methods(results: Results, sample: SampleEstimate) -> Table:
-    """Return what each method says of one sample, with coverage and what is expected.
+    """Return one sample's values by each method, with coverage and expected value.
 
     The control sample's table has the hammer, too.
     """

@@ -70,7 +70,7 @@ class RunningRig:
 
 
 class _Nobody:
-    """Nobody is there, and nothing to do: the virtual rig's samples and hammer are numbers."""
+    """Do nothing: the virtual rig needs no person, its samples and hammer are numbers."""
 
     def follow(self, _rig: object) -> None:
         """See nothing."""

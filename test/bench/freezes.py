@@ -1,4 +1,4 @@
-"""A node stands still in a campaign: the hammer must not swing before somebody has armed it."""
+"""A node stands still in a campaign: the hammer must not swing before a person has armed it."""
 
 import signal
 import time
@@ -60,7 +60,7 @@ def freeze(environment: Mapping[str, str], folder: Path, node: str, seconds: flo
 
 
 def measure_freezes(bench: Bench) -> Iterator[Figure]:
-    """Freeze each node alone, and all together, and look for swings that nobody armed."""
+    """Freeze each node alone, and all together, and look for swings without an arming."""
     cases = [(node, 3.0) for node in NODES]
     if bench.extent.long_freezes:
         cases += [(node, LONG) for node in (*NODES, "estimator")]
@@ -72,5 +72,5 @@ def measure_freezes(bench: Bench) -> Iterator[Figure]:
             swings[f"{node} {seconds:g} s"] = freeze(environment, folder, node, seconds)
     note = ", ".join(f"{case}: {count}" for case, count in swings.items())
     yield Figure(
-        "swings that nobody armed, after a freeze", sum(swings.values()), note=note, most=0
+        "swings without an arming, after a freeze", sum(swings.values()), note=note, most=0
     )

@@ -1,4 +1,4 @@
-"""Somebody who publishes and asks at random on a rig's topics and services, beside a campaign."""
+"""A stranger that publishes and asks at random on a rig's topics and services, in a campaign."""
 
 import re
 from collections.abc import Iterator
@@ -75,7 +75,7 @@ class RandomMessages:
 
 
 class Stranger:
-    """A node that is none of the rig's.
+    """A node that does not belong to the rig.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ def expected(runs):
 
 @pytest.fixture(scope="module")
 def cluster():
-    """Return a Dask cluster of somebody else, whose worker takes several recordings at once."""
+    """Return another user's Dask cluster, whose worker takes several recordings at once."""
     from distributed import LocalCluster
 
     with LocalCluster(

@@ -13,7 +13,7 @@ from impact_rig.devices.protocols import FoundDevice
 from impact_rig.devices.protocols import HolderState
 
 class Good:
-    description = "a digitizer of somebody else"
+    description = "a digitizer of another package"
     example = """[source]\\ndriver = "good"\\nport = 7   # its own key\\n"""
     is_by_hand = False
 
@@ -122,7 +122,7 @@ def test_one_driver_is_shown_with_a_table_to_copy(run):
     outcome = run("devices", "good")
     assert outcome.exit_code == 0
     text = " ".join(outcome.stdout.split())
-    assert "good source a digitizer of somebody else ready" in text
+    assert "good source a digitizer of another package ready" in text
     assert "good holder here digitizer 3000" in text
     assert '[source]\ndriver = "good"\nport = 7   # its own key\n' in outcome.stdout
 

@@ -239,7 +239,7 @@ def test_a_name_and_a_note_stand_in_the_recording(page, rig):
     note.fill("the wax is new")
     note.press("Enter")
     sync_api.expect(note).to_have_value("")
-    # Whoever looks at a page reads it, too.
+    # It is on the page, too.
     note.blur()
     sync_api.expect(page.locator("#hits ul")).to_contain_text("Anna <b>: the wax is new")
 

@@ -1,4 +1,4 @@
-"""What a laboratory says of itself, of a report, its items and instruments; what is missing."""
+"""Facts of laboratory, report, items and instruments, and which of them are missing."""
 
 import math
 

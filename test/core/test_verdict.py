@@ -130,7 +130,7 @@ class TestChannels:
             ((0.6, 0.6), (1000.0, 500.0), True),
             # A converter's rail.
             ((0.6, 0.6), (550.0, 2000.0), True),
-            # Of unknown ranges nothing is told.
+            # Unknown ranges give no finding.
             ((0.6, 0.6), (0.0, 0.0), True),
         ],
     )

@@ -17,7 +17,7 @@ SAID = {
     "ACQ:DATA:FORMAT BIN": None, "ACQ:TRIG DISABLED": None, "ACQ:START": None,
     "ACQ:STOP": None, "ACQ:TRIG:STAT?": "WAIT", "ACQ:TRIG CH1_PE": None,
 }  # fmt: skip
-"""What a board answers; None: nothing. Whatever else it is told is an error."""
+"""A board's answers; None: none. Every other command is an error."""
 KEPT = {
     "ACQ:DEC:FACTOR": ("int", "min: 1, max: 65536"),
     "ACQ:SOUR1:GAIN": ("str", "valid: [LV, HV]"),

@@ -98,7 +98,7 @@ OPEN = {
 
 
 def arm_from(host, environment):
-    """Let another computer arm the hammer; return whether it could, and what it was told."""
+    """Let another computer arm the hammer; return whether it could, and the answer."""
     done = subprocess.run(
         [*host.prefix, *RIG, "hammer", "arm", "--network"],
         env={**environment, "ROS_STATIC_PEERS": "198.18.0.1"},

@@ -140,7 +140,7 @@ def test_a_domain_in_which_nodes_run_is_not_given(monkeypatch):
         assert number == FIRST_DOMAIN + DOMAINS
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=number, args=[])
-    node = rclpy.create_node("somebody", context=context)
+    node = rclpy.create_node("another", context=context)
     with pytest.raises(DeviceError, match="101 to 101 are all in use"), reserve_domain():
         pass
     node.destroy_node()

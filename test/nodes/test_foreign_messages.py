@@ -63,7 +63,7 @@ class Seen:
 
 
 def make_foreign():
-    """Return messages with which somebody would deceive a campaign's client."""
+    """Return messages that could deceive a campaign's client."""
     return (
         (interfaces.RELEASE, msg.HammerRelease(sample="EVIL", latest_contact=math.inf)),
         (interfaces.RELEASE, msg.HammerRelease(sample="EVIL", latest_contact=60.0)),

@@ -73,7 +73,7 @@ def test_a_hit_left_out_by_hand_is_struck_again_and_every_reader_says_the_same(h
         (replayed,) = replay.estimate(Run(harness.recording), lambda _: None)
     assert write(replayed) == live
 
-    # Undone, and whoever goes on with the run knows of both.
+    # Undone, and a resumed run knows of both.
     assert ask(campaign, 1, Overrule.UNDO).success
     assert [hit.record for hit in get_results(harness).accepted] == [1, 2, 3, 4]
 

@@ -65,7 +65,7 @@ def test_a_stop_withdraws_the_request_at_once_and_the_hit_is_rejected_by_name(
         stopped_at = time.monotonic()
         assert person.held_back.wait(10.0)
         assert person.seen_at - stopped_at < 0.3
-        # Long before the contact: nobody waits for a swing that does not count.
+        # Long before the contact: a swing that does not count is not waited for.
         assert person.paused.wait(10.0)
         assert time.monotonic() - stopped_at < SWING
         harness.set_parameter("campaign", "pause_timeout", 0.01)

@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import rclpy
 from geometry_msgs.msg import AccelStamped, WrenchStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from impact_rig.configuration.toml_table import parse_toml_table
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
@@ -43,7 +44,7 @@ def make_wrench(hammer: float, _: float) -> WrenchStamped:
 
 
 class Publisher:
-    """A node of somebody else's that samples a thousand times a second, in its own thread."""
+    """A foreign node that samples a thousand times a second, in its own thread."""
 
     def __init__(self, topics: dict[str, Make], *, rate: float = RATE) -> None:
         with offer_profile():
@@ -57,7 +58,7 @@ class Publisher:
             )
             for topic, make in topics.items()
         ]
-        self._rate = rate
+        self.rate = rate
         self.height = 50.0
         self.skipped = 0  # points that are to be lost
         self.jitter = 0  # of the stamps [ns]
@@ -82,13 +83,13 @@ class Publisher:
     def _run(self) -> None:
         begin, count = time.time_ns(), 0
         while not self._stop.wait(0.005):
-            while count / self._rate < (time.time_ns() - begin) * 1e-9:
+            while count / self.rate < (time.time_ns() - begin) * 1e-9:
                 count += 1
                 if self.skipped:
                     self.skipped -= 1
                     continue
                 value = self.height * self._to_come.popleft() if self._to_come else 0.0
-                stamp = begin + round(count / self._rate * 1e9) + self.jitter * (count % 2)
+                stamp = begin + round(count / self.rate * 1e9) + self.jitter * (count % 2)
                 for publisher, make in self._topics:
                     message = make(value, -0.5 * value)
                     if hasattr(message, "header"):
@@ -208,6 +209,28 @@ def test_an_array_without_a_stamp_goes_by_the_rate_that_is_stated():
         hammer, specimen = take_hit(publisher, make_plan(*channels), "ignore_stamps = true")
     assert hammer.max() == pytest.approx(50.0)
     assert specimen == pytest.approx(-0.5 * hammer)
+
+
+def test_a_message_unlike_the_first_ends_the_stream_with_a_sentence():
+    sizes = [2, 40]
+
+    def make_table(*_: float) -> Float64MultiArray:
+        message = Float64MultiArray(data=[0.0] * 80)
+        message.layout.dim = [MultiArrayDimension(size=size) for size in sizes]
+        return message
+
+    channels = (
+        make_channel("hammer", 'channel = "/table.data[0]"\nunit = "m/s^2"'),
+        make_channel("specimen", 'channel = "/table.data[1]"\nunit = "m/s^2"'),
+    )
+    with (
+        closing(Publisher({"/table": make_table}, rate=100.0)) as publisher,
+        closing(TopicSource(parse_toml_table("ignore_stamps = true"))) as source,
+    ):
+        source.configure(replace(make_plan(*channels), sampling_rate=40.0 * publisher.rate))
+        sizes[:] = [80]
+        with pytest.raises(DeviceError, match="a message on /table has other fields than the"):
+            source.read(1.0)
 
 
 def test_messages_that_are_missing_are_a_gap_in_the_stream():

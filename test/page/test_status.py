@@ -1,4 +1,4 @@
-"""What a rig says of itself, kept for every display."""
+"""State of a rig, kept for every display."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""A schema is somebody else's text: what it describes is decoded, what it asks for is limited."""
+"""A schema is foreign text: what it describes is decoded, what it asks for is limited."""
 
 import os
 from itertools import pairwise

@@ -24,7 +24,7 @@ def list_marked(mark: str) -> list[str]:
                 continue
             command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
         except OSError:
-            continue  # ended meanwhile, or somebody else's
+            continue  # ended meanwhile, or another user's
         if command and folder.name != str(os.getpid()):
             found.append(f"{folder.name}: {command}")
     return found

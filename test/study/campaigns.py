@@ -171,7 +171,7 @@ def shift_clock(digitizer: DigitizerSettings, clock_error: float) -> DigitizerSe
 
 @dataclass(frozen=True)
 class Summary:
-    """What many campaigns say of one number."""
+    """One number over many campaigns."""
 
     asked: Asked
     campaigns: int  # [-]
@@ -180,7 +180,7 @@ class Summary:
 
 
 def summarize(outcomes: list[Outcome]) -> Iterator[Summary]:
-    """Yield what the outcomes of many campaigns say of each number."""
+    """Yield each number over the outcomes of many campaigns."""
     for asked in dict.fromkeys(outcome.asked for outcome in outcomes):
         found = [(one.error, one.half_width) for one in outcomes if one.asked == asked]
         errors, widths = np.array(found).T

@@ -38,9 +38,9 @@ class Cause(Enum):
     GAIN = "a gain, a speed or a sample that is not the stated one"
     RINGING = "a mount or an inner mode that rings"
     FRICTION = "damping that depends on the amplitude"
-    UNSTATED = "two gains that nobody states"
+    UNSTATED = "two gains that are not stated"
     SERIES = "a gain that drifts, or two groups of strength"
-    CORNER = "a coupler's upper corner that nobody states"
+    CORNER = "a coupler's upper corner that is not stated"
     CRUSHED = "a contact of no law"
 
 
@@ -371,7 +371,7 @@ def judge(cause: Cause, lab: Laboratory) -> Verdict:
             wrong[name] = math.inf
     words = NAMED[cause]
     if wrong and all(name.startswith("contact_law.") for name in wrong):
-        # This warning says of the law's numbers that they may be farther off than their ±.
+        # By this warning the law's numbers may be farther off than their ±.
         words += ("contact law leaves",)
     named = any(word in said for word in words)
     return Verdict(cause, lab, given, wrong, named, estimate.contact_law.is_known)

@@ -1,4 +1,4 @@
-"""Campaigns on contacts of mixed losses, through sensors that nobody states, apart from the core.
+"""Campaigns on contacts of mixed losses, through sensors that are not stated, apart from the core.
 
 Two free bodies, F = k δⁿ + c1 δᵖ δ' + c2 δᵠ δ', integrated by Runge and Kutta's method; resonance,
 corners, hum, noise and converter are added at many times the sampling rate.

@@ -1,4 +1,4 @@
-"""The contact law on contacts of mixed losses, through sensors that nobody states."""
+"""The contact law on contacts of mixed losses, through sensors that are not stated."""
 
 import math
 

@@ -150,7 +150,7 @@ class VirtualSource:
 
 
 def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
-    """Return what a table [source] says of the virtual rig; what it leaves out is the default.
+    """Return the virtual rig's settings in a table [source], with defaults for what is missing.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
 
 
 def read_digitizer(table: TomlTable) -> DigitizerSettings:
-    """Return what a table [source] says of the virtual digitizer; errors as `read_virtual_rig`."""
+    """Return the virtual digitizer's settings in a table; errors as `read_virtual_rig`."""
     default = DigitizerSettings()
     quantities = {
         key: table.take_quantity(key, unit, example, getattr(default, key))

@@ -254,7 +254,7 @@ def make_report(
     runs : sequence of ReportedCampaign
         The campaigns of a recording, usually one.
     stated : Particulars
-        What a person says of laboratory, report, items and instruments.
+        Laboratory, report, items and instruments, as a person states them.
     report : callable, optional
         Gets the number of finished campaigns.
     with_printed : bool

@@ -1,7 +1,7 @@
 """Text as instruments write it: the same pulse, found in each of their ways to put it down.
 
 Each file is written here line by line as the document says that is named with it: a manual, a file
-that such an instrument saved and somebody published (GitHub repository, path), or programs that
+that such an instrument saved and its user published (GitHub repository, path), or programs that
 read them. Of these files the layout is taken, not the numbers.
 """
 

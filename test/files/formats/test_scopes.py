@@ -13,7 +13,7 @@ SCOPES = Path(__file__).parents[2] / "data" / "scopes"
 
 
 def test_tektronix():
-    """The numbers that tm_data_types was told to write, in four bytes each."""
+    """The numbers that tm_data_types had to write, in four bytes each."""
     at = np.arange(1000)
     counts = np.round(20_000 * np.sin(np.pi * (at - 300) / 200) * ((at > 300) & (at < 500)))
     (channel,) = read_measurement(SCOPES / "tektronix.wfm").channels

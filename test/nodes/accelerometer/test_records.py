@@ -71,7 +71,7 @@ def test_what_does_not_come_in_time_is_said_by_an_empty_block_and_the_device_is_
 
 @pytest.fixture
 def disarm(harness):
-    """Return a function that says of the swinging hammer whether it is armed."""
+    """Return a function that publishes whether the swinging hammer is armed."""
     publisher = harness.advertise(interfaces.HAMMER_STATE)
 
     def run(*, armed):

@@ -1,4 +1,4 @@
-"""A driver that comes with somebody else's package: a digitizer on a desk, in this process."""
+"""A driver of another package: a digitizer on a desk, in this process."""
 
 import threading
 from collections import deque

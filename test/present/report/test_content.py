@@ -89,7 +89,7 @@ def test_what_a_laboratory_states_stands_in_the_report_and_on_every_page_of_it(r
     assert facts["Laboratory"] == "Lab <7>"
     assert facts["Report number"] == '4711"; }'
     assert facts["Replaces report"] == "4710"
-    assert "Customer" not in facts  # nobody stated one
+    assert "Customer" not in facts  # none is stated
     assert 'End of the report 4711"; }.' in read.text
     # Nothing in a number ends the string of the style sheet that it stands in.
     (footer,) = re.findall(r'@bottom-left { content: ("[^"]*"); } }\n</style>', page)
