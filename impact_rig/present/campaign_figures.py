@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from statistics import fmean
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from impact_rig.core.equations import estimate_equivalent_mass
 from impact_rig.core.quantity import Quantity
@@ -15,23 +15,16 @@ from impact_rig.core.speed_exponents import (
     HERTZ_SPEED_EXPONENTS,
     SpeedExponents,
 )
-from impact_rig.present.picture import (
-    MARKERS,
-    TICK,
-    Curve,
-    Look,
-    Panel,
-    Picture,
-    Plot,
-    Text,
-    shorten_name,
-    thin,
-)
+from impact_rig.present.picture import Picture, make_panel, make_picture, shorten_name
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import MICRO, format_error, format_quantity
 from impact_rig.results.palette import SERIES, VERMILION, format_hex
 from impact_rig.results.references import Reference, find_expected
 from impact_rig.results.traces import DRIVEN, SampleTraces
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -47,15 +40,10 @@ class Body:
 HAMMER = Body("a) hammer", "hammer_peak", "mse_hammer_percent", 0.25)
 SAMPLES = Body("b) samples", "specimen_peak", "mse_sample_percent", 2.8)
 BODIES = (HAMMER, SAMPLES)
+MARKERS = "s^oDvPX*"
 GRAM = 1e3  # kilograms to grams
 CASES = ("brass small", "steel medium", "aluminium large")
 """The three samples of the paper's Fig. 5, from top to bottom."""
-HIGH, MIDDLE, ROW = 140.0, 66.0, 16.0
-"""Heights of a plot, of one of three below each other, of a row of names [pt]."""
-MODEL_LOOK = Look(format_hex(VERMILION))
-MEASURED_LOOK = Look(width=1.0, dashes=(3.7, 1.6))
-EXPECTED_LOOK = Look(width=0.0, marker="o", size=11.0, is_hollow=True)
-BOUND_LOOK = Look(dashes=(4.4, 1.9))
 
 
 @dataclass(frozen=True)
@@ -106,14 +94,15 @@ def make_contact_pictures(results: Results) -> list[Picture]:
             "Each tick is one hit, the filled point the mean hit of a sample with its 95 %"
             " interval, the ring the value that the paper or the set-up gives."
         )
-        found.append(Picture(title, caption, (draw_widths(weighed),)))
+        found.append(make_picture(title, caption, [partial(draw_widths, weighed)]))
     if rows:
         title = "Fig. 4. Maximum amplitude against pulse width"
         caption = (
             "Largest acceleration of the mean hit against the pulse width. The paper prints this"
             " figure without numbers: there is nothing to lay beside it."
         )
-        found.append(Picture(title, caption, tuple(draw_peaks(rows, body) for body in BODIES)))
+        draw = [partial(draw_peaks, rows, body) for body in BODIES]
+        found.append(make_picture(title, caption, draw))
     return found
 
 
@@ -143,8 +132,8 @@ def make_model_pictures(results: Results, samples: Sequence[SampleTraces]) -> li
             " hit. Both are normalised to their peak, and the model is shifted in time onto the"
             " measurement. MSE: mean square error over the record, as in Fig. 6."
         )
-        panels = tuple(draw_responses(cases, channel) for channel in range(len(BODIES)))
-        found.append(Picture(title, caption, panels))
+        draw = [partial(draw_responses, cases, channel) for channel in (0, 1)]
+        found.append(make_picture(title, caption, draw))
     if rows:
         title = "Fig. 6. Mean square error between model and measurement"
         caption = (
@@ -153,145 +142,131 @@ def make_model_pictures(results: Results, samples: Sequence[SampleTraces]) -> li
             " prints this figure without numbers. This measure is forgiving: a visibly wrong"
             " shape still gives 1 to 3 %."
         )
-        found.append(Picture(title, caption, tuple(draw_errors(rows, body) for body in BODIES)))
+        draw = [partial(draw_errors, rows, body) for body in BODIES]
+        found.append(make_picture(title, caption, draw))
     return found
 
 
-def draw_widths(rows: Sequence[FigureRow]) -> Panel:
+def draw_widths(rows: Sequence[FigureRow]) -> "Figure":
     """Draw tau_p over m_eq: hits, means and expected values."""
-    materials = _list_materials(rows)
-    ticks = [
-        Curve(
-            [row.relative_mass * GRAM] * len(row.contact_times),
-            [MICRO * time for time in row.contact_times],
-            replace(_choose_look(materials.index(row.material)), width=0.0, marker=TICK),
-        )
-        for row in rows
-    ]
-    means = _join_materials(
+    panel = make_panel(3.2)
+    (axes,) = panel.axes
+    for place, row in enumerate(rows):
+        mass = row.relative_mass * GRAM
+        times = [MICRO * time for time in row.contact_times]
+        colour = format_hex(SERIES[_list_materials(rows).index(row.material) % len(SERIES)])
+        axes.plot([mass] * len(times), times, "_", color=colour, label=f"_hits {place}")
+    _plot_materials(
+        axes,
         rows,
         x=[row.relative_mass * GRAM for row in rows],
         y=[row.estimate.paper.contact_time.value * MICRO for row in rows],
-        y_bars=[row.estimate.paper.contact_time.expanded * MICRO for row in rows],
+        expanded=[row.estimate.paper.contact_time.expanded * MICRO for row in rows],
     )
     expected = [row for row in rows if math.isfinite(row.reference.contact_time)]
-    rings = Curve(
-        [row.relative_mass * GRAM for row in expected],
-        [row.reference.contact_time * MICRO for row in expected],
-        EXPECTED_LOOK,
-        "expected" * bool(expected),
-    )
-    plot = Plot(
-        (*ticks, *means, rings),
-        HIGH,
-        x_label="relative mass m1 m2 / (m1 + m2) [g]",
-        y_label="pulse width τp [µs]",
-    )
-    return Panel((plot,))
+    if expected:
+        axes.plot(
+            [row.relative_mass * GRAM for row in expected],
+            [row.reference.contact_time * MICRO for row in expected],
+            "o",
+            color="black",
+            markersize=11.0,
+            markerfacecolor="none",
+            markeredgewidth=0.7,
+            label="expected",
+        )
+    axes.set(xlabel="relative mass m1 m2 / (m1 + m2) [g]", ylabel="pulse width τp [µs]")
+    panel.legend(loc="lower center", ncols=3)
+    return panel
 
 
-def draw_peaks(rows: Sequence[FigureRow], body: Body) -> Panel:
+def draw_peaks(rows: Sequence[FigureRow], body: Body) -> "Figure":
     """Draw the largest acceleration of a body's mean hits over tau_p."""
-    curves = _join_materials(
+    panel = make_panel(3.2)
+    (axes,) = panel.axes
+    _plot_materials(
+        axes,
         rows,
         x=[row.estimate.paper.contact_time.value * MICRO for row in rows],
         y=[getattr(row.estimate.paper, body.peak) for row in rows],
     )
-    plot = Plot(
-        tuple(curves),
-        HIGH,
-        title=body.title,
-        x_label="pulse width τp [µs]",
-        y_label="maximum amplitude [m/s²]",
-        floor=0.0,
-    )
-    return Panel((plot,))
+    axes.set_ylim(bottom=0.0)
+    axes.set(title=body.title, xlabel="pulse width τp [µs]", ylabel="maximum amplitude [m/s²]")
+    panel.legend(loc="lower center", ncols=3)
+    return panel
 
 
-def _join_materials(
+def _plot_materials(
+    axes: "Axes",
     rows: Sequence[FigureRow],
     *,
     x: Sequence[float],
     y: Sequence[float],
-    y_bars: Sequence[float] = (),
-) -> list[Curve]:
+    expanded: Sequence[float] | None = None,
+) -> None:
     """Join the points of each material, which has its colour and marker."""
-    curves = []
     for number, material in enumerate(_list_materials(rows)):
         places = [place for place, row in enumerate(rows) if row.material == material]
         places.sort(key=x.__getitem__)
-        curve = Curve(
+        axes.errorbar(
             [x[place] for place in places],
             [y[place] for place in places],
-            _choose_look(number),
-            shorten_name(material),
-            y_bars=[y_bars[place] for place in places] if y_bars else (),
+            yerr=[expanded[place] for place in places] if expanded else None,
+            color=format_hex(SERIES[number % len(SERIES)]),
+            marker=MARKERS[number % len(MARKERS)],
+            markersize=5.0,
+            linewidth=0.8,
+            label=shorten_name(material),
         )
-        curves.append(curve)
-    return curves
-
-
-def _choose_look(number: int) -> Look:
-    """Return the look of one series: its colour and its marker."""
-    colour = format_hex(SERIES[number % len(SERIES)])
-    return Look(colour, width=0.8, marker=MARKERS[number % len(MARKERS)])
 
 
 def _list_materials(rows: Sequence[FigureRow]) -> list[str]:
     return list(dict.fromkeys(row.material for row in rows))
 
 
-def draw_responses(cases: Sequence[SampleTraces], channel: int) -> Panel:
+def draw_responses(cases: Sequence[SampleTraces], channel: int) -> "Figure":
     """Draw normalised model and mean hit of a body, sample below sample."""
-    plots = []
-    for sample in cases:
+    panel = make_panel(*[1.4] * len(cases))
+    for axes, sample in zip(panel.axes, cases, strict=True):
         measured, modelled = sample.normalise(channel)
-        reach = sample.contact_time
-        shown = (sample.time > -1.2 * reach) & (sample.time < 4.0 * reach)
-        curves = []
-        lines = (modelled, MODEL_LOOK, "model"), (measured, MEASURED_LOOK, "measured")
-        for values, look, name in lines:
-            if values is not None:
-                places = np.flatnonzero(shown)[thin(values[shown])]
-                curves.append(Curve(MICRO * sample.time[places], values[places], look, name))
+        shown = (sample.time > -1.2 * sample.contact_time) & (
+            sample.time < 4.0 * sample.contact_time
+        )
+        time = sample.time[shown] * MICRO
+        if modelled is not None:
+            axes.plot(time, modelled[shown], color=format_hex(VERMILION), label="model")
+        axes.plot(time, measured[shown], "--", color="black", linewidth=1.0, label="measured")
         model = sample.find_model(DRIVEN)
         error = f"{format_error(model.mse_percent[channel])} %" if model else ""
-        plot = Plot(
-            tuple(curves),
-            MIDDLE,
-            y_label="a / peak",
-            corner=(shorten_name(sample.name), f"MSE {error}"),
+        axes.annotate(
+            f"{shorten_name(sample.name)}\nMSE {error}",
+            (0.99, 0.95),
+            xycoords="axes fraction",
+            horizontalalignment="right",
+            verticalalignment="top",
         )
-        plots.append(plot)
-    plots[0] = replace(plots[0], title=BODIES[channel].title)
-    plots[-1] = replace(plots[-1], x_label="time from the middle of the pulse [µs]")
-    return Panel(tuple(plots))
+        axes.set_ylabel("a / peak")
+    panel.axes[0].set_title(BODIES[channel].title)
+    panel.axes[-1].set_xlabel("time from the middle of the pulse [µs]")
+    panel.legend(*panel.axes[0].get_legend_handles_labels(), loc="lower center", ncols=2)
+    return panel
 
 
-def draw_errors(rows: Sequence[FigureRow], body: Body) -> Panel:
+def draw_errors(rows: Sequence[FigureRow], body: Body) -> "Figure":
     """Draw the mean square error of the force-driven model, and the paper's largest."""
+    panel = make_panel(1.4 + 0.22 * len(rows), left=1.5)
+    (axes,) = panel.axes
     values = [getattr(row.estimate.errors, body.error) for row in rows]
-    heights = [float(-place) for place in range(len(rows))]
-    bound = [body.largest_error] * 2
-    name = f"largest of the paper, {body.largest_error:g} %"
-    plot = Plot(
-        (
-            Curve(values, heights, Look(format_hex(VERMILION), width=0.0, marker="o")),
-            Curve(bound, [0.5, 0.5 - len(rows)], BOUND_LOOK, name),
-        ),
-        ROW * (1 + len(rows)),
-        title=body.title,
-        x_label="MSE [%]",
-        texts=tuple(
-            Text(value, height, f"{format_error(value)} %")
-            for value, height in zip(values, heights, strict=True)
-        ),
-        y_ticks=tuple(
-            (height, shorten_name(row.estimate.name))
-            for height, row in zip(heights, rows, strict=True)
-        ),
-    )
-    return Panel((plot,))
+    bars = axes.barh(range(len(rows)), values, color=format_hex(VERMILION))
+    axes.bar_label(bars, [f" {format_error(value)} %" for value in values], fontsize="small")
+    axes.set_yticks(range(len(rows)), [shorten_name(row.estimate.name) for row in rows])
+    axes.invert_yaxis()
+    bound = f"largest of the paper, {body.largest_error:g} %"
+    axes.axvline(body.largest_error, color="black", linestyle="--", label=bound)
+    axes.margins(x=0.15)
+    axes.set(title=body.title, xlabel="MSE [%]")
+    panel.legend(loc="lower center")
+    return panel
 
 
 CENTI = 100.0
@@ -310,17 +285,26 @@ def make_speed_picture(results: Results) -> Picture:
     results : Results
         With speed exponents.
     """
-    return Picture(
+    return make_picture(
         "Contact over impact speed",
         "Both axes are logarithmic: a power of v is a straight line, p its exponent. Bars: 95 %"
         " intervals. Dotted: a Hertz contact without loss.",
-        tuple(draw_speed(results, *shown) for shown in SHOWN),
+        [partial(draw_speed, results, *shown) for shown in SHOWN],
     )
 
 
-def draw_speed(results: Results, name: str, title: str, label: str, scale: float) -> Panel:
+def draw_speed(results: Results, name: str, title: str, label: str, scale: float) -> "Figure":
     """Draw one quantity of the contact law over the impact speed, sample by sample."""
-    curves: list[Curve] = []
+    from matplotlib.ticker import MaxNLocator, NullLocator, ScalarFormatter
+
+    panel = make_panel(3.4)
+    (axes,) = panel.axes
+    axes.set(xscale="log", yscale="log", title=title, xlabel="impact speed [cm/s]", ylabel=label)
+    for axis in (axes.xaxis, axes.yaxis):
+        # Within a factor of ten a logarithmic axis labels no round number by itself.
+        axis.set_major_locator(MaxNLocator(8))
+        axis.set_major_formatter(ScalarFormatter())
+        axis.set_minor_locator(NullLocator())
     found = [item for item in results.speed_exponents if item.sample != ALL_SAMPLES]
     for place, item in enumerate(found):
         laws = [
@@ -330,47 +314,38 @@ def draw_speed(results: Results, name: str, title: str, label: str, scale: float
             and sample.contact_law.impact_speed.is_known
         ]
         points = [(law.impact_speed, getattr(law, name)) for law in laws]
-        curves += _draw_series(_choose_look(place), item, name, points, scale)
-    plot = Plot(
-        tuple(curves),
-        HIGH,
-        title=title,
-        x_label="impact speed [cm/s]",
-        y_label=label,
-        is_logarithmic=True,
-    )
-    return Panel((plot,))
+        _draw_series(axes, place, item, name, points, scale)
+    panel.legend(loc="lower center", ncols=2)
+    return panel
 
 
 def _draw_series(
-    look: Look,
+    axes: "Axes",
+    place: int,
     item: SpeedExponents,
     name: str,
     points: list[tuple[Quantity, Quantity]],
     scale: float,
-) -> list[Curve]:
+) -> None:
     """Draw one sample's points, their power law and Hertz's, both through their middle."""
+    colour = format_hex(SERIES[place % len(SERIES)])
     exponent: Quantity = getattr(item, name)
     speeds = [CENTI * speed.value for speed, _ in points]
     values = [scale * value.value for _, value in points]
-    series = Curve(
+    axes.errorbar(
         speeds,
         values,
-        replace(look, width=0.0),
-        f"{shorten_name(item.sample)}: p = {format_quantity(exponent, 3)}",
-        x_bars=[CENTI * speed.expanded for speed, _ in points],
-        y_bars=[scale * value.expanded for _, value in points],
+        xerr=[CENTI * speed.expanded for speed, _ in points],
+        yerr=[scale * value.expanded for _, value in points],
+        color=colour,
+        marker=MARKERS[place % len(MARKERS)],
+        linestyle="none",
+        label=f"{shorten_name(item.sample)}: p = {format_quantity(exponent, 3)}",
     )
     middle = math.exp(fmean(map(math.log, speeds)))
     height = math.exp(fmean(map(math.log, values)))
     ends = [min(speeds), max(speeds)]
     hertz = HERTZ_SPEED_EXPONENTS.get(name, math.nan)
-    lines = [
-        Curve(
-            ends,
-            [height * (speed / middle) ** power for speed in ends],
-            Look(look.colour, width=1.0, dashes=dashes),
-        )
-        for power, dashes in ((exponent.value, ()), (hertz, (1.2, 1.8)))
-    ]
-    return [series, *lines]
+    for power, look in ((exponent.value, "-"), (hertz, ":")):
+        line = [height * (speed / middle) ** power for speed in ends]
+        axes.plot(ends, line, look, color=colour, linewidth=1.0)

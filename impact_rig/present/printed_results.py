@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from impact_rig.core.errors import RigError, SignalError, check_name
 from impact_rig.present.printed import Number, Printed, View
-from impact_rig.present.pyplot import draw_figure
 from impact_rig.present.sample_figures import draw_sample
 from impact_rig.results.campaign import Results as CampaignResults
 from impact_rig.results.numbers import format_count
@@ -95,9 +94,7 @@ class SampleResults(View):
         """
         traces = self.traces
         curves = compute_law_curves(self.record.contact_law, traces, self._campaign.results.setup)
-        panels = draw_sample(traces, self._campaign.list_aligned(self.name), curves)
-        channels = len(traces.mean)
-        return draw_figure([row for row in (panels[:channels], panels[channels:]) if row])
+        return draw_sample(traces, self._campaign.list_aligned(self.name), curves)
 
 
 class Results(Printed, Mapping[str, SampleResults]):

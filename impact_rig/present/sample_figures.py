@@ -1,14 +1,26 @@
 """One sample: its hits, their mean and the models; the law of its contact."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from impact_rig.core.records import FloatArray
-from impact_rig.present.picture import Curve, Look, Panel, Plot, Text, thin
-from impact_rig.results.numbers import MICRO, format_count, format_error
-from impact_rig.results.palette import BLUE, PURPLE, VERMILION, format_hex
+from impact_rig.present.picture import (
+    WIDTH,
+    Picture,
+    drawing_style,
+    fill_panel,
+    make_picture,
+    reuse_panel,
+)
+from impact_rig.results.numbers import (
+    MICRO,
+    format_count,
+    format_error,
+)
+from impact_rig.results.palette import BLUE, GREEN, PURPLE, VERMILION, format_hex
 from impact_rig.results.traces import (
     DRIVEN,
     PRINTED,
@@ -17,23 +29,27 @@ from impact_rig.results.traces import (
     SampleTraces,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 HAMMER = 0
+MakePanel = Callable[..., Any]
+"""Makes a panel with axes of these heights, as `reuse_panel` does."""
 TITLES = ("a) hammer", "b) sample")
 MODEL_NAMES = {
     DRIVEN: "force-driven model",
     PRINTED: "model as printed",
 }
-LOOKS = {
-    DRIVEN: Look(format_hex(VERMILION), dashes=(6.0, 1.8)),
-    PRINTED: Look(format_hex(PURPLE), dashes=(6.0, 1.8, 1.2, 1.8)),
+LOOKS: dict[str, dict[str, Any]] = {
+    DRIVEN: {"color": format_hex(VERMILION), "linestyle": (0, (5, 1.5))},
+    PRINTED: {"color": format_hex(PURPLE), "linestyle": (0, (5, 1.5, 1, 1.5))},
 }
-LAW_LOOK = Look(format_hex(BLUE), dashes=(1.2, 1.2))
-HIT_LOOK = Look(width=0.7, opacity=0.3)
-MEAN_LOOK = Look(width=1.6)
-LOOP_LOOK = Look(width=2.6, opacity=0.35)
-POINT_LOOK = Look(width=0.0, marker="o", size=6.0, is_hollow=True)
-TALL, LOW = 100.0, 36.0
-"""Heights of traces, and of the residuals below them [pt]."""
+LAW_LOOK: dict[str, Any] = {"color": format_hex(BLUE), "linestyle": (0, (1, 1))}
+TALL, LOW = 2.2, 0.8
+"""Heights of traces, and of the residuals below them [inch]."""
+MEASURED_LOOK: dict[str, Any] = {"color": "black", "linewidth": 2.6, "alpha": 0.35}
+
 
 SAMPLE_CAPTION = (
     "In each figure, thin lines: the hits; bold: their mean; shaded: the contact, τp long; w50:"
@@ -46,13 +62,13 @@ LOOP_CAPTION = (
 )
 
 
-def draw_sample(
+def make_sample_picture(
     traces: SampleTraces,
     hits: Sequence[AlignedHit],
     curves: LawCurves | None,
     *,
-    with_printed: bool = True,
-) -> tuple[Panel, ...]:
+    with_printed: bool,
+) -> Picture:
     """Draw the traces of one sample, hammer and sample apart, and the loop of its law.
 
     Parameters
@@ -68,10 +84,13 @@ def draw_sample(
     """
     if not with_printed:
         traces = _leave_out_printed(traces)
-    panels = [draw_channel(traces, hits, place, curves) for place in range(len(traces.mean))]
+    panels = [
+        partial(draw_channel, traces, hits, channel, curves=curves)
+        for channel in range(len(traces.mean))
+    ]
     if curves is not None and curves.indentation.size:
-        panels.append(draw_law_loop(curves))
-    return tuple(panels)
+        panels.append(partial(draw_law_loop, curves))
+    return make_picture(traces.name, "", panels)
 
 
 def _leave_out_printed(traces: SampleTraces) -> SampleTraces:
@@ -82,70 +101,97 @@ def _leave_out_printed(traces: SampleTraces) -> SampleTraces:
     return replace(traces, models=tuple(item for item in traces.models if item is not printed))
 
 
+def draw_sample(
+    traces: SampleTraces, hits: Sequence[AlignedHit], curves: LawCurves | None
+) -> "Figure":
+    """Draw the traces of one sample into a figure of pyplot, and return it.
+
+    Above hammer and sample with their models and residuals, below the loop of the contact.
+    """
+    from matplotlib import pyplot as plt
+
+    draw = partial(draw_channel, traces, hits, curves=curves)
+    rows = [[partial(draw, channel) for channel in range(len(traces.mean))]]
+    if curves is not None:
+        rows.append([partial(draw_law_loop, curves)])
+    columns = max(map(len, rows))
+    # Before the style, whose end would undo what the first figure sets up: notebooks show it.
+    figure = plt.figure(figsize=(columns * WIDTH, len(rows) * (TALL + LOW)))
+    with drawing_style():
+        parts = figure.subfigures(len(rows), columns, squeeze=False)
+        for row, panels in zip(parts, rows, strict=True):
+            for part, draw in zip(row, panels, strict=False):
+                draw(make_panel=partial(fill_panel, part))
+    return figure
+
+
 def draw_channel(
     traces: SampleTraces,
     hits: Sequence[AlignedHit],
     channel: int,
+    make_panel: MakePanel = reuse_panel,
     curves: LawCurves | None = None,
-) -> Panel:
+) -> "Figure":
     """Draw traces above and residuals below, on one time axis; the law on the hammer's."""
     law = curves if channel == HAMMER else None
+    has_models = bool(traces.models) or law is not None
+    panel: Figure = make_panel(*((TALL, LOW) if has_models else (TALL + LOW,)))
+    upper, lower = panel.axes[0], panel.axes[-1]
     start = -1.2 * traces.contact_time
     stop = np.nanmax([4.0 * traces.contact_time, 1.2 * traces.second_peak_time])
 
-    def make_curve(time: FloatArray, values: FloatArray, look: Look, name: str = "") -> Curve:
-        first, end = np.searchsorted(time, (start, stop)).tolist()
-        places = first + thin(values[first:end])
-        return Curve(MICRO * time[places], values[places], look, name)
+    def plot(axes: "Axes", time: np.ndarray, values: np.ndarray, **look: Any) -> None:
+        shown = (time >= start) & (time <= stop)
+        axes.plot(MICRO * time[shown], values[shown], **look)
 
-    name = format_count(len(hits), "hit")
-    upper = [make_curve(hit.time, hit.traces[channel], HIT_LOOK, name) for hit in hits]
-    upper.append(make_curve(traces.time, traces.mean[channel], MEAN_LOOK, "mean"))
-    lower = []
+    for place, hit in enumerate(hits):
+        label = "" if place else format_count(len(hits), "hit")
+        look = {"color": "black", "linewidth": 0.7, "alpha": 0.3, "label": label}
+        plot(upper, hit.time, hit.traces[channel], **look)
+    plot(upper, traces.time, traces.mean[channel], color="black", linewidth=1.6, label="mean")
     for model in traces.models:
-        look, left = LOOKS[model.model], traces.compute_residual(model)[channel]
-        name = f"{MODEL_NAMES[model.model]}, MSE {format_error(model.mse_percent[channel])} %"
-        upper.append(make_curve(traces.time, model.traces[channel], look, name))
-        lower.append(make_curve(traces.time, left, look))
+        look = LOOKS[model.model]
+        error = format_error(model.mse_percent[channel])
+        label = f"{MODEL_NAMES[model.model]}, MSE {error} %"
+        plot(upper, traces.time, model.traces[channel], **look, label=label)
+        plot(lower, traces.time, traces.compute_residual(model)[channel], **look)
     if law is not None:
-        left = np.interp(law.time, traces.time, traces.mean[HAMMER]) - law.acceleration
-        upper.append(make_curve(law.time, law.acceleration, LAW_LOOK, "contact law"))
-        lower.append(make_curve(law.time, left, LAW_LOOK))
-    points = _list_points(traces, channel)
-    marks = [Curve([x for x, *_ in points], [y for _, y, _ in points], POINT_LOOK)]
+        plot(upper, law.time, law.acceleration, **LAW_LOOK, label="contact law")
+        measured = np.interp(law.time, traces.time, traces.mean[HAMMER])
+        plot(lower, law.time, measured - law.acceleration, **LAW_LOOK)
     half = 0.5 * MICRO * traces.contact_time
-    plot = Plot(
-        (*upper, *marks),
-        TALL if lower else TALL + LOW,
-        title=TITLES[channel],
-        y_label="a [m/s²]",
-        texts=tuple(Text(*point) for point in points),
-        band=(-half, half),
-    )
-    residual = Plot(tuple(lower), LOW, y_label="residual", band=plot.band)
-    plots = (plot, residual) if lower else (plot,)
-    label = "time from the middle of the hammer pulse [µs]"
-    return Panel((*plots[:-1], replace(plots[-1], x_label=label)))
+    for axes in panel.axes:
+        axes.axvspan(-half, half, color=format_hex(GREEN), alpha=0.13, linewidth=0.0)
+    _mark_points(upper, traces, channel)
+    upper.set(title=TITLES[channel], ylabel="a [m/s²]")
+    if has_models:
+        lower.set_ylabel("residual", fontsize="small")
+    lower.set_xlabel("time from the middle of the hammer pulse [µs]")
+    panel.legend(loc="lower center", ncols=2)
+    return panel
 
 
-def _list_points(traces: SampleTraces, channel: int) -> list[tuple[float, float, str]]:
-    """Return the ends of the hammer pulse's width, or the sample's U1 and U2, with their names."""
-    if channel != HAMMER:
-        return [(MICRO * time, level, name) for name, time, level in traces.peak_points]
-    names = ("", f"w50 {traces.half_amplitude_width * MICRO:.1f} µs")
-    ends = zip(traces.half_amplitude_points, names, strict=False)
-    return [(MICRO * time, level, name) for (time, level), name in ends]
+def _mark_points(axes: "Axes", traces: SampleTraces, channel: int) -> None:
+    """Mark the width of the hammer pulse, and U1 and U2 of the sample."""
+    points = traces.peak_points
+    if channel == HAMMER:
+        width = f"w50 {traces.half_amplitude_width * MICRO:.1f} µs"
+        names = ("", width)
+        ends = zip(names, traces.half_amplitude_points, strict=False)
+        points = tuple((name, time, level) for name, (time, level) in ends)
+    for name, time, level in points:
+        axes.plot([MICRO * time], [level], "o", color="black", markerfacecolor="none")
+        axes.annotate(name, (MICRO * time, level), (5.0, 3.0), textcoords="offset points")
 
 
-def draw_law_loop(curves: LawCurves) -> Panel:
+def draw_law_loop(curves: LawCurves, make_panel: MakePanel = reuse_panel) -> "Figure":
     """Draw force over indentation."""
-    law = Curve(curves.law_indentation * MICRO, curves.law_force, LAW_LOOK, "law")
-    measured = Curve(curves.indentation * MICRO, curves.loop_force, LOOP_LOOK, "from both traces")
-    plot = Plot(
-        (measured, law),
-        TALL + LOW,
-        title="c) force over indentation",
-        x_label="indentation [µm]",
-        y_label="force [N]",
-    )
-    return Panel((plot,))
+    panel: Figure = make_panel(TALL + LOW)
+    (axes,) = panel.axes
+    if curves.indentation.size:
+        indentation = curves.indentation * MICRO
+        axes.plot(indentation, curves.loop_force, **MEASURED_LOOK, label="from both traces")
+    axes.plot(curves.law_indentation * MICRO, curves.law_force, **LAW_LOOK, label="law")
+    axes.set(title="c) force over indentation", xlabel="indentation [µm]", ylabel="force [N]")
+    panel.legend(loc="lower center", ncols=2)
+    return panel

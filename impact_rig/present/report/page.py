@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from impact_rig import __version__
 from impact_rig.present.picture import Picture
-from impact_rig.present.svg import embed
 from impact_rig.results.remarks import Remark
 from impact_rig.results.tables import Table
 
@@ -111,7 +110,6 @@ def _make_environment() -> "jinja2.Environment":
         undefined=jinja2.StrictUndefined,
     )
     environment.filters["kind"] = lambda part: type(part).__name__
-    environment.filters["image"] = embed
     environment.filters["quote"] = _quote_css
     return environment
 

@@ -13,7 +13,6 @@ from impact_rig.present.campaign_figures import (
     make_model_pictures,
     make_speed_picture,
 )
-from impact_rig.present.picture import Picture
 from impact_rig.present.report.page import (
     Document,
     Folded,
@@ -29,7 +28,7 @@ from impact_rig.present.report.setup import (
     make_items_section,
     make_setup_section,
 )
-from impact_rig.present.sample_figures import LOOP_CAPTION, SAMPLE_CAPTION, draw_sample
+from impact_rig.present.sample_figures import LOOP_CAPTION, SAMPLE_CAPTION, make_sample_picture
 from impact_rig.results import tables
 from impact_rig.results.campaign import Results
 from impact_rig.results.limits import JudgedValue, judge_values, tabulate_conformity
@@ -196,8 +195,7 @@ def _make_sample_section(
     if traces is not None:
         hits = run.campaign.list_aligned(sample.name)
         curves = compute_law_curves(sample.contact_law, traces, results.setup)
-        panels = draw_sample(traces, hits, curves, with_printed=with_printed)
-        parts.append(Picture(traces.name, "", panels))
+        parts.append(make_sample_picture(traces, hits, curves, with_printed=with_printed))
     if sample.impacts_accepted:
         parts.append(tables.tabulate_methods(results, sample))
     if remarks := gather_sample_remarks(sample, common):

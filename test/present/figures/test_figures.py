@@ -1,5 +1,6 @@
 """Figures of the paper, of a sample and of the impact speed show what the results hold."""
 
+import base64
 import math
 from dataclasses import replace
 
@@ -24,7 +25,7 @@ from impact_rig.present.campaign_figures import (
 from impact_rig.present.sample_figures import (
     draw_channel,
     draw_law_loop,
-    draw_sample,
+    make_sample_picture,
 )
 from impact_rig.results.campaign import Results
 from impact_rig.results.tables import tabulate_contact_times, tabulate_speed_exponents
@@ -39,14 +40,12 @@ def rows(results):
     return make_figure_rows(results)
 
 
-def stack(curve):
-    """Return the points of a curve, shape (n, 2)."""
-    return np.stack((curve.x, curve.y), axis=1)
-
-
-def find(plot, start):
-    """Return the points of the curve whose name begins like this, shape (n, 2)."""
-    return next(stack(curve) for curve in plot.curves if curve.name.startswith(start))
+def read_lines(axes):
+    """Return the points of what has a name in the legend or in the drawing, shape (n, 2)."""
+    named = {line.get_label(): line.get_xydata() for line in axes.lines}
+    for bars in axes.containers:
+        named[bars.get_label()] = bars.lines[0].get_xydata()
+    return named
 
 
 def test_a_campaign_has_the_paper_s_figures_3_to_6(struck):
@@ -56,39 +55,37 @@ def test_a_campaign_has_the_paper_s_figures_3_to_6(struck):
         "Fig. 3.", "Fig. 4.", "Fig. 5.", "Fig. 6.",
     ]  # fmt: skip
     assert [len(picture.panels) for picture in pictures] == [1, 2, 2, 2]
+    drawn = base64.b64decode(pictures[2].panels[0].partition(",")[2]).decode()
     # The paper's order, whatever that of the samples is.
-    assert [plot.corner[0] for plot in pictures[2].panels[0].plots] == [
-        "brass small", "steel medium", "aluminium large",
-    ]  # fmt: skip
+    places = [drawn.index(name) for name in ("brass small", "steel medium", "aluminium")]
+    assert places == sorted(places)
 
 
 def test_figure_3_has_every_hit_the_means_and_the_paper_s_points_the_misprint_corrected(
     results, rows
 ):
-    (plot,) = draw_widths(rows).plots
-    hits = [curve for curve in plot.curves if not curve.name]
-    assert sum(len(curve.x) for curve in hits) == len(results.hits)
+    lines = read_lines(draw_widths(rows).axes[0])
+    hits = [points for name, points in lines.items() if name.startswith("_hits")]
+    assert sum(map(len, hits)) == len(results.hits)
     # m1 m2 / (m1 + m2) with the accelerometer's 3 g on every sample, in grams.
     masses = [1e3 * sample.mass + 3.0 for sample in results.setup.samples.samples]
     expected = [100.0 * mass / (100.0 + mass) for mass in masses]
-    means = np.concatenate(
-        [find(plot, name) for name in ("aluminium", "steel", "bronze", "brass")]
-    )
+    means = np.concatenate([lines[name] for name in ("aluminium", "steel", "bronze", "brass")])
     assert means[:, 0] == pytest.approx(expected)
     assert means[:, 1] == pytest.approx(
         [1e6 * item.paper.contact_time.value for item in results.samples]
     )
     table_2 = [144.8, 196.8, 212, 170, 203.2, 219.2, 188, 226.4, 239.2, 189, 228, 244]
-    assert find(plot, "expected")[:, 1] == pytest.approx(table_2)
+    assert lines["expected"][:, 1] == pytest.approx(table_2)
 
 
 @pytest.mark.parametrize("channel", [0, 1])
 def test_figure_5_lays_the_solid_model_over_the_dashed_measurement(struck, channel):
-    for plot in draw_responses(struck.samples, channel).plots:
-        model, measured = plot.curves
-        assert (bool(model.look.dashes), bool(measured.look.dashes)) == (False, True)
-        assert max(model.y) == pytest.approx(1.0, abs=0.01)
-        assert max(measured.y) == pytest.approx(1.0, abs=0.01)
+    for axes in draw_responses(struck.samples, channel).axes:
+        model, measured = axes.lines
+        assert (model.get_linestyle(), measured.get_linestyle()) == ("-", "--")
+        assert model.get_ydata().max() == pytest.approx(1.0, abs=0.01)
+        assert measured.get_ydata().max() == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.fixture(scope="module")
@@ -111,24 +108,32 @@ def curves(contacts):
     return compute_law_curves(law, contacts.samples[0], contacts.results.setup)
 
 
+def find(axes, start):
+    """Return the points of the line whose name begins like this."""
+    return next(
+        line.get_xydata() for line in axes.lines if str(line.get_label()).startswith(start)
+    )
+
+
 @pytest.mark.parametrize("channel", [0, 1])
 def test_a_channel_shows_hits_mean_models_and_what_they_leave(traces, hits, channel):
-    upper, lower = draw_channel(traces, hits, channel).plots
+    upper, lower = draw_channel(traces, hits, channel).axes
     mean = find(upper, "mean")
     assert np.ptp(mean[:, 1]) == pytest.approx(np.ptp(traces.mean[channel]), rel=1e-3)
-    assert sum(curve.name == "3 hits" for curve in upper.curves) == len(hits)
-    printed = find(upper, "model as printed, MSE 0.0")
-    assert np.ptp(printed[:, 1]) == pytest.approx(0.9 * np.ptp(mean[:, 1]))
+    assert find(upper, "3 hits").shape == mean.shape
+    assert find(upper, "model as printed, MSE 0.0")[:, 1] == pytest.approx(0.9 * mean[:, 1])
     # The printed model, drawn last, is 0.9 of the mean.
-    assert np.ptp(lower.curves[-1].y) == pytest.approx(0.1 * np.ptp(mean[:, 1]))
-    assert len(lower.curves) == len(traces.models)
+    assert lower.lines[-1].get_ydata() == pytest.approx(0.1 * mean[:, 1])
+    assert len(lower.lines) == len(traces.models)
     half = 0.5e6 * traces.contact_time
-    assert upper.band == lower.band == pytest.approx((-half, half))
+    for axes in (upper, lower):
+        (band,) = axes.patches
+        assert (band.get_x(), band.get_width()) == pytest.approx((-half, 2.0 * half))
 
 
 def test_marks_stand_where_they_were_read(traces):
     marks = [
-        {item.text: (item.x, item.y) for item in draw_channel(traces, (), channel).plots[0].texts}
+        {text.get_text(): text.xy for text in draw_channel(traces, (), channel).axes[0].texts}
         for channel in (0, 1)
     ]
     width = next(point for name, point in marks[0].items() if name.startswith("w50"))
@@ -142,18 +147,17 @@ def test_marks_stand_where_they_were_read(traces):
 
 def test_the_law_lies_on_the_hammer_s_pulse_and_has_its_loop(contacts, curves):
     traces = contacts.samples[0]
-    upper, lower = draw_channel(traces, (), 0, curves).plots
-    law, rest = find(upper, "contact law"), stack(lower.curves[-1])
-    known = [np.interp(rest[:, 0], 1e6 * curves.time, curves.acceleration)]
-    known.insert(0, np.interp(rest[:, 0], 1e6 * traces.time, traces.mean[0]))
-    assert rest[:, 1] == pytest.approx(known[0] - known[1])
-    assert np.abs(rest[:, 1]).max() < 0.02 * np.abs(law[:, 1]).max()
-    (loop,) = draw_law_loop(curves).plots
+    upper, lower = draw_channel(traces, (), 0, curves=curves).axes
+    law, mean = find(upper, "contact law"), find(upper, "mean")
+    left = np.interp(law[:, 0], mean[:, 0], mean[:, 1]) - law[:, 1]
+    assert lower.lines[-1].get_ydata() == pytest.approx(left)
+    assert np.abs(left).max() < 0.02 * np.abs(mean[:, 1]).max()
+    (loop,) = draw_law_loop(curves).axes
     assert find(loop, "from both")[:, 0].max() == pytest.approx(
         find(loop, "law")[:, 0].max(), rel=0.3
     )
-    assert len(draw_sample(traces, (), curves)) == 3
-    assert len(draw_sample(traces, (), None)) == 2
+    assert len(make_sample_picture(traces, (), curves, with_printed=False).panels) == 3
+    assert len(make_sample_picture(traces, (), None, with_printed=False).panels) == 2
 
 
 @pytest.mark.parametrize(
@@ -166,8 +170,8 @@ def test_the_model_as_printed_is_drawn_where_it_is_nearest_or_asked_for(
     errors = {DRIVEN: driven, PRINTED: printed}
     models = [replace(item, mse_percent=(0.1, errors[item.model])) for item in traces.models[:2]]
     shown = replace(traces, models=tuple(models))
-    (plot, _) = draw_sample(shown, (), None, with_printed=with_printed)[1].plots
-    drawn = [curve.name.partition(",")[0] for curve in plot.curves]
+    picture = make_sample_picture(shown, (), None, with_printed=with_printed)
+    drawn = base64.b64decode(picture.panels[1].partition(",")[2]).decode()
     assert ("model as printed" in drawn) is is_drawn
 
 
@@ -201,15 +205,14 @@ def series():
 
 @pytest.mark.parametrize(("shown", "exponent"), list(zip(SHOWN, (-0.2, 1.2, 0.0), strict=True)))
 def test_each_sample_has_a_point_for_each_speed_and_a_straight_line(series, shown, exponent):
-    (plot,) = draw_speed(series, *shown).plots
-    named = [curve for curve in plot.curves if curve.name]
-    assert len(named) == len(BODIES)
-    for curve in named:
-        points = np.log(stack(curve))
+    panel = draw_speed(series, *shown)
+    for bars in panel.axes[0].containers:
+        points = np.log(bars.lines[0].get_xydata())
         assert len(points) == len(ANGLES)
         slopes = np.diff(points[:, 1]) / np.diff(points[:, 0])
         assert slopes == pytest.approx(exponent, abs=1e-6)
-    assert named[0].name.startswith(f"steel small: p = {exponent:.3f}")
+    texts = [text.get_text() for text in panel.legends[0].get_texts()]
+    assert texts[0].startswith(f"steel small: p = {exponent:.3f}")
 
 
 def test_the_table_has_a_row_for_each_sample_and_one_for_all(series):
