@@ -209,6 +209,10 @@ def _find_sections(name: str, content: Any) -> Iterator[tuple[str, dict[str, Any
         node = name.rpartition("/")[2]
         if node not in (*PARAMETERS, "*", "**"):
             raise ParameterError(f"the rig has no node {node!r}: it has {', '.join(PARAMETERS)}")
+        if not isinstance(value, dict | None):
+            raise ParameterError(
+                f"ros__parameters of {name} is {value!r:.80}: it must be a section"
+            )
         yield ("" if "*" in node else node), dict(_list_values("", value or {}))
 
 

@@ -36,6 +36,7 @@ def test_the_parameters_of_all_nodes_are_taken(tmp_path):
         ("hammer: {ros__parameters: {swing: {time: 0.3}}}", "'swing.time'"),
         ("/**: {ros__parameters: {swing_time: -1}}", "swing_time is -1: it must be a number"),
         ("swing_time: 0.3", "it must have sections"),
+        ("hammer: {ros__parameters: [swing_time]}", "is ['swing_time']: it must be a section"),
         ("", "it must have sections"),
         ("a: [", "is not YAML"),
     ],

@@ -61,6 +61,15 @@ def test_a_channel_that_is_not_measured_has_no_level():
     assert len(meter.read().channels) == 1
 
 
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_point_that_is_not_finite_ends_no_stream(value):
+    output = np.full(100, 2.0)
+    output[50] = value
+    meter, channel = LevelMeter(), ChannelBlock(output, 1.0, 0.0, 0.0)
+    meter.add(Block(0, 1000.0, channel, channel))
+    assert meter.read() == InputLevels()
+
+
 @pytest.mark.parametrize(
     ("peak", "full_scale"), [(612.0, 1300.0), (95.0, 190.0), (0.031, 0.062), (4999.0, 10_000.0)]
 )
