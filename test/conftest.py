@@ -38,6 +38,31 @@ for number in (signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: None)
 
 
+OPTIONAL = {
+    "google", "h5py", "lvm_read", "mcap_ros2", "mujoco", "nptdms", "openpyxl", "pyarrow", "pyuff",
+}  # fmt: skip
+"""What package.xml does not name: files of tests that import it are left out where it is not."""
+
+
+class OptionalModule(pytest.Module):
+    """A file of tests that is skipped where an optional library is missing."""
+
+    def collect(self):
+        """Return its tests."""
+        try:
+            return super().collect()
+        except self.CollectError as error:
+            missing = getattr(error.__cause__, "name", None) or ""
+            if missing.partition(".")[0] in OPTIONAL:
+                pytest.skip(f"{missing} is not installed", allow_module_level=True)
+            raise
+
+
+def pytest_pycollect_makemodule(module_path, parent):
+    """Return a file of tests."""
+    return OptionalModule.from_parent(parent, path=module_path)
+
+
 Strike = Callable[..., Results]
 
 
