@@ -1,6 +1,5 @@
 """The input monitor: levels of each channel, and the range and trigger level that they suggest."""
 
-import itertools
 import math
 from dataclasses import dataclass, field, replace
 
@@ -61,9 +60,8 @@ class LevelMeter:
     def add(self, block: Block) -> None:
         """Take a block; one without points, or with some that are not finite, has no levels."""
         channels = block.channels if block.hammer.output.size else ()
-        if channels and all(
-            map(math.isfinite, itertools.chain(*(it.extremes for it in channels)))
-        ):
+        extremes = [value for channel in channels for value in channel.extremes]
+        if extremes and np.isfinite(extremes).all():
             self._blocks.append(tuple(map(_measure, channels)))
 
     def read(self) -> InputLevels:
