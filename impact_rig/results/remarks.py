@@ -19,6 +19,7 @@ from impact_rig.core.records import (
 )
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PULSE_NAME, RigSetup
+from impact_rig.core.uncertainty import LEAST_HITS
 from impact_rig.results.campaign import FileResults, HitResults, Results
 from impact_rig.results.numbers import MISSING, format_number, format_time, show_unit
 from impact_rig.results.references import Plant, find_plant
@@ -175,7 +176,14 @@ def find_common(results: Results) -> set[Note | Check]:
 
 
 def _list_own(sample: SampleEstimate) -> list[Note]:
-    return [*sample.warnings, *sample.notes]
+    return [*sample.warnings, *_list_told(sample)]
+
+
+def _list_told(sample: SampleEstimate) -> list[Note]:
+    """Return its notes, each once; what one hit leaves open its table says."""
+    is_of_one = sample.impacts_accepted < LEAST_HITS
+    notes = dict.fromkeys(sample.notes)
+    return [note for note in notes if not (is_of_one and note.about is Subject.UNCERTAINTY)]
 
 
 def _check(samples: Sequence[SampleEstimate], left_out: Common = ()) -> list[Remark]:
@@ -235,11 +243,13 @@ def _list_notes(
         is_complete = sample.paper.stiffness.is_known and (
             sample.paper.damping_coefficient.is_known or not has_damping
         )
-        for note in dict.fromkeys(sample.notes):
+        for note in _list_told(sample):
             if plant is not None and note.about in plant.explained:
                 continue
-            is_other = is_complete or note.about in FURTHER_METHODS
-            (others if is_other else needed).append((sample.name, note))
+            if not (is_complete or note.about in FURTHER_METHODS):
+                needed.append((sample.name, note))
+            elif note not in hammer.notes:
+                others.append((sample.name, note))
     told = {note for _, note in needed}
     effect = 0.0 if hammer.stiffness.is_known else MISSING_RESULT
     return [

@@ -244,8 +244,9 @@ def _explain_one_hit(rows: Sequence[_Row], *quantities: Measurand) -> list[str]:
     found = [row.name for row in rows if row.unscattered.intersection(known[row.name])]
     if not found:
         return []
-    names = ", ".join(found) if len(found) < sum(map(bool, known.values())) else "All"
-    return [f"{names}: by one hit, so how hits scatter is not known, and not in ±."]
+    is_of_some = len(found) < sum(map(bool, known.values()))
+    names = f"{', '.join(found)}: by" if is_of_some else "By"
+    return [f"{names} one hit: how hits scatter is not known, and not in ±."]
 
 
 def _make_deviations(rows: Sequence[_Row], quantity: Measurand) -> Column:

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 from impact_rig.configuration.particulars import NOTHING_STATED, Particulars
 from impact_rig.core.paper_method import HammerEstimate
@@ -211,12 +212,14 @@ def _fold_budgets(name: str, body: SampleEstimate | HammerEstimate) -> list[Part
 
 def _make_hits_section(run: ReportedCampaign) -> Section:
     """Return the section with every hit of a campaign."""
-    results = run.campaign.results
+    results, overrules = run.campaign.results, run.campaign.overrules
+    decided = {label for label, _ in overrules}
+    others = tuple(hit for hit in results.hits if hit.label not in decided)
     folded = [Folded(table.caption, (table,)) for table in tabulate_accepted(results)]
     parts: tuple[Part, ...] = (
         *tabulate_marks(results),
-        *tabulate_overrules(results, run.campaign.overrules),
-        *tabulate_rejections(results),
+        *tabulate_overrules(results, overrules),
+        *tabulate_rejections(replace(results, hits=others)),
         *folded,
     )
     return Section("Hits", parts)
