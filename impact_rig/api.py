@@ -436,7 +436,7 @@ class Session(Run):
 
     @cached_property
     def results(self) -> Results:
-        """What all hits so far say; raises `RigError` if there are none."""
+        """The results of all hits so far; raises `RigError` if there are none."""
         return self.analyze()
 
 
@@ -544,7 +544,7 @@ class VirtualRig:
         return _make_hit(block, make_truth(hit))
 
     def find_truth(self, label: HitLabel) -> Truth:
-        """Return what happens at a hit of this name, however often it is struck."""
+        """Return the truth of a hit of this name, which does not depend on earlier hits."""
         return make_truth(self._rig.strike(label))
 
     def run(self, samples: str | Iterable[str] = (), impacts: int = 10) -> Run:

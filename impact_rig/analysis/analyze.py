@@ -51,7 +51,7 @@ and of how much."""
 
 
 class HitSource(Protocol):
-    """What yields hits, one campaign after another; it can be read more than once."""
+    """Yields hits, one campaign after another; it can be read more than once."""
 
     path: Path  # what a person named
     size: int  # of all that is read [byte]
@@ -70,7 +70,7 @@ class HitSource(Protocol):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know of it, once it was read."""
+        """Warnings for the user, complete once it was read."""
 
     def events(self, report: Callable[[int], None]) -> Iterator[RigSetup | Block]:
         """Yield set-ups, each of which begins a campaign, and its blocks."""
@@ -78,7 +78,7 @@ class HitSource(Protocol):
 
 @dataclass(frozen=True)
 class Analysis:
-    """What a source holds."""
+    """The results of a source."""
 
     campaigns: tuple[TracedCampaign, ...]  # with hits, in their order; traces if asked for
     warnings: tuple[str, ...]  # what the user should know

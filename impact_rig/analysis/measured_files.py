@@ -1,4 +1,4 @@
-"""What measured files are taken for, hits of one sample, and reading them so.
+"""Measured files as hits of one sample.
 
 `import` and `analyze` ask for the same and read alike, so that both give the same numbers.
 """
@@ -47,7 +47,7 @@ USELESS = {Reason.NO_PULSE, Reason.NON_FINITE}
 
 @dataclass(frozen=True)
 class TraceSeries:
-    """What measured files are taken for: hits of one sample."""
+    """Measured files as hits of one sample."""
 
     sample: str  # name of the struck sample
     plan: ChannelPlan  # the roles of the channels
@@ -58,7 +58,7 @@ class TraceSeries:
 
 
 def make_series(options: MeasurementOptions) -> TraceSeries:
-    """Return what files are taken for.
+    """Return files as hits of one sample.
 
     Raises
     ------
@@ -218,7 +218,7 @@ class MeasuredHits:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know of them."""
+        """Warnings for the user."""
         remarks = [remark for hit in self.hits for remark in hit.remarks]
         if self.hits and self.setup.analysis.cutoff_frequency != self._wanted:
             rate = self.hits[0].block.sampling_rate / 1e3
@@ -229,7 +229,7 @@ class MeasuredHits:
         return tuple(dict.fromkeys(remarks))
 
     def advise(self, reasons: Collection[Reason]) -> tuple[str, ...]:
-        """Return what else should be said of hits that were rejected for these reasons."""
+        """Return advice for hits that were rejected for these reasons."""
         return (CUT,) if Reason.DOUBLE_HIT in reasons and not self.series.has_window else ()
 
     def events(self, _report: Callable[[int], None]) -> Iterator[RigSetup | Block]:

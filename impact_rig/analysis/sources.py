@@ -1,4 +1,4 @@
-"""What a person names: the runs that a report is made of, and files that are named twice."""
+"""The runs that a report is made of, from the names that a person gives."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from impact_rig.results.traces import ReportedCampaign, TracedCampaign
 RESULTS_SUFFIX = ".json"
 """Of a results file."""
 RESULTS_NAME = "results.json"
-"""What a run's folder calls its results."""
+"""Name of the results in a run's folder."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def find_run(named: Path, namespace: str | None = None) -> RunSource:
 
 @dataclass(frozen=True)
 class ByHand:
-    """What a person decides of hits, as `analyze` takes it."""
+    """A person's decisions on hits, for `analyze`."""
 
     accept: Sequence[str] = ()
     reject: Sequence[str] = ()

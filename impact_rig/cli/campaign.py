@@ -102,7 +102,7 @@ class CampaignView:
         self._print(Text(f"STOP: do not release the hammer: {reason}", ALARM))
 
     def stay(self, text: str) -> None:
-        """Say why the program goes on though the campaign is over."""
+        """Return why the program goes on though the campaign is over."""
         self._progress.stop()
         self._print(text)
 

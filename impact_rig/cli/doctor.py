@@ -22,7 +22,7 @@ from impact_rig.results.numbers import format_count
 
 
 class Status(Enum):
-    """How good a finding is; with a fault the rig cannot work."""
+    """Severity of a finding; with a fault the rig cannot work."""
 
     OK = "ok"
     WARNING = "warning"

@@ -44,7 +44,7 @@ Group = tuple[str, tuple[MeasuredChannel, ...]]
 
 @dataclass(frozen=True)
 class ExportTask:
-    """What to export: the command's options."""
+    """Options of the command: the content to export."""
 
     output: Path  # file, or folder of one file for each hit or mean
     what: str | None = None  # one of hits, means and results; None: as suits the format
@@ -72,7 +72,7 @@ class ExportTask:
 
     @property
     def parts(self) -> set[str]:
-        """What is exported."""
+        """The exported content."""
         if self.what:
             return {self.what}
         return {"hits"} if self.hits else DEFAULT_PARTS.get(self.kind, TRACES)

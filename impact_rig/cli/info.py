@@ -87,7 +87,7 @@ def describe_hits(contents: Contents) -> str:
 
 
 UNCODED = "reasons in words"
-"""What older recordings have; --json shows them."""
+"""Reasons of older recordings, which have no codes; --json shows them."""
 ACCEPTED, REJECTED, OPEN = "accepted", "rejected", "without a verdict"
 
 

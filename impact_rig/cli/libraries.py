@@ -14,7 +14,7 @@ class Library:
 
     @property
     def advice(self) -> str:
-        """Say how to get it."""
+        """Return how to get it."""
         if self.is_ros:
             return (
                 "analyze, export, import, info, report and view work without ROS 2, what runs a"
@@ -59,7 +59,7 @@ LIBRARIES = (
 
 
 ROS_PACKAGES = ("_msgs", "_srvs", "_interfaces", "ament_index_python")
-"""How the names of modules end that come with rclpy."""
+"""Endings of the names of modules that come with rclpy."""
 
 
 def describe_missing(module: str) -> str | None:

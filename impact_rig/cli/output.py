@@ -1,4 +1,4 @@
-"""What commands print: progress, results, errors, where the files lie."""
+"""Output of commands: progress, results, errors, places of files."""
 
 import contextlib
 import sys

@@ -129,7 +129,7 @@ def _check_reason(asked: ByHand, source: RunSource) -> None:
 
 
 def _list_doubts(runs: Sequence[ReportedCampaign], stated: Particulars) -> list[str]:
-    """Say which statements cannot be true of the runs: of other samples, of other days."""
+    """Return which statements cannot be true of the runs: of other samples, of other days."""
     samples = (sample for run in runs for sample in run.campaign.results.setup.samples.samples)
     known = list(dict.fromkeys(sample.body for sample in samples))
     doubts = [

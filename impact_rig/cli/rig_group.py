@@ -1,4 +1,4 @@
-"""How a command ends: an error in one line, Ctrl-C silently."""
+"""Ends of commands: an error in one line, Ctrl-C silently."""
 
 import contextlib
 import errno

@@ -1,11 +1,11 @@
-"""What the options of a rig mean: said once, for the command line and for launch files."""
+"""Descriptions of a rig's options, for the command line and for launch files."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class OptionText:
-    """What an option says to a person."""
+    """Description of an option."""
 
     text: str
     default: str = ""  # what holds without it; empty: nothing to say

@@ -106,14 +106,14 @@ NOTICE_MARK = "\x1e"
 
 
 class Notice(Enum):
-    """What a node tells the process that started it."""
+    """Messages of a node to the process that started it."""
 
     ACTIVE = "active"
     PAGE = "page"  # and the address of the web page that it serves
 
 
 def notify(notice: Notice, value: str = "") -> None:
-    """Tell the process that started this node, if it reads notices."""
+    """Send a notice to the process that started this node, if it reads notices."""
     if os.environ.get(NOTICES):
         print(f"{NOTICE_MARK}{notice.value} {value}", flush=True)
 

@@ -28,7 +28,7 @@ VIRTUAL_RATE = 2.5e6
 
 @dataclass(frozen=True)
 class RigNote:
-    """What is wrong with a rig file, or unwise in it."""
+    """A fault of a rig file, or something unwise in it."""
 
     text: str  # with the line, and what to do
     is_fault: bool = False  # it cannot work
@@ -91,12 +91,12 @@ class _Reading:
 
 
 def fault(table: TomlTable, key: str, text: str) -> RigNote:
-    """Return what cannot work, with its line."""
+    """Return a fault with its line."""
     return RigNote(str(table.make_error(key, text)), is_fault=True)
 
 
 def warning(table: TomlTable, key: str, text: str) -> RigNote:
-    """Return what is unwise, with its line."""
+    """Return a warning with its line."""
     return RigNote(str(table.make_error(key, text)))
 
 
@@ -360,7 +360,7 @@ def _check_sensors(reading: _Reading) -> Notes:
 
 
 class Plausible(NamedTuple):
-    """What a number of a rig file usually is; beyond it a warning says what is wrong."""
+    """The usual range of a number of a rig file, and the warning outside it."""
 
     table: str
     key: str

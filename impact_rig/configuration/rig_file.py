@@ -152,7 +152,7 @@ def _parse_sensor(channel: str, table: TomlTable) -> Sensor:
 
 
 def parse_response(table: TomlTable) -> dict[str, Any]:
-    """Return what is stated of a sensor, by the fields of `Sensor`; raises `ParameterError`."""
+    """Return a sensor's stated properties, by field of `Sensor`; raises `ParameterError`."""
     stated: dict[str, Any] = {
         key: table.take_quantity(key, "Hz", example, 0.0, low=0.0)
         for key, example in FREQUENCIES.items()

@@ -19,7 +19,7 @@ _FACTOR = r"\(*(?:[^\W\d]+|%)(?:(?:\^|\*\*)-?\d|[²³])?\)*"
 _UNIT = re.compile(rf"(?:1\s*/\s*)?{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
 """A product of units and their small powers. pint would calculate any expression."""
 _SAMPLES_PER_SECOND = re.compile(r"(?<=[\d\s.])([kMG]?)Sa?/s$")
-"""How instruments write Hz; pint would read siemens."""
+"""Spellings of Hz by instruments; pint would read siemens."""
 _NUMBER = re.compile(r"\s*[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*")
 _NUMBER_AND_UNIT = re.compile(r"\s*([+-]?[\d.]+(?:[eE][+-]?\d+)?)\s*(\S.*?)\s*")
 

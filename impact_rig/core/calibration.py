@@ -110,7 +110,7 @@ off is another sensor, or two bodies that do not move alike."""
 
 @dataclass(frozen=True)
 class CalibrationMethod(Comparable):
-    """What is compared with what."""
+    """The two sides of a comparison."""
 
     # Of the sensor under test, one of `CHANNELS`; that of the other one is the reference.
     channel: str

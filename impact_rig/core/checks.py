@@ -1,4 +1,4 @@
-"""What both traces of a sample say without any law of contact: momenta, mass, restitution."""
+"""Momenta, mass and restitution from both traces of a sample, without a law of contact."""
 
 import math
 from collections.abc import Sequence
@@ -130,7 +130,7 @@ def _find_zero_parts(mean: MeanHit, contact: slice) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class _Reading:
-    """How changes of velocity become numbers with their uncertainty."""
+    """Computes numbers with their uncertainty from changes of velocity."""
 
     setup: RigSetup
     rig: RigNumbers
@@ -282,7 +282,7 @@ def check_mass(traced: Quantity, stated: float) -> Note | None:
 
 
 def is_other_mass(traced: float, stated: float, expanded: float = 0.0) -> bool:
-    """Tell whether two masses [kg] are of two samples.
+    """Return whether two masses [kg] are of two samples.
 
     Two gains that are 5 % off make a seventh: by more than that, and the uncertainty, our choice.
     """

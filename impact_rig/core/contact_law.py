@@ -134,7 +134,7 @@ class ContactLaw(Comparable):
 NO_LAW = ContactLaw()
 """Where it is not determined."""
 _QUANTITIES = tuple(item.name for item in fields(ContactLaw) if item.type is Quantity)
-"""What follows from the hammer's trace alone, in the order of `_describe_law`."""
+"""Results of the hammer's trace alone, in the order of `_describe_law`."""
 
 LIKE_CONTACT = "no law of contact describes the pulse"
 CRUSHED = "; the pulse falls faster than it rises, as of a body that is crushed"
@@ -318,7 +318,7 @@ def _fit_hits(
 def _find_misfit(
     fits: _LawFits, changes: Sequence[tuple[str, FloatArray]], help_needed: str, *, is_worse: bool
 ) -> str | None:
-    """Say why no law describes the pulse; None: one does.
+    """Return why no law describes the pulse; None: one does.
 
     Parameters
     ----------
@@ -347,7 +347,7 @@ def _find_misfit(
 
 
 def _find_doubt(quantities: dict[str, Quantity]) -> str | None:
-    """Say why a law that describes the pulse is not given; None: it is."""
+    """Return why a law that describes the pulse is not given; None: it is."""
     e = quantities["restitution"]
     # Of contacts without loss one in ten exceeds 1 by so much.
     if e.value - 1.0 > max(1.25 * e.standard, FITS.gain):
@@ -359,7 +359,7 @@ def _find_doubt(quantities: dict[str, Quantity]) -> str | None:
 
 
 def _ask_for_response(chain: Chain) -> str:
-    """Say what is not stated of the hammer's sensor and would help; empty: all is stated."""
+    """Return what is not stated of the hammer's sensor and would help; empty: all is stated."""
     unstated = [
         name
         for name, value in (

@@ -59,7 +59,7 @@ class Continuity:
 
 
 def _is_alike(block: Block, other: Block) -> bool:
-    """Tell whether two blocks may be joined: equal rate, channels and calibration."""
+    """Return whether two blocks may be joined: equal rate, channels and calibration."""
     # A block without points does not show whether the sample is measured.
     shows_channels = block.hammer.output.size > 0 and other.hammer.output.size > 0
     return (
@@ -161,7 +161,7 @@ SPREAD_OF_MEDIAN = 1.4826
 
 
 class Baseline(NamedTuple):
-    """What the raw output is without a pulse."""
+    """The raw output without a pulse."""
 
     level: float
     noise: float  # standard deviation by the median absolute deviation

@@ -1,4 +1,4 @@
-"""What a motion passes through before it is a trace: sensor, converter, low-pass."""
+"""The way from a motion to a trace: sensor, converter, low-pass."""
 
 import math
 from collections.abc import Sequence
@@ -183,7 +183,7 @@ def restore_level(traces: FloatArray, low_corner: float, sampling_rate: float) -
 
 @dataclass(frozen=True)
 class Chain:
-    """What a channel does to a body's acceleration before it is a trace."""
+    """The response of a channel to a body's acceleration."""
 
     sampling_rate: float  # [Hz]
     cutoff_frequency: float = 0.0  # -3 dB of the zero-phase low-pass [Hz]; 0: none

@@ -39,7 +39,7 @@ class Reason(Enum):
 
 
 class Subject(Enum):
-    """What a note on an estimate is about."""
+    """Subject of a note on an estimate."""
 
     K1 = "k1"
     K2 = "k2"
@@ -68,7 +68,7 @@ class Subject(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found in a hit, with a sentence that has the figures."""
+    """A finding in a hit, with a sentence that has the figures."""
 
     reason: Reason
     explanation: str
@@ -82,7 +82,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Note:
-    """What is to be known of an estimate, with a sentence that has the figures."""
+    """A note on an estimate, with a sentence that has the figures."""
 
     about: Reason | Subject  # a reason: what was found in its hits
     explanation: str

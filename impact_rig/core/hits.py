@@ -252,7 +252,7 @@ def _filter_raw(
 
 
 def _begins_within_pulse(hammer: FloatArray, baseline_stop: int) -> bool:
-    """Tell whether what precedes the pulse is no baseline, but its slow foot."""
+    """Return whether what precedes the pulse is no baseline, but its slow foot."""
     first, last = (float(part.std()) for part in (hammer[:baseline_stop], hammer[-baseline_stop:]))
     height = float(hammer.max() - hammer.min())
     # A zero that is off by 2e-3 of the height changes tau_p by 0.15 %.
@@ -379,7 +379,7 @@ def make_mean(
 
 
 class Verdict(IntEnum):
-    """What a person makes of a hit."""
+    """A person's verdict on a hit."""
 
     UNDO = 0  # as the analysis judges it
     ACCEPT = 1
@@ -399,12 +399,12 @@ class Overrule:
 
     @property
     def decision(self) -> str:
-        """What the person decided."""
+        """The person's decision."""
         return "accepted by hand" if self.verdict is Verdict.ACCEPT else "left out by hand"
 
     @property
     def finding(self) -> Finding:
-        """What is to be said of the hit."""
+        """The decision as a finding in the hit."""
         by, why = f", by {self.who}" * bool(self.who), f": {self.reason}" * bool(self.reason)
         return Finding(Reason.OPERATOR, f"{self.decision}{by}{why}")
 
@@ -430,7 +430,7 @@ class Overrules:
             )
 
     def find(self, label: HitLabel) -> Overrule | None:
-        """Return what a person makes of a hit; None: nothing."""
+        """Return a person's verdict on a hit; None: there is none."""
         for labels, verdict in ((self.accepted, Verdict.ACCEPT), (self.rejected, Verdict.REJECT)):
             if label in labels:
                 return Overrule(label.record, verdict, self.reason, self.who, self.stamp)

@@ -14,7 +14,7 @@ from impact_rig.core.records import FloatArray, make_read_only
 
 
 class LossForm(Enum):
-    """How a contact loses energy, by the term beside k δⁿ."""
+    """Forms of loss: the term beside k δⁿ."""
 
     PROPORTIONAL = "δⁿ δ'"  # Hunt and Crossley 1975
     # The others may stand beside it; all pull at the end of the contact but the plate's.

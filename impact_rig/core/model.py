@@ -17,7 +17,7 @@ FULL_TURN = 2.0 * math.pi
 
 
 class ModelVariant(Enum):
-    """How the two bodies are driven.
+    """Drive of the two bodies.
 
     `PRINTED` is equations (1) and (2) as they stand. `DRIVEN` is what Figs. 5 and 6 describe:
     the hammer's trace is the versed-sine (4) itself, and the sample is driven by +F(t) alone.

@@ -23,7 +23,7 @@ AS_GOOD_AS = 0.1
 
 
 class Hold(Enum):
-    """What holds a sample."""
+    """Holds of a sample."""
 
     FREE = "free"  # nothing
     SPRING = "spring"  # a spring to the ground
@@ -67,7 +67,7 @@ def find_contact(hammer: FloatArray, pulse: PulseWidth, chain: Chain) -> slice |
 
 @dataclass(frozen=True)
 class Passage:
-    """How momentum passes from hammer to sample in one hit, or in a mean of hits."""
+    """Transfer of momentum from hammer to sample in one hit, or in a mean of hits."""
 
     hammer_change: float  # of the hammer's velocity [m/s], positive
     sample_change: float  # of the sample's over the contact [m/s], in the sense of its first push
@@ -92,7 +92,7 @@ class Passage:
 
     @property
     def hold(self) -> Hold:
-        """What holds the sample: it comes to rest on a spring, and moves on where it is free."""
+        """How the sample is held: it comes to rest on a spring, and moves on where it is free."""
         if not math.isfinite(self.persistence):
             return Hold.UNKNOWN
         if abs(self.persistence) < AS_GOOD_AS:

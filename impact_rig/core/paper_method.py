@@ -63,7 +63,7 @@ DAMPING = (Subject.C1, Subject.C2)
 
 @dataclass(frozen=True)
 class HammerPulse:
-    """What the hammer's mean pulse looks like."""
+    """Shape of the hammer's mean pulse."""
 
     shape: PulseShapeEstimate  # which of the known shapes it has
     law: ContactLaw  # which law of contact makes such a pulse
@@ -87,7 +87,7 @@ def look_at_pulse(mean: MeanHit, setup: RigSetup, sample: str) -> HammerPulse:
 def compute_shape_error(
     pulse: HammerPulse, noise: float, half_amplitude_width: float, contact_time: float
 ) -> tuple[float, float]:
-    """Return what the shapes that the data allow make of tau_p: spread and what is unsure of it.
+    """Return tau_p's uncertainty from the unknown pulse shape: the spread over possible shapes.
 
     The contact lasts anywhere between tau_p and the durations that are possible, evenly
     distributed. A law that the data allow, or the shapes that come nearest, say which these are.
@@ -366,7 +366,7 @@ DAMPING_COEFFICIENT = describe("N s/m", "c", "damping coefficient")
 CONTACT_TIME = describe("s", "τp", "contact time", shown="µs")
 WIDTH = describe("s", "w50", "width at half amplitude", shown="µs")
 BASE_WIDTH = describe("s", "w1", "time above 1 % of the peak", shown="µs")
-"""What several kinds of estimates tell of a body."""
+"""Estimates that several methods have in common."""
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ LIMITS = Limits()
 
 @dataclass(frozen=True)
 class PulseWindow:
-    """What a pulse is fitted to: of unit height, in units of w50."""
+    """A shape that is fitted to a pulse, of unit height, in units of w50."""
 
     time: FloatArray  # (n,), from the middle of the pulse
     measured: FloatArray  # (n,), over the peak
@@ -176,7 +176,7 @@ def _make_smoothing(chain: Chain, count: int, stride: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class WindowFit:
-    """What a model that was fitted to a window leaves of it."""
+    """Residual of a model that was fitted to a window."""
 
     parameters: FloatArray  # (p,)
     jacobian: FloatArray  # (p, n), of the fitted trace in them; 0 in those that were not varied
@@ -185,7 +185,7 @@ class WindowFit:
     residual: float  # standard deviation of what is left, over the peak
 
     def is_worse(self, best: "WindowFit", level: float) -> bool:
-        """Tell whether it leaves more than noise makes of two models that differ as these do.
+        """Return whether it leaves more than noise makes of two models that differ as these do.
 
         The difference of two sums of squares has the standard deviation 2 sigma |m1 - m2|; sigma
         of white noise is `level`, over the peak [-].
@@ -391,7 +391,7 @@ class ShapeFit(Comparable):
 
 @dataclass(frozen=True)
 class PulseShapeEstimate(Comparable):
-    """What the mean hammer pulse looks like; NaN, or empty: not determined."""
+    """Shape of the mean hammer pulse; NaN, or empty: not determined."""
 
     best_shape: str = ""  # name of the shape that leaves least
     is_clear: bool = False  # the next best shape leaves clearly more

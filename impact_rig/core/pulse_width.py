@@ -159,7 +159,7 @@ def find_base(trace: FloatArray, pulse: PulseWidth) -> tuple[float, float]:
 
 
 BASELINE_POINTS = 3
-"""What must come before the pulse, in points, for a baseline."""
+"""Points before the pulse that a baseline needs."""
 FLANK_LEVELS = {HALF: (0.8, 1.2), BASE: (0.5, 1.5)}
 """Between which parts of a level a flank's slope is taken [-], our choice: near the crossing, far
 enough apart that noise does not matter."""
@@ -171,7 +171,7 @@ FILTER_RECORD = 6
 
 @dataclass(frozen=True)
 class TraceQuality:
-    """How well a trace is known, apart from its pulse [unit of the trace]."""
+    """Uncertainties of a trace, apart from its pulse [unit of the trace]."""
 
     noise: float  # standard deviation
     raw_noise: float  # the same before the low-pass

@@ -19,7 +19,7 @@ class Comparable:
     """
 
     def __init_subclass__(cls) -> None:
-        """Say what `dataclass` leaves alone where it stands in the class itself."""
+        """Return what `dataclass` leaves alone where it stands in the class itself."""
         cls.__eq__ = Comparable.__eq__  # type: ignore[method-assign]
         cls.__hash__ = Comparable.__hash__  # type: ignore[method-assign]
 
@@ -56,7 +56,7 @@ choice: a thousand times what bodies on earth have, such as 1e12 N/m of a metre 
 
 @dataclass(frozen=True)
 class Description:
-    """What a field of a result is."""
+    """Description of a result's field."""
 
     unit: str = ""  # SI unit; empty: none
     symbol: str = ""  # in equations, for tables
@@ -135,7 +135,7 @@ END = describe(least=-2.0 * LARGEST, most=2.0 * LARGEST)
 
 @dataclass(frozen=True)
 class BudgetLine:
-    """What one input contributes to an uncertainty."""
+    """Contribution of one input to an uncertainty."""
 
     source: str  # the input, in words
     kind: str  # "A": evaluated from repeated hits, "B": by other means (GUM 2.3.2, 2.3.3)
@@ -191,7 +191,7 @@ class Quantity(Comparable):
 
 
 UNKNOWN = Quantity()
-"""What is not determined."""
+"""A quantity that is not determined."""
 
 
 def drop_internals(record: Record) -> Record:

@@ -83,7 +83,7 @@ def _freeze(values: NDArray[Any], dtype: type[np.generic]) -> NDArray[Any]:
 
 @dataclass(frozen=True, slots=True)
 class HitLabel:
-    """Which hit something belongs to; numbers count from 1."""
+    """Names a hit; numbers count from 1."""
 
     sample: str  # that was struck
     record: int = 1  # number of the arming
@@ -128,7 +128,7 @@ class ChannelBlock:
 
     @cached_property
     def acceleration(self) -> FloatArray:
-        """What the output means [m/s^2], shape (n,); read-only."""
+        """The output as acceleration [m/s^2], shape (n,); read-only."""
         acceleration: FloatArray = np.multiply(self.scale, self.output, dtype=np.float64)
         acceleration += self.offset
         acceleration.setflags(write=False)

@@ -1,4 +1,4 @@
-"""What rings in a sample's tail: its free decay, and whether it is the sample's."""
+"""Free decay in a sample's tail, and whether it is the sample's."""
 
 import math
 from collections.abc import Mapping
@@ -39,7 +39,7 @@ FEWEST_SAMPLES = 3
 
 
 def explain_ringing(frequency: float, setup: RigSetup) -> str | None:
-    """Say why what rings at a frequency [Hz] is the sensor's and no body's; None: it may be."""
+    """Return why what rings at a frequency [Hz] is the sensor's and no body's; None: it may be."""
     sensor, cutoff = setup.find_sensor("specimen"), setup.analysis.cutoff_frequency
     rings = f"what rings at {frequency * 1e-3:.3g} kHz"
     if abs(frequency - sensor.resonance) < SAME_FREQUENCY * sensor.resonance:
@@ -197,5 +197,5 @@ def find_shared_ringing(decays: Mapping[str, FreeDecayEstimate], setup: RigSetup
 
 
 def is_same(frequency: float, shared: float) -> bool:
-    """Tell whether two frequencies are one."""
+    """Return whether two frequencies are one."""
     return abs(frequency - shared) < SAME_FREQUENCY * shared

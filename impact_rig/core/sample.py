@@ -63,7 +63,7 @@ def check_sensors(setup: RigSetup, contact_time: float) -> tuple[Note, ...]:
 
 @dataclass(frozen=True)
 class TraceEstimates:
-    """What the mean traces of a sample say, independent of the hammer's stiffness."""
+    """Estimates from a sample's mean traces, independent of the hammer's stiffness."""
 
     pulse: HammerPulse
     checks: Checks
@@ -97,7 +97,7 @@ def estimate_traces(name: str, mean: MeanHit, setup: RigSetup) -> TraceEstimates
 
 @dataclass(frozen=True)
 class ModelErrors(Comparable):
-    """How far the model by the paper's numbers and the mean traces lie apart; NaN: not known."""
+    """Distance between the model by the paper's numbers and the mean traces; NaN: not known."""
 
     # of the driven model over the record, as in Fig. 6
     mse_hammer_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
@@ -136,7 +136,7 @@ class SampleEstimate(Comparable):
 
 @dataclass(frozen=True)
 class SampleParts:
-    """What was found of one sample, part by part, from which its estimate is put together."""
+    """Parts from which a sample's estimate is put together."""
 
     name: str
     impacts_rejected: int

@@ -31,12 +31,12 @@ SPELLINGS = {
     "g0": "g", "newton": "N", "Newton": "N", "volt": "V", "Volt": "V", "volts": "V", "Volts": "V",
     "VOLT": "V", "v": "V", "VOLTS": "V", "mVolt": "mV", "millivolts": "mV",
 }  # fmt: skip
-"""How files write these units, too."""
+"""Other spellings of these units in files."""
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What a sensor gives."""
+    """Sensitivity of a sensor."""
 
     voltage: float  # for one `unit` [V]; negative: the sensor looks the other way
     unit: str  # of acceleration or force
@@ -105,7 +105,7 @@ def compute_scale(
 CHANNELS = ("hammer", "specimen")
 """The rig's channels: the body that a sensor sits in or on."""
 QUANTITIES = {"acceleration": tuple(ACCELERATIONS), "force": tuple(FORCES)}
-"""What a sensor may measure, in which units."""
+"""Quantities that a sensor may measure, with their units."""
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 
@@ -115,7 +115,7 @@ DEFAULT_RESONANCE_DAMPING = 0.02
 
 @dataclass(frozen=True)
 class SensorResponse(Comparable):
-    """How a sensor and its amplifier answer: a resonance, a high-pass, a low-pass of one pole."""
+    """Response of a sensor and its amplifier: a resonance, a high-pass, a low-pass of one pole."""
 
     resonance: float = 0.0  # as mounted [Hz]; 0: too high to matter, or not known
     damping: float = DEFAULT_RESONANCE_DAMPING  # of the resonance, over critical [-]
@@ -143,7 +143,7 @@ FLAT = SensorResponse()
 
 @dataclass(frozen=True)
 class Sensor(Comparable):
-    """What the calibration sheet of a channel's sensor says."""
+    """Calibration sheet of a channel's sensor."""
 
     channel: str  # one of `CHANNELS`
     quantity: str = "acceleration"  # one of `QUANTITIES`: a force is that on the hammer's mass
@@ -214,7 +214,7 @@ class Sensor(Comparable):
 
     @property
     def response(self) -> SensorResponse:
-        """How it answers to what it measures."""
+        """Its response."""
         return SensorResponse(
             self.resonance, self.resonance_damping, self.low_corner, self.upper_corner
         )
@@ -247,7 +247,7 @@ class Sensor(Comparable):
         return self.full_scale * compute_scale(self.unit, moving_mass) if self.full_scale else 0.0
 
     def describe_age(self, today: str) -> str | None:
-        """Say what is wrong with the age of its calibration on a day, year-month-day."""
+        """Return what is wrong with the age of its calibration on a day, year-month-day."""
         name = f"{self.channel} sensor {self.serial_number}".rstrip()
         return describe_calibration_age(name, self.calibration_date, today)
 
@@ -299,7 +299,7 @@ def _check_response(name: str, response: SensorResponse) -> None:
 
 
 def describe_calibration_age(name: str, day: str, today: str, due: str = "") -> str | None:
-    """Say what is wrong with the age of an instrument's calibration; all days year-month-day.
+    """Return what is wrong with the age of an instrument's calibration; all days year-month-day.
 
     A day that is written in another way, or not known, says nothing.
     """

@@ -36,7 +36,7 @@ ENDLESS_THRESHOLD = 4.2
 
 @dataclass(frozen=True)
 class Measure:
-    """What hits are compared by."""
+    """Figures by which hits are compared."""
 
     name: str
     unit: str
@@ -62,7 +62,7 @@ def compute_thresholds(counts: NDArray[np.int64]) -> FloatArray:
 
 @dataclass(frozen=True)
 class Criteria:
-    """What makes an outlier; arrays have one element for each of `MEASURES`."""
+    """Limits of outliers; arrays have one element for each of `MEASURES`."""
 
     counts: NDArray[np.int64]  # hits that have the quantity
     medians: FloatArray
@@ -128,7 +128,7 @@ LEFT_AS_IT_IS = (Reason.SMOOTHED, Reason.TRUNCATED)
 
 @dataclass(frozen=True)
 class Selection:
-    """What became of the hits of one sample, in the order of arrival; without their traces."""
+    """The hits of one sample with their verdicts, in the order of arrival, without traces."""
 
     kept: tuple[JudgedHit, ...]  # those that are averaged
     left_out: tuple[JudgedHit, ...]  # all others, with their reasons
@@ -136,7 +136,7 @@ class Selection:
 
 @dataclass(frozen=True)
 class HitCount:
-    """How many hits of one sample are averaged so far, and how many are left out."""
+    """Numbers of hits of one sample that are averaged, and that are left out."""
 
     kept: int = 0
     left_out: int = 0
@@ -145,7 +145,7 @@ class HitCount:
 
 @dataclass(frozen=True)
 class Kind:
-    """What all hits in a mean have in common."""
+    """Properties that all hits in a mean share."""
 
     origin: str  # measured, imported; of a simulated hit also by what
     sampling_rate: float  # [Hz]
@@ -193,7 +193,7 @@ class HitSeries:
         return float(np.std(times, ddof=1)) if len(times) > 1 else math.nan
 
     def describe_findings(self) -> tuple[tuple[Note, ...], tuple[Note, ...]]:
-        """Say what was corrected in the hits in the mean, and what could not be told."""
+        """Return what was corrected in the hits in the mean, and what could not be told."""
         kept = self._list_kept()
         found: dict[Reason, dict[int, str]] = {}
         for place in kept:

@@ -52,7 +52,7 @@ from impact_rig.core.uncertainty import RigInputs
 
 @dataclass(frozen=True)
 class SessionResults:
-    """What a session has found so far; the hits are without their traces."""
+    """The results of a session so far; the hits are without their traces."""
 
     setup: RigSetup
     hammer: HammerEstimate
@@ -67,7 +67,7 @@ NO_CONTROL = Note(
     "no control sample: state hammer_stiffness, or control_sample, one that is alike to the"
     " hammer; without it k_eq is given, and neither k nor c of a sample",
 )
-"""What is to be stated for k and c."""
+"""Properties to be stated for k and c."""
 
 
 class Session:
@@ -132,7 +132,7 @@ class Session:
 
     @property
     def overrules(self) -> Overrules:
-        """What persons made of hits so far."""
+        """Persons' verdicts so far."""
         return self._overrules
 
     def overrule(self, overrule: Overrule, *, is_asked: bool = True) -> JudgedHit | None:
@@ -217,7 +217,7 @@ class Session:
         return known[1]
 
     def _find_problem(self, name: str, control: str) -> str | None:
-        """Say why a control sample with hits does not give k1 for a sample; None: it does."""
+        """Return why a control sample with hits does not give k1 for a sample; None: it does."""
         if unknown := self.setup.find_unknown_masses(control):
             return f"the mass of {' and '.join(unknown)} is not known"
         kinds = [series.kind for key in (name, control) if (series := self._series.get(key))]

@@ -1,4 +1,4 @@
-"""What is struck and how it is analysed: samples, hammer, settings, the published samples."""
+"""Set-up of a rig and its analysis: samples, hammer, settings, the published samples."""
 
 import math
 from collections.abc import Sequence
@@ -233,7 +233,7 @@ class SampleSet:
 
 
 ACCELERATION = 1.0, "m/s^2"
-"""What an accelerometer measures at 1 m/s^2, and its unit."""
+"""An accelerometer's reading at 1 m/s^2, and its unit."""
 
 
 @dataclass(frozen=True)
@@ -379,7 +379,7 @@ HAMMER_STIFFNESS = 22.54e6
 HAMMER_DAMPING_COEFFICIENT = 1909.0
 """c1, Table 4 [N s/m]."""
 PULSE_NAME = "versed-sine"
-"""What equation (4) is called."""
+"""Name of the shape of equation (4)."""
 CONTROL_SAMPLE = "aluminium large"
 MISPRINTS = {"brass medium": 288.1e-6}
 """Contact times of Table 2 that contradict Table 3 [s]: this one would give 11.7 MN/m."""

@@ -1,4 +1,4 @@
-"""How results go with the impact speed."""
+"""Dependence of results on the impact speed."""
 
 import math
 from collections import Counter, defaultdict

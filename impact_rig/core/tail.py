@@ -18,7 +18,7 @@ ZERO_AFTER = "zero after the impact"
 
 @dataclass(frozen=True)
 class Limits:
-    """What is asked of a tail before it is believed; limits of one test alone stand there."""
+    """Limits of the model of a tail; those of one test alone stand at the test."""
 
     parts: int = 16  # [-] of the tail; their means take noise and ringing out
     shortest_part: int = 8  # [points] our choice
@@ -31,7 +31,7 @@ LIMITS = Limits()
 
 @dataclass(frozen=True)
 class ZeroShift:
-    """What the level of one trace is after the impact, in the unit of the trace."""
+    """Level of one trace after the impact, in the unit of the trace."""
 
     reason: Reason
     explanation: str
@@ -89,7 +89,7 @@ def judge_zeros(
 
 
 def _is_wave(means: FloatArray) -> bool:
-    """Tell whether each mean follows from the two before it, as in any one decaying wave."""
+    """Return whether each mean follows from the two before it, as in any one decaying wave."""
     earlier = np.stack([means[1:-1], means[:-2], np.ones(means.size - 2)], axis=1)
     rest = means[2:] - earlier @ np.linalg.lstsq(earlier, means[2:], rcond=None)[0]
     return float(rest @ rest) < 0.4**2 * float(means[2:] @ means[2:])

@@ -18,7 +18,7 @@ CHANCE = 2.7e-3
 
 @dataclass(frozen=True)
 class Course:
-    """How a series of hits goes."""
+    """Trend of a series of hits."""
 
     peak_standard: float = 0.0  # standard uncertainty of the mean peak by its trend [-]
     width_standard: float = 0.0  # the same of w50

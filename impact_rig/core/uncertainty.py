@@ -19,7 +19,7 @@ from impact_rig.core.trends import STEADY, Course
 
 
 class Source(NamedTuple):
-    """What an input comes from: inputs of one source make one line of a budget."""
+    """Source of an input: inputs of one source make one line of a budget."""
 
     name: str  # in words
     degrees_of_freedom: float = math.inf  # n - 1 of n hits; infinite: type B

@@ -225,7 +225,7 @@ def find_jump(name: str, trace: ChannelBlock, quiet: int, sampling_rate: float) 
 
 
 def is_flat(trace: FloatArray) -> bool:
-    """Tell whether the largest pulse of a trace, baseline zero, is cut off at its top."""
+    """Return whether the largest pulse of a trace, baseline zero, is cut off at its top."""
     peak_index = int(np.argmax(np.abs(trace)))
     upright = trace if trace[peak_index] > 0.0 else -trace
     half, low, high = (
@@ -238,7 +238,7 @@ def is_flat(trace: FloatArray) -> bool:
 
 
 def shows_plateau(record: Record) -> bool:
-    """Tell whether a flat top is the contact's: both bodies have it, apart in their ranges.
+    """Return whether a flat top is the contact's: both bodies have it, apart in their ranges.
 
     A body that yields holds the force, on both bodies at once; channels clip each at its own rail.
     """

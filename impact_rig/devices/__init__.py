@@ -1,1 +1,1 @@
-"""What touches the world: hammer holders and acceleration sources, virtual and real."""
+"""Hammer holders and acceleration sources, virtual and real."""

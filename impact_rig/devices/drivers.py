@@ -20,7 +20,7 @@ COMMON_KEYS = {
     ),
     HOLDERS: ("driver", "swing_time", "return_time", "confirm_return"),
 }  # fmt: skip
-"""What all drivers share of the tables [source] and [holder]; the other keys are the driver's."""
+"""Keys of the tables [source] and [holder] for all drivers; the others are the driver's."""
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ def report_errors(subject: str, options: TomlTable | None = None, key: str = "")
 
 
 class NidaqmxDriver:
-    """What source and holder share."""
+    """Common part of source and holder."""
 
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:

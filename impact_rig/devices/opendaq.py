@@ -21,7 +21,7 @@ from impact_rig.devices.speed_gate import SpeedGate
 from impact_rig.devices.streaming import StreamedSource
 
 RATE_PROPERTIES = ("SampleRate", "GlobalSampleRate")
-"""What makers call the sampling rate, of a device or of each channel."""
+"""Makers' names of the sampling rate, of a device or of each channel."""
 RATE_TOLERANCE = 0.01  # relative; within it the clock's own rate is used
 SETTLING = 3.0  # [s], in which a device on the network tells its new rate
 POLL_PERIOD = 0.01  # [s], between two looks for packets
@@ -114,7 +114,7 @@ def make_scale(channel: SourceChannel, found: SignalFormat) -> ChannelScale:
 
 @dataclass
 class SignalQueue:
-    """What has come of one signal, and is not passed on yet."""
+    """Received points of one signal that are not passed on yet."""
 
     signal: Any
     reader: Any

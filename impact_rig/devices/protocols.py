@@ -33,7 +33,7 @@ class FoundDevice:
 
 @dataclass(frozen=True)
 class ChannelScale:
-    """What the numbers of a device's channel mean."""
+    """Scale of the numbers of a device's channel."""
 
     scale: float  # [m/s^2], of one
     full_scale: float  # [m/s^2], that sensor and input can show
@@ -78,7 +78,7 @@ class SourceChannel(Comparable):
 
 @dataclass(frozen=True)
 class AcquisitionPlan:
-    """What a source is asked to do."""
+    """Task of a source."""
 
     sampling_rate: float  # [Hz]
     record_duration: float  # [s], of one triggered record
@@ -126,7 +126,7 @@ class AcquisitionPlan:
 
 @dataclass(frozen=True)
 class Acquisition:
-    """What a configured source is, and really does."""
+    """Identity and actual settings of a configured source."""
 
     identity: str  # maker, model, serial number and address, as far as the device tells
     sampling_rate: float  # [Hz]
@@ -232,7 +232,7 @@ class HammerlessSource(AccelerationSource, Protocol):
 
 
 class HolderState(Enum):
-    """What a holder does."""
+    """State of a holder."""
 
     HOLDING = "holding"
     RELEASED = "released"

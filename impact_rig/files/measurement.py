@@ -1,4 +1,4 @@
-"""What any file of measured channels comes down to."""
+"""A file of measured channels, whatever its format."""
 
 import json
 import math
@@ -15,7 +15,7 @@ from impact_rig.core.records import RawArray
 from impact_rig.core.sensors import normalize_unit
 
 ORIGIN = "origin"
-"""What exported files call the origin of a channel."""
+"""Name of a channel's origin in exported files."""
 DESCRIBED = ("name", "unit", "sampling_rate", "start", "recorded_at", ORIGIN)
 """Fields of a channel that stand as JSON in our files of MATLAB and Parquet."""
 

@@ -1,4 +1,4 @@
-"""What the name of a channel says: its unit, its quantity, and the body that it belongs to."""
+"""Unit, quantity and body of a channel, from its name."""
 
 import re
 from enum import Enum
@@ -8,7 +8,7 @@ from impact_rig.files.times import TIME_UNITS, normalize_time_unit
 
 BRACKETS = {"]": "[", ")": "("}
 PARTS = re.compile(r"[/.]")
-"""What stands between the parts of a name: of groups in a file, or of structs."""
+"""Separators between the parts of a name: groups in a file, or structs."""
 CAPITAL = re.compile(r"(?<=[a-zäöü])(?=[A-ZÄÖÜ])")
 WORD = re.compile(r"[^\W\d_]+")
 """Where a new word begins in `AccHammer1`, and the words themselves: `Acc`, `Hammer`."""
@@ -27,7 +27,7 @@ OTHER_WORDS = {
 
 
 class Kind(Enum):
-    """What a channel shows."""
+    """Quantity of a channel."""
 
     FORCE = "force"
     ACCELERATION = "acceleration"
@@ -36,7 +36,7 @@ class Kind(Enum):
 
 
 def is_unit(text: str) -> bool:
-    """Tell whether a text is a unit of a channel or of times."""
+    """Return whether a text is a unit of a channel or of times."""
     return normalize_unit(text) in UNITS or normalize_time_unit(text) in TIME_UNITS
 
 
@@ -76,7 +76,7 @@ def find_unit(name: str) -> str:
 
 
 def find_kind(name: str, unit: str) -> Kind:
-    """Return what a channel shows: by its unit, else by the words of its name."""
+    """Return a channel's quantity: by its unit, else by the words of its name."""
     if unit in FORCES:
         return Kind.FORCE
     if unit in ACCELERATIONS:
@@ -99,13 +99,13 @@ def _find_kind(name: str) -> Kind:
 
 
 def says_hammer(name: str) -> bool:
-    """Tell whether a name says that the channel is the hammer's: `hammer1`, `Tip force`."""
+    """Return whether a name says that the channel is the hammer's: `hammer1`, `Tip force`."""
     words = list_words(name)
     return bool(words & HAMMER_WORDS) or any("hammer" in word for word in words)
 
 
 def says_sample(name: str) -> bool:
-    """Tell whether a name says that the channel is the sample's: `specimen`, `response 2`."""
+    """Return whether a name says that the channel is the sample's: `specimen`, `response 2`."""
     return bool(list_words(name) & SAMPLE_WORDS)
 
 

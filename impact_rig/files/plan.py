@@ -22,7 +22,7 @@ ROLES = ("time", "hammer", "specimen", "skip")
 
 @dataclass(frozen=True)
 class ChannelUse:
-    """What is known of one body's channel beside its file."""
+    """Properties of one body's channel that its file does not state."""
 
     # Its name in the file, or its number there, counted from 1; empty: by its place.
     channel: str = ""
@@ -51,7 +51,7 @@ class ChannelUse:
 
 @dataclass(frozen=True)
 class ChannelPlan(Comparable):
-    """Which channels of the files are what."""
+    """Roles of the files' channels."""
 
     hammer: ChannelUse = field(default_factory=ChannelUse)  # of both bodies
     specimen: ChannelUse = field(default_factory=ChannelUse)

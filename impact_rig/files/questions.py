@@ -7,7 +7,7 @@ from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.files.names import find_unit
 
 BODIES = {"hammer": "hammer", "specimen": "sample"}
-"""What a person calls the body of a role."""
+"""Name of a role's body for people."""
 CHOICE = 'channel = "?"'
 """The line that chooses a channel."""
 SHOWN_CHANNELS = 12  # of a file whose channels are listed in a message

@@ -23,7 +23,7 @@ NUMBER = re.compile(r"\d+")
 SEGMENT = re.compile(r" \(segment (\d+)\)$")
 """Behind the names of LabVIEW's later segments."""
 HAMMER_OPTION, SAMPLE_OPTION = "--hammer-channel", "--sample-channel"
-"""What chooses a channel on the command line."""
+"""Options that choose a channel on the command line."""
 Channels = Sequence[MeasuredChannel]
 
 
@@ -138,13 +138,13 @@ def _is_constant(channel: MeasuredChannel) -> bool:
 
 
 def _is_index(channel: MeasuredChannel) -> bool:
-    """Tell whether a column counts its points from 0 or 1, as tables of pandas have one."""
+    """Return whether a column counts its points from 0 or 1, as tables of pandas have one."""
     first, last = float(channel.values[0]), float(channel.values[-1])
     return first in (0.0, 1.0) and last - first == channel.values.size - 1
 
 
 def _is_of_numbers(channel: MeasuredChannel) -> bool:
-    """Tell whether a channel is neither an axis nor of words; a damaged one is refused later."""
+    """Return whether a channel is neither an axis nor of words; a damaged one is refused later."""
     is_axis = bool(channel.flaw) and find_axis(channel.name, channel.unit) is not None
     return not is_axis and bool(channel.values.size or not channel.flaw)
 
@@ -179,7 +179,7 @@ def _list_pair(candidates: Channels) -> list[MeasuredChannel]:
 
 
 def _is_by_place(candidates: Channels) -> bool:
-    """Tell whether of two channels neither name nor unit says which is the hammer's."""
+    """Return whether of two channels neither name nor unit says which is the hammer's."""
     says = [
         says_hammer(channel.name) or _get_kind(channel) is Kind.FORCE for channel in candidates
     ]
@@ -216,7 +216,7 @@ def _add_specimen(hammer: MeasuredChannel, group: Channels, time: MeasuredChanne
 
 
 def _fits(hammer: MeasuredChannel, channel: MeasuredChannel) -> bool:
-    """Tell whether a channel has the points and the rate of the hammer's."""
+    """Return whether a channel has the points and the rate of the hammer's."""
     rates = hammer.sampling_rate, channel.sampling_rate
     return hammer.values.size == channel.values.size and (
         rates[0] == rates[1] or all(map(math.isnan, rates))

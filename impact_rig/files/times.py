@@ -17,14 +17,14 @@ from impact_rig.core.records import RawArray
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 """Units of times [s]."""
 SAMPLES = "samples"
-"""What a column counts that numbers its points."""
+"""Unit of a column that numbers its points."""
 TIME_SPELLINGS = {
     "µs": "us", "μs": "us", "sec": "s", "sek": "s", "msec": "ms", "usec": "us", "µsec": "us",
     "nsec": "ns", "second": "s", "millisecond": "ms", "microsecond": "us", "nanosecond": "ns",
     "minute": "min", "sample": SAMPLES, "point": SAMPLES, "pt": SAMPLES, "index": SAMPLES,
     "sequence": SAMPLES, "#": SAMPLES,
 }  # fmt: skip
-"""How files write these, too, in small letters and without the s of the plural."""
+"""Other spellings of these in files, in small letters and without the s of the plural."""
 
 
 def normalize_time_unit(unit: str) -> str:
@@ -64,7 +64,7 @@ TIME_NAMES = {
 }  # fmt: skip
 """In the heading of a column of times, in small letters."""
 TIME_HEADING = re.compile(r"[\s_/:.()\[\]-]+")
-"""What stands between the words of a heading."""
+"""Separators between the words of a heading."""
 
 
 def find_time_unit(name: str, unit: str = "") -> str:
@@ -114,7 +114,7 @@ def compute_rounding(value: float, digits: int) -> float:
 
 
 class Axis(Enum):
-    """What a column runs over, by its heading."""
+    """Axes of a column, by its heading."""
 
     TIME = "time"
     COUNT = "count"
@@ -258,7 +258,7 @@ def find_gap(times: RawArray, step: float) -> int | None:
 
 
 def is_clock(values: RawArray) -> bool:
-    """Tell whether a column must be one of times: it never falls, or rises nearly always."""
+    """Return whether a column must be one of times: it never falls, or rises nearly always."""
     if values.size <= 1 or not values[-1] > values[0]:
         return False
     rises = np.diff(values[: PIECE + 1]) > 0

@@ -14,7 +14,7 @@ NEEDED = {
     "msg_config`, and source install/setup.sh",
     "rclpy": "source ROS 2 Jazzy, or start the rig by `launch_scripts/rig.py`",
 }
-"""What every node needs, and how to get it."""
+"""Packages that every node needs, and how to get them."""
 
 HELP = """\
 usage: ros2 run impact_rig {name} [--ros-args -p PARAMETER:=VALUE ...]

@@ -39,7 +39,7 @@ from impact_rig.recordings.run import Run
 from impact_rig.results.campaign import Results
 
 CampaignGoal: TypeAlias = RunCampaign.Goal
-"""What a campaign is asked for."""
+"""Goal of a campaign."""
 CANCEL_TIMEOUT = 5.0
 """How long a cancelled campaign may take to end [s]."""
 RESEND_PERIOD = 3.0
@@ -260,7 +260,7 @@ class CampaignClient(RigClient):
 
     @property
     def _goal(self) -> Any:
-        """What the campaign node made of the goal; None: it has not answered."""
+        """The campaign node's answer to the goal; None: it has not answered."""
         return next((future.result() for future in self._sent if future.done()), None)
 
     def _check_life(self) -> None:

@@ -1,4 +1,4 @@
-"""What a rig finds in its campaigns, for a display, which may come at any time."""
+"""Findings of a rig's campaigns, for a display, which may come at any time."""
 
 from collections import deque
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What a campaign has to do: as a goal asks for it, or as the recordings of a run have it."""
+"""Plan of a campaign: from a goal, or from the recordings of a run."""
 
 from collections.abc import Sequence
 from dataclasses import replace

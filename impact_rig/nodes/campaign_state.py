@@ -110,4 +110,4 @@ class EndError(RigError):
 
 
 TASKS: Mapping[type[DeviceError], Task] = {ArmingError: Task.ARM, HeldError: Task.RESUME}
-"""What a pause asks of a person, by what it is for."""
+"""Task of a person in a pause, by its cause."""

@@ -1,4 +1,4 @@
-"""What both nodes with a device share: a rig file, and a device that may go and come back."""
+"""Common part of the nodes with a device, which may be lost and come back."""
 
 from abc import abstractmethod
 from typing import Any

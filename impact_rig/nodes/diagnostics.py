@@ -1,4 +1,4 @@
-"""What a node of the rig reports once a second: how it is, its figures, and its parameters."""
+"""Report of a node, once a second: its health, figures and parameters."""
 
 import json
 import platform

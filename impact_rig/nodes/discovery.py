@@ -1,4 +1,4 @@
-"""How far nodes look for each other, and how soon they find each other.
+"""Discovery of nodes: how far they look for each other, and how soon they find each other.
 
 Without `--network` a process stays on 127.0.0.1, whatever lies in its folder or environment. The
 profile for Fast DDS also makes nodes find each other soon: a new node receives every topic

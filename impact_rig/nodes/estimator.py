@@ -42,7 +42,7 @@ LIBRARIES = (
     "scipy.ndimage",
     "scipy.optimize",
 )
-"""What the core loads when it first needs it: no hit waits for that."""
+"""Modules that the core loads when it first needs them: no hit waits for that."""
 
 
 class EstimatorNode(RigNode):

@@ -1,4 +1,4 @@
-"""What runs the callbacks of a node: rclpy's events executor, as its wheels have it."""
+"""Executor of a node's callbacks: rclpy's events executor, as its wheels have it."""
 
 import contextlib
 import inspect

@@ -139,7 +139,7 @@ RELEASE = Topic("release", HammerRelease, _RESULT, _inward("check_release"))
 VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _RESULT, _recorded("faults_from_msg"))
 IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"))
 OVERRULE = Topic("overrule", Overrule, _RESULT, _by("recordings.overrules", "overrule_from_msg"))
-"""What persons make of hits; the newest of a hit counts."""
+"""Persons' verdicts on hits; the newest of a hit counts."""
 OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False))
 """The overrule of this stamp is on the recorder's disk."""
 IMPACT_TRACE = Topic(
@@ -172,7 +172,7 @@ CAMPAIGN_STATE = Topic(
 RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT)
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
 NOTE = Topic("note", String, make_qos(10, latched=False))
-"""What an operator has to say while the rig runs."""
+"""Notes of an operator while the rig runs."""
 DIAGNOSTICS = Topic(
     "/diagnostics", DiagnosticArray, QoSProfile(depth=64), _inward("health_from_msg")
 )
@@ -227,7 +227,7 @@ HAMMER_ACTS = {
     "reset": RESET_HAMMER,
     "confirm": CONFIRM_HELD,
 }
-"""What a person can ask of the hammer, and by which service."""
+"""Acts of a person on the hammer, with their services."""
 CONFIRM_SAMPLE = "campaign/confirm_sample"
 GET_RESULTS = "estimator/get_results"
 OVERRULE_HIT = "estimator/overrule"

@@ -128,7 +128,7 @@ class PageNode(RigNode):
         self._server.show(make_view(self._status))
 
     def activate(self) -> None:
-        """Tell where the page is."""
+        """Announce the address of the page."""
         if self._server is not None:
             self.get_logger().info(f"the page is at {self._server.link}")
             notify(Notice.PAGE, self._server.link)
@@ -268,7 +268,7 @@ class PageNode(RigNode):
         begun.start()
 
     def _read_overrule(self, form: Form) -> dict[str, Any]:
-        """Return what a person makes of a hit; raises `ParameterError` if it cannot be meant."""
+        """Return a person's verdict on a hit; raises `ParameterError` if it cannot be meant."""
         record, verdict = form["record"], form["verdict"]
         names = [item.name.lower() for item in Verdict]
         if not record.isdecimal() or verdict not in names:
@@ -348,7 +348,7 @@ def _read_switch(form: Form) -> dict[str, Any]:
 
 
 def _read_goal(form: Form) -> dict[str, Any]:
-    """Return what a filled in form asks for; raises `ParameterError` if it cannot be meant."""
+    """Return the goal of a filled in form; raises `ParameterError` if it cannot be meant."""
     tries = form["trial"] == "yes"
     impacts = "1" if tries else form["impacts"]
     if not impacts.isdecimal() or not 1 <= int(impacts) <= 1000:  # noqa: PLR2004

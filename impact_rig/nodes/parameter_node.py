@@ -73,7 +73,7 @@ class ParameterNode(AsyncNode):
 
 
 def _describe(parameter: parameters.Parameter) -> ParameterDescriptor:
-    """Return what ROS 2 shows of a parameter."""
+    """Return a parameter's description for ROS 2."""
     descriptor = ParameterDescriptor(
         description=parameter.description, read_only=parameter.is_read_only
     )

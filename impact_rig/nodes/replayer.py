@@ -28,7 +28,7 @@ INPUTS = (
     interfaces.VIRTUAL_IMPACT,
     interfaces.OVERRULE,
 )
-"""What is replayed: all else in a recording are results and states."""
+"""Replayed topics: all others in a recording are results and states."""
 
 
 class RecordedMessage(NamedTuple):

@@ -1,4 +1,4 @@
-"""What was found as messages, and back.
+"""Results as messages, and back.
 
 Each carries the id of the campaign that it was found in.
 """

@@ -1,4 +1,4 @@
-"""What all nodes of the rig share: topics with one way in, campaigns, and diagnostics."""
+"""Common part of the rig's nodes: topics with one way in, campaigns, and diagnostics."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace

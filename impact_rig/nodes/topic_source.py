@@ -241,7 +241,7 @@ def _make_inputs(channels: Sequence[SourceChannel]) -> list[_Input]:
 
 
 def _make_scale(channel: SourceChannel, stated: str) -> ChannelScale:
-    """Return what numbers in a unit mean; of volts, by the sensor."""
+    """Return the scale of numbers in a unit; of volts, by the sensor."""
     options = channel.options
     unit = normalize_unit(options.take_text("unit", stated, "m/s^2"))
     if not unit:

@@ -17,7 +17,7 @@ ABOVE_NOISE = 10.0
 
 @dataclass(frozen=True)
 class InputLevel:
-    """What one channel shows while nothing is recorded."""
+    """Level of one channel while nothing is recorded."""
 
     # Mean and standard deviation, the medians of short blocks [m/s^2]; a noise of 0: not known.
     zero: float = 0.0
@@ -46,7 +46,7 @@ class InputLevel:
 
 @dataclass(frozen=True)
 class InputLevels:
-    """What the channels show: the hammer's, then the sample's where it is measured."""
+    """Levels of the channels: the hammer's, then the sample's where it is measured."""
 
     channels: tuple[InputLevel, ...] = ()  # empty: the monitor does not run
 

@@ -49,7 +49,7 @@ POLICY = (
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of an act."""
+    """Outcome of an act."""
 
     done: bool
     message: str  # what was done, or why not
@@ -57,14 +57,14 @@ class Answer:
 
 @dataclass(frozen=True)
 class Form:
-    """What a person has filled in, and who it was."""
+    """A form as a person has filled it in, with the person's name."""
 
     fields: Mapping[str, tuple[str, ...]]
     who: str
 
     @property
     def signature(self) -> str:
-        """Who it was, to stand behind what was done."""
+        """The person's name, to be appended to the act."""
         return f", {self.who}" if self.who else ""
 
     def __getitem__(self, name: str) -> str:
@@ -164,7 +164,7 @@ class PageServer:
 
     @property
     def link(self) -> str:
-        """What a person opens."""
+        """The page's address for a person."""
         host = f"[{self._address.host}]" if ":" in self._address.host else self._address.host
         scheme = "https" if self._tls else "http"
         query = f"?{TOKEN}={quote(self.token)}" if self.token else ""
@@ -172,7 +172,7 @@ class PageServer:
 
     @property
     def origin(self) -> str:
-        """What a browser that shows this page names as its origin."""
+        """Origin of this page in a browser's requests."""
         return self.link.rpartition("/")[0]
 
     def __enter__(self) -> Self:
@@ -288,7 +288,7 @@ class _Checked(RequestHandler):
         self.clear_header("Server")
 
     def write_error(self, status_code: int, **_: Any) -> None:
-        """Say what is wrong in one sentence."""
+        """Return what is wrong in one sentence."""
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"{self._reason}\n")
 
@@ -329,7 +329,7 @@ class Page(_Checked):
 
 
 class Acts(_Checked):
-    """What a person does. A browser with a script gets JSON, one without the page again."""
+    """A person's acts. A browser with a script gets JSON, one without the page again."""
 
     async def post(self, name: str) -> None:
         """Do what a form asks for, and say what came of it."""

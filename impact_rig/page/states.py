@@ -11,7 +11,7 @@ from impact_rig.core.quantity import INTERNAL
 
 
 class Step(IntEnum):
-    """What a campaign does, numbered as in the message `CampaignState`."""
+    """Steps of a campaign, numbered as in the message `CampaignState`."""
 
     JOINING = 0
     COUNTING = 1
@@ -25,7 +25,7 @@ class Step(IntEnum):
 
 
 class Task(IntEnum):
-    """What a person is asked to do, numbered as in the message `CampaignState`."""
+    """Tasks of a person, numbered as in the message `CampaignState`."""
 
     NOTHING = 0
     MOUNT = 1
@@ -37,7 +37,7 @@ class Task(IntEnum):
 
 @dataclass(frozen=True)
 class SampleProgress:
-    """How far the hits of one sample have come."""
+    """Progress of one sample's hits."""
 
     sample: str
     accepted: int = 0
@@ -90,7 +90,7 @@ class HammerPlace(IntEnum):
 
 
 class Disarming(IntEnum):
-    """What took the enable, numbered as in the message `HammerState`."""
+    """Causes of a disarming, numbered as in the message `HammerState`."""
 
     OPERATOR = 0
     LOSS = 1
@@ -125,7 +125,7 @@ NO_HAMMER = HammerStatus(HammerPlace.FAULT, message="no hammer has published its
 
 
 class Phase(IntEnum):
-    """What the accelerometers do, numbered as in the message `AcquisitionState`."""
+    """Phases of the accelerometers, numbered as in the message `AcquisitionState`."""
 
     IDLE = 0
     ARMED = 1
@@ -155,7 +155,7 @@ class RecorderStatus:
 
 
 class Level(IntEnum):
-    """How well a node is; the numbers are those of `diagnostic_msgs/DiagnosticStatus`."""
+    """Health of a node; the numbers are those of `diagnostic_msgs/DiagnosticStatus`."""
 
     OK = 0
     WARNING = 1

@@ -1,4 +1,4 @@
-"""What the page shows of a rig: one sentence, and the tables beside it."""
+"""Content of the page: one sentence, and the tables beside it."""
 
 import math
 from dataclasses import dataclass, replace
@@ -36,12 +36,12 @@ ADVICE = {
     Reason.INCONSISTENT: "unlike the other hits of this sample: see to sample and mount",
     Reason.OTHER_KIND: "recorded unlike the first hit of this sample: end the campaign",
 }
-"""What a person can do so that the next hit is accepted."""
+"""Advice so that the next hit is accepted."""
 
 
 @dataclass(frozen=True)
 class Sentence:
-    """What a person reads from three metres."""
+    """The sentence that a person reads from three metres."""
 
     kind: str  # its colour: wait, go, ask, good, bad, paused, stopped, done
     headline: str
@@ -51,7 +51,7 @@ class Sentence:
 
 @dataclass(frozen=True)
 class Strength:
-    """How strong a hit was, and has to be [% of the range]."""
+    """Strength of a hit, and its limits [% of the range]."""
 
     percent: int
     least: int
@@ -60,7 +60,7 @@ class Strength:
 
 
 def make_view(status: RigStatus, disk: str = "") -> SimpleNamespace:
-    """Return what the page shows now but for traces, by the names that its templates use.
+    """Return the page's content but for traces, by the names that its templates use.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def make_view(status: RigStatus, disk: str = "") -> SimpleNamespace:
 
 
 def make_sentence(status: RigStatus) -> Sentence:
-    """Return what a person is to know and do first."""
+    """Return the sentence that a person needs first."""
     if status.hammer.is_stopped:
         detail = f"{status.hammer.message}. To go on: reset, then arm."
         return Sentence("stopped", "STOPPED", detail)
@@ -124,7 +124,7 @@ def make_sentence(status: RigStatus) -> Sentence:
 
 
 def _say_task(status: RigStatus) -> Sentence:
-    """Return what a campaign asks of a person."""
+    """Return a campaign's task for a person, as a sentence."""
     campaign = status.campaign
     until = None if math.isnan(campaign.until) else round(campaign.until * 1000)
     match campaign.task:
@@ -139,7 +139,7 @@ def _say_task(status: RigStatus) -> Sentence:
 
 
 def _say_step(status: RigStatus) -> Sentence:
-    """Return what a campaign does by itself."""
+    """Return a campaign's step, as a sentence."""
     campaign, last = status.campaign, status.last_hit
     match campaign.state:
         case Step.PAUSED | Step.DISARMING:
@@ -190,7 +190,7 @@ def _is_other_sample(hit: HitResults) -> bool:
 
 
 def _advise(hit: HitResults) -> str:
-    """Return what to do after a rejected hit."""
+    """Return advice after a rejected hit."""
     known = [ADVICE[item.reason] for item in hit.reasons if item.reason in ADVICE]
     return known[0] if known else join_findings(hit.reasons)
 
@@ -208,7 +208,7 @@ def _list_marks(status: RigStatus) -> dict[str, list[str]]:
 
 
 def list_numbers(status: RigStatus, hit: HitResults) -> tuple[tuple[str, str], ...]:
-    """Return what is known of a hit in numbers: names and texts."""
+    """Return the figures of a hit: names and texts."""
     mass = status.setup.hammer_mass if status.setup else math.nan
     stated = status.setup.samples.get_moving_mass(hit.sample) if status.setup else math.nan
     numbers = (
@@ -278,7 +278,7 @@ def _list_inputs(status: RigStatus) -> list[tuple[str, int, bool, list[str]]]:
 
 
 def _list_levels(status: RigStatus) -> tuple[InputLevel, ...]:
-    """Return what the monitor has seen; of a trial hit its peaks."""
+    """Return the levels of the monitor, or the peaks of a trial hit."""
     hit = status.last_hit
     if not status.is_trial or hit is None:
         return status.held

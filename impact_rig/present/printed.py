@@ -19,7 +19,7 @@ NOT_DETERMINED = "not determined"
 
 
 class Printed:
-    """What is a few tables: text by `print`, HTML in a notebook."""
+    """A few tables: text by `print`, HTML in a notebook."""
 
     def list_tables(self) -> list[Table]:
         """Return what is printed."""
@@ -84,7 +84,7 @@ class Number(Quantity):
 
     @property
     def unit(self) -> str:
-        """What it is printed in; empty: it has no unit."""
+        """Its unit in print; empty: it has none."""
         return show_unit(self.said.shown or self.said.unit)
 
     @property
@@ -156,7 +156,7 @@ def show(value: Any, said: Description, name: str) -> Any:
 
 
 class View(Printed):
-    """What was found of one body or by one method, by the names of its fields.
+    """Results of one body or one method, by the names of its fields.
 
     Quantities are `Number`; other numbers are floats in SI units. `record` is the frozen dataclass
     behind it, at whose fields stands what they mean.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class SampleResults(View):
-    """What was found of one sample.
+    """Results of one sample.
 
     Beside the quantities below it has all fields of the estimate: `contact_law`, `pulse_shape`,
     `free_decay`, `checks`, `half_amplitude_width`, `warnings`, `notes` …; `numbers` lists those
@@ -56,7 +56,7 @@ class SampleResults(View):
 
     @property
     def remarks(self) -> list[str]:
-        """What needs attention of it, a sentence each."""
+        """Its remarks, a sentence each."""
         return [remark.text for remark in gather_sample_remarks(self.record)]
 
     @property
@@ -98,7 +98,7 @@ class SampleResults(View):
 
 
 class Results(Printed, Mapping[str, SampleResults]):
-    """What a campaign found, by sample; `print` shows it as the command line does.
+    """Results of a campaign, by sample; `print` shows them as the command line does.
 
     Examples
     --------
@@ -144,7 +144,7 @@ class Results(Printed, Mapping[str, SampleResults]):
 
     @property
     def warnings(self) -> list[str]:
-        """What needs attention, a sentence each."""
+        """The remarks, a sentence each."""
         remarks = gather_remarks(self.record, self._warnings)
         return [f"{item.about}: {item.text}" if item.about else item.text for item in remarks]
 
@@ -177,7 +177,7 @@ class Results(Printed, Mapping[str, SampleResults]):
 
 
 class Comparison(Printed):
-    """What changed from one run to another."""
+    """Changes from one run to another."""
 
     def __init__(self, tables: list[Table]) -> None:
         self._tables = tables

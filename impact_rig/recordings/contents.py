@@ -32,7 +32,7 @@ from impact_rig.recordings.schemas import decode_message
 from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
 
 RECOVERY_RECORD = "impact_rig/recovery"
-"""Metadata record that tells what a recording was recovered from, and what was lost."""
+"""Metadata record about the source of a recovered recording, and its losses."""
 
 
 @dataclass
@@ -63,7 +63,7 @@ class TopicContents:
 
 @dataclass(frozen=True)
 class Note:
-    """What an operator said, and when [ns since the epoch]."""
+    """A note of an operator, with its time [ns since the epoch]."""
 
     time: int
     text: str
@@ -89,7 +89,7 @@ class Contents:
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What is wrong with it, in words; empty: it is sound."""
+        """Its damages, in words; empty: it is sound."""
         return tuple(_list_problems(self))
 
     @property

@@ -48,7 +48,7 @@ class BlockCount:
 
 @dataclass(kw_only=True)
 class RecordCount(BlockCount):
-    """What a recording has of one record, so far."""
+    """Count of one record's blocks in a recording, so far."""
 
     label: HitLabel
     stream_id: bytes
@@ -109,7 +109,7 @@ class RecordedReason:
 
 
 class HitState(Enum):
-    """How much of a hit is there."""
+    """Completeness of a hit."""
 
     SAVED = "saved"
     DAMAGED = "damaged"
@@ -139,7 +139,7 @@ class RecordedHit(BlockCount):
         return not self.blocks and self.stored_blocks is None and self.is_accepted is None
 
     def judge(self, *, is_whole: bool) -> None:
-        """Say how much of the hit is there; `is_whole`: the recording lacks no message."""
+        """Return how much of the hit is there; `is_whole`: the recording lacks no message."""
         stored, left = self.stored_blocks, self.blocks
         self.state, self.reason = HitState.DAMAGED, ""
         if not left:
@@ -158,7 +158,7 @@ class RecordedHit(BlockCount):
 
 @dataclass
 class _Rig:
-    """What was found of one rig so far."""
+    """Hits of one rig so far."""
 
     watch: CampaignWatch = field(default_factory=CampaignWatch)
     campaign: int = 1
@@ -213,7 +213,7 @@ class HitWatch:
 
     @property
     def repeated(self) -> int:
-        """How many blocks have come a second time."""
+        """Number of blocks that have come a second time."""
         return sum(rig.watch.repeated for rig in self._rigs.values())
 
     def list_hits(self, *, is_whole: bool, is_live: bool = False) -> tuple[RecordedHit, ...]:

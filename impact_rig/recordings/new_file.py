@@ -104,7 +104,7 @@ class DiskFile:
         return self._file.closed
 
     def check(self) -> None:
-        """Raise the FileError that tells why nothing can be written any more, if so."""
+        """Raise a FileError with the reason if nothing can be written any more."""
         if self.failure is not None:
             raise self.failure
 

@@ -42,7 +42,7 @@ class RawMessage(NamedTuple):
 
 
 class MetadataRecord(NamedTuple):
-    """What was noted beside the messages: texts by their names; a record may come again."""
+    """Metadata beside the messages: texts by their names; a record may come again."""
 
     name: str
     fields: dict[str, str]
@@ -61,7 +61,7 @@ Item = RawMessage | MetadataRecord | Attachment
 
 
 INFINITE = 2**63 - 1
-"""How ROS 2 writes a duration without limit [ns]."""
+"""A duration without limit in ROS 2 [ns]."""
 
 
 @dataclass(frozen=True)

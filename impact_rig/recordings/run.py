@@ -95,7 +95,7 @@ class Run:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know; that messages are there twice, once they were read."""
+        """Warnings for the user; that messages are there twice only once they were read."""
         warnings = [warning for scan in self.scans for warning in scan.warnings]
         if (part := self.describe_part()) is not None:
             warnings.insert(0, part)

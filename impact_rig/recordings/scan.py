@@ -370,7 +370,7 @@ class Scan:
         return after
 
     def _has_records(self, file: BinaryIO, place: int) -> bool:
-        """Tell whether two records follow at a place; after a wrong length one may seem to."""
+        """Return whether two records follow at a place; after a wrong length one may seem to."""
         with contextlib.suppress(DamageError):
             for _ in range(2):
                 if place != self._end:
@@ -379,7 +379,7 @@ class Scan:
         return False
 
     def _is_cut_off(self, file: BinaryIO, place: int) -> bool:
-        """Tell whether nothing follows in a file that was never closed.
+        """Return whether nothing follows in a file that was never closed.
 
         Where the power failed, the file system may have filled it up with zeros.
         """

@@ -11,9 +11,9 @@ from impact_rig.recordings.new_file import list_successors
 from impact_rig.recordings.scan import MAGIC, Scan
 
 SUFFIX = ".mcap"
-"""What a recording's name ends with."""
+"""Suffix of a recording."""
 RUN_NAME = "session"
-"""What a run's folder calls its recording, before the suffix."""
+"""Name of the recording in a run's folder, without the suffix."""
 POINTER = b"version https://git-lfs.github.com/spec/"
 """Beginning of what git-lfs leaves in place of a file."""
 RIG_TYPES = "impact_rig_msgs/"

@@ -16,7 +16,7 @@ DEFAULT_CHUNK_SIZE = 1 << 20
 MESSAGE_OVERHEAD = 64
 """What a message takes beside its own bytes [byte]: 31 in its record, 16 in the chunk's index."""
 HEALTH_RECORD = "impact_rig/health"
-"""Metadata record that tells how the recording ended."""
+"""Metadata record about the end of the recording."""
 
 
 class RecordingWriter:
@@ -75,7 +75,7 @@ class RecordingWriter:
 
     @property
     def messages(self) -> int:
-        """How many messages were added."""
+        """Number of added messages."""
         return self._counts.total()
 
     def count_messages(self, topic: str) -> int:

@@ -1,1 +1,1 @@
-"""What a campaign found, for people and programs alike: numbers, traces, figures, results.json."""
+"""Results of a campaign, for people and programs: numbers, traces, figures, results.json."""

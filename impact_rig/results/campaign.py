@@ -1,4 +1,4 @@
-"""What a campaign found: set-up, every hit, and what was estimated from them.
+"""Results of a campaign: set-up, every hit, and the estimates from them.
 
 Nothing in here depends on when, where or with which libraries the numbers were found: the same
 hits give the same results, character by character.
@@ -125,7 +125,7 @@ class Results(Comparable):
 def results_from_session(
     session: SessionResults, faults_by_record: Mapping[int, tuple[str, ...]]
 ) -> Results:
-    """Return what a session found.
+    """Return the results of a session.
 
     Parameters
     ----------

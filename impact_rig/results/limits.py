@@ -22,7 +22,7 @@ DECISION_RULE = (
 
 
 class Conformity(Enum):
-    """What is stated of a value that has limits."""
+    """Conformity of a value that has limits."""
 
     PASSED = "passed"
     FAILED = "failed"

@@ -1,4 +1,4 @@
-"""What the measured values are held against, and which published cell is a misprint."""
+"""Reference values, and which published cell is a misprint."""
 
 import math
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ MASS_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class Reference(Comparable):
-    """What is expected of a body; NaN: nothing."""
+    """Expected values of a body; NaN: none."""
 
     contact_time: float = NAN  # tau_p [s]
     stiffness: float = NAN  # k [N/m]
@@ -41,7 +41,7 @@ class Reference(Comparable):
 
 @dataclass(frozen=True)
 class Plant:
-    """What is true of a plant of the virtual rig by construction."""
+    """Truth of a plant of the virtual rig by construction."""
 
     description: str
     has_expected_values: bool = True  # those of the set-up are its own

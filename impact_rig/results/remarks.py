@@ -1,4 +1,4 @@
-"""What needs attention, with its subject; where numbers come from; hits and files one by one."""
+"""Remarks with their subjects; origin of numbers; hits and files one by one."""
 
 import math
 from collections import Counter
@@ -72,7 +72,7 @@ is not shown is not wrong, so it comes behind what makes a shown one wrong."""
 UNSTATED_EFFECT = 0.1
 """Effect of what core warns of without a number [-], our choice: a tenth of k or c."""
 FALSE = Reason.SMOOTHED
-"""What makes a contact time wrong: as bad as none."""
+"""Finding that makes a contact time wrong: as bad as none."""
 FEW_NAMES = 3
 """Samples that a remark names one by one [-], our choice."""
 FURTHER_METHODS = {
@@ -158,7 +158,7 @@ Common = Collection[Note | Check]
 
 
 def gather_sample_remarks(sample: SampleEstimate, left_out: Common = ()) -> list[Remark]:
-    """Return what needs attention in one sample, in its own numbers, without what is common."""
+    """Return the remarks on one sample's own numbers, without those on all samples."""
     notes = dict.fromkeys(_list_own(sample))
     checked = [replace(remark, about="") for remark in _check([sample], left_out)]
     return checked + [Remark(str(note)) for note in notes if note not in left_out]

@@ -125,7 +125,7 @@ def _make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 FORMULA_MARKS = ("=", "+", "-", "@", "\t", "\r", "'")
-"""How a cell begins that a spreadsheet takes for a formula; numbers are none."""
+"""Beginnings of cells that a spreadsheet takes for formulas, unless they are numbers."""
 
 
 def format_results_table(campaigns: Sequence[Results]) -> str:

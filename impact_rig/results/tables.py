@@ -478,7 +478,7 @@ def tabulate_errors(samples: Sequence[SampleEstimate]) -> list[Table]:
 
 
 def tabulate_pulse_shapes(samples: Sequence[SampleEstimate]) -> list[Table]:
-    """Return what the pulses look like, and tau_p and k2 under the best shape."""
+    """Return the pulses' shapes, and tau_p and k2 under the best shape."""
     known = [sample for sample in samples if sample.pulse_shape.best_fit is not None]
     shapes = [sample.pulse_shape for sample in known]
     versed = [shape.find_fit(PULSE_NAME) or ShapeFit("") for shape in shapes]
@@ -548,7 +548,7 @@ def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
 
 
 def tabulate_momenta(samples: Sequence[SampleEstimate]) -> list[Table]:
-    """Return what momenta say without any law."""
+    """Return the checks by momenta, without a contact law."""
     known = [sample for sample in samples if sample.checks.impulse.is_known]
     checks = [sample.checks for sample in known]
     columns = [

@@ -23,7 +23,7 @@ NOTE = (
 
 @dataclass(frozen=True)
 class TrendPoint(Comparable):
-    """What one campaign found on its control sample."""
+    """Results of one campaign on its control sample."""
 
     run: str
     sample: str  # the control sample
@@ -98,7 +98,7 @@ def _compare(values: Sequence[float]) -> list[str]:
 
 
 def _describe(values: Sequence[float]) -> str:
-    """Say whether values change from the first to the last, more than chance makes."""
+    """Return whether values change from the first to the last, more than chance makes."""
     known = np.array([value for value in values if math.isfinite(value)])
     if known.size < FEWEST_HITS:
         return f"of {known.size} runs shows no trend, it takes {FEWEST_HITS}"

@@ -65,7 +65,7 @@ class RunningRig:
         return Results(TracedCampaign(outcome.results), "campaign")
 
     def find_truth(self, hit: HitResults) -> Truth:
-        """Return what really happened at a hit of `Results.record.hits`."""
+        """Return the truth of a hit of `Results.record.hits`."""
         return self.simulation.find_truth(hit.label)
 
 

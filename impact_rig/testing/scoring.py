@@ -1,4 +1,4 @@
-"""How good an estimator is: bias and coverage on hits whose truth is known."""
+"""Scores of an estimator: bias and coverage on hits whose truth is known."""
 
 import math
 import threading
@@ -28,7 +28,7 @@ Reader = Callable[[Any], tuple[str, int, int, float, float] | None]
 
 @dataclass(frozen=True)
 class Score:
-    """What an estimator made of one sample."""
+    """Score of an estimator on one sample."""
 
     sample: str
     hits: int

@@ -3,11 +3,11 @@
 from enum import Enum
 
 IDENTITY = "virtual rig"
-"""What the virtual rig calls itself."""
+"""Name of the virtual rig."""
 
 
 class Plant(Enum):
-    """Which physics the virtual rig has."""
+    """Physics of the virtual rig."""
 
     PUBLISHED = "published"
     DYNAMICS = "dynamics"

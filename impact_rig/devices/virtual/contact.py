@@ -32,7 +32,7 @@ RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-10, 1e-12  # the force is good to 1e
 
 @dataclass(frozen=True)
 class Material:
-    """What a contact needs of a material."""
+    """Properties of a material in contact."""
 
     elastic_modulus: float  # [Pa]
     poisson_ratio: float  # [-]

@@ -1,4 +1,4 @@
-"""What a hit does to hammer and sample, before any sensor sees it.
+"""Motion of hammer and sample in a hit, before the sensors.
 
 `published` is what the paper's tables describe: on it the paper's procedure gives back Tables 2 to
 4, and the model with their numbers lies on the traces. `dynamics` and `dynamics_printed` are the

@@ -1,4 +1,4 @@
-"""What really happened at the virtual rig's hits, and its hits without nodes."""
+"""Truth of the virtual rig's hits, and its hits without nodes."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,7 @@ BLOCK_POINTS = 1000
 
 @dataclass(frozen=True)
 class Truth:
-    """What the virtual rig did; NaN: its plant has no such thing."""
+    """Truth of a hit; NaN: its plant has no such quantity."""
 
     contact_time: float  # [s]; on the plant "contact" from first touch to separation
     peak_force: float  # [N]
@@ -31,7 +31,7 @@ class Truth:
 
 
 def make_truth(hit: VirtualHit) -> Truth:
-    """Return what happened at a hit."""
+    """Return the truth of a hit."""
     model, contact = hit.model, hit.contact
     return Truth(
         model.contact_time,

@@ -155,7 +155,7 @@ def _find_nearest(stated: Sequence[NamedArray], array: NamedArray) -> NamedArray
 
 
 def _is_unit(array: NamedArray) -> bool:
-    """Tell whether a text is the unit of values, not of their times."""
+    """Return whether a text is the unit of values, not of their times."""
     *groups, last = PARTS.split(array.name)
     names = {clean_name(last), f"{groups[-1] if groups else ''}.{last}"}
     is_clocks = any(clean_name(group) == "x values" for group in groups)
@@ -206,7 +206,7 @@ def _find_axis(array: NamedArray) -> Axis | None:
 
 
 def _is_time(array: NamedArray) -> bool:
-    """Tell whether an array is an axis: called time, or called otherwise and rising evenly."""
+    """Return whether an array is an axis: called time, or called otherwise and rising evenly."""
     if array.is_channel or not _is_channel(array) or max(array.values.shape) != array.values.size:
         return False
     is_called_time = find_axis(clean_name(array.name)) is Axis.TIME

@@ -1,4 +1,4 @@
-"""What a file may take of memory and time: by its heading, or in a second process."""
+"""Bounds on a file's memory and time: by its heading, or in a second process."""
 
 import contextlib
 import faulthandler

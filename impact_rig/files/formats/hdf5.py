@@ -48,7 +48,7 @@ RECORDED_AT = "recorded_at"
 MATLAB_NUMBERS = {
     "double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
 }  # fmt: skip
-"""What MATLAB calls arrays of numbers; words are numbers in its files, too."""
+"""MATLAB's names of arrays of numbers; words are numbers in its files, too."""
 
 
 def read_hdf5(path: Path) -> Measurement:
@@ -91,7 +91,7 @@ def _read_group(
 
 
 def _is_readable(item: Any) -> bool:
-    """Tell whether a data set holds real numbers, with few axes, in this file."""
+    """Return whether a data set holds real numbers, with few axes, in this file."""
     matlab = item.attrs.get("MATLAB_class", b"double")
     kind = matlab.decode() if isinstance(matlab, bytes) else str(matlab)
     return (

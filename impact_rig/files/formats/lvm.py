@@ -35,10 +35,10 @@ X_VALUE = "X_Value"
 """Heading of every column of times."""
 FIRST_WORDS, END_OF_HEADER = "LabVIEW Measurement", "***End_of_Header***"
 SEGMENT_TAGS = {"Channels", "Samples", "Delta_X"}
-"""What the header of a table states, and that of the file does not."""
+"""Statements of a table's header that the file's header does not have."""
 SEPARATORS = {"Tab": "\t", "Comma": ","}
 SPECIAL = re.compile(r"(?ms)^ *\*{3}Start_Special\*{3}.*?(^ *\*{3}End_Special\*{3}|\Z)")
-"""What a program adds for itself."""
+"""Columns that a program adds for itself."""
 
 
 @dataclass(frozen=True)

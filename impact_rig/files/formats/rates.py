@@ -31,14 +31,14 @@ def clean_heading(name: str) -> tuple[str, str]:
 
 
 def is_rate_name(name: str) -> bool:
-    """Tell whether a name is that of a sampling rate, as `Fs` or `Sampling Frequency (Hz)`."""
+    """Return whether a name is that of a sampling rate, as `Fs` or `Sampling Frequency (Hz)`."""
     bare, _ = clean_heading(name)
     words = set(WORD.findall(bare))
     return bare in RATE_NAMES or bool(words & RATE_WORDS and words & FREQUENCY_WORDS)
 
 
 def is_step_name(name: str) -> bool:
-    """Tell whether a name is that of the time between two points, as `dt` or `Delta X`."""
+    """Return whether a name is that of the time between two points, as `dt` or `Delta X`."""
     return clean_heading(name)[0] in STEP_NAMES
 
 
@@ -65,5 +65,5 @@ def compute_stated_rate(name: str, value: float, unit: str = "") -> float:
 
 
 def states_unit(name: str, unit: str = "") -> bool:
-    """Tell whether a rate or step has a unit; a step without one may be in any."""
+    """Return whether a rate or step has a unit; a step without one may be in any."""
     return is_rate_name(name) or bool(unit or clean_heading(name)[1])

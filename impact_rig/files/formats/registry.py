@@ -59,7 +59,7 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
     ),
     ".asc": (read_any_text, None),
 }
-"""Who reads and writes a format, by suffix; None: it is not written."""
+"""Reader and writer of a format, by suffix; None: it is not written."""
 WRITABLE = tuple(suffix for suffix, (_, write) in FORMATS.items() if write)
 """Suffixes of what can be written."""
 _ASAMMDF = "from asammdf import MDF; MDF('{0}').export('csv', '{0}.csv', add_units=True)"

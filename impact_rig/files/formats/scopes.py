@@ -12,7 +12,7 @@ from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.files.times import round_rate
 
 UNITS = {"v": "V", "a": "A", "w": "W"}
-"""How RigolWFM calls them."""
+"""RigolWFM's names of them."""
 ASSUMING = {"lecroy_trc", "rohde_schwarz_bin", "tek_isf", "tek_wfm", "yokogawa_wfm"}
 """Parsers of RigolWFM that take every channel for volts, whatever its file states."""
 FLOAT32 = 2.0**-24

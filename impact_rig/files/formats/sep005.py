@@ -14,7 +14,7 @@ LIST_MARK = b"["
 
 
 def is_list(path: Path) -> bool:
-    """Tell whether a file of JSON holds a list, not results."""
+    """Return whether a file of JSON holds a list, not results."""
     try:
         with path.open("rb") as file:
             return file.read(64).lstrip().startswith(LIST_MARK)

@@ -68,7 +68,7 @@ RATE, START, TIME = "sampling rate [Hz]", "start [s]", "time"
 """What files written here state above the numbers, since times as printed may not tell."""
 STARTS = {START, "start", "t0"}
 NUMBER, WORD, NOTHING = "n", "w", "-"
-"""What a cell holds."""
+"""Kinds of cells."""
 
 ORIGIN_MARK = f"# {ORIGIN}: "
 
@@ -103,7 +103,7 @@ class Style(NamedTuple):
         return [cell.strip(' \t"') for cell in line.split(self.delimiter)]
 
     def is_number(self, cell: str) -> bool:
-        """Tell whether a cell holds a number."""
+        """Return whether a cell holds a number."""
         try:
             float(self.make_point(cell))
         except ValueError:
@@ -116,7 +116,7 @@ class Style(NamedTuple):
         return text.replace(",", ".") if self.has_decimal_comma else text
 
     def describe(self, line: str) -> str:
-        """Return what each cell of a line holds, a letter for each."""
+        """Return the kinds of a line's cells, a letter for each."""
         return "".join(
             (NUMBER if self.is_number(cell) else WORD) if cell else NOTHING
             for cell in self.split(line)
@@ -603,13 +603,13 @@ def _split_heading_cell(cell: str) -> tuple[str, str]:
 
 
 def _is_beside(cell: str) -> bool:
-    """Tell whether a cell beside the headings states something, or is such a value."""
+    """Return whether a cell beside the headings states something, or is such a value."""
     is_name = is_step_name(cell) or cell.lower() in STARTS
     return not cell or "=" in cell or is_name or Style().is_number(cell)
 
 
 def _are_units(cells: Sequence[str]) -> bool:
-    """Tell whether all are units, in brackets, or say that samples are counted."""
+    """Return whether all are units, in brackets, or say that samples are counted."""
     return all(
         (cell[:1] + cell[-1:]) in ("[]", "()")
         or is_unit(cell)

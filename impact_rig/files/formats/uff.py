@@ -28,7 +28,7 @@ FUNCTIONS = {
     7: "an auto correlation", 8: "a cross correlation", 9: "a power spectral density",
     12: "a spectrum",
 }  # fmt: skip
-"""What else a data set may hold, by function type."""
+"""Other contents of a data set, by function type."""
 REAL_TYPES = (2, 4)
 """Ordinate data types of real numbers, in single and double precision."""
 NONE = "NONE"
