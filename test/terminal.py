@@ -41,7 +41,7 @@ class Terminal:
     words : sequence
         The command.
     environment : mapping
-        All of its variables.
+        All of its variables; None: those of this process.
     folder : Path
         Where it runs.
     columns : int
@@ -51,7 +51,7 @@ class Terminal:
     def __init__(
         self,
         words: Sequence[Any],
-        environment: Mapping[str, str],
+        environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
         columns: int = 1000,
     ) -> None:

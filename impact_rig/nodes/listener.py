@@ -1,4 +1,4 @@
-"""A node that takes messages of others, whatever their types."""
+"""Nodes of programs that do something else meanwhile; one takes messages, whatever their types."""
 
 import threading
 import time
@@ -24,11 +24,13 @@ DEPTH = 2000
 """Messages that may wait [-]: half a second of one point each at 4 kHz."""
 
 
-class Listener:
-    """A node that listens to what others publish, in a thread of its own.
+class BackgroundNode:
+    """A node in a ROS context and a thread of its own.
 
     Parameters
     ----------
+    name : str
+        Of the node.
     domain : int, optional
         ROS domain; that of the environment by default.
 
@@ -38,28 +40,57 @@ class Listener:
         As `offer_profile`.
     """
 
-    def __init__(self, domain: int | None = None) -> None:
+    def __init__(self, name: str, domain: int | None = None) -> None:
         with offer_profile():
-            self._context = rclpy.Context()
-            rclpy.init(context=self._context, domain_id=domain)
-            self._executor = make_executor(self._context)
-            self._node = Node("listener", context=self._context, enable_rosout=False)
-        self._executor.add_node(self._node)
+            self.context = rclpy.Context()
+            rclpy.init(context=self.context, domain_id=domain, args=[])
+            self.executor = make_executor(self.context)
+            self.node = Node(name, context=self.context, enable_rosout=False)
+        self.executor.add_node(self.node)
         self._stop = Future()
-        self._thread = threading.Thread(target=self._spin, name="topics", daemon=True)
+        self._thread = threading.Thread(target=self._spin, name=name, daemon=True)
         self._thread.start()
+
+    def leave(self) -> None:
+        """Close what is beside the node, once the thread has ended."""
+
+    def close(self) -> None:
+        """End the thread and the node."""
+        self._stop.set_result(None)
+        self._thread.join()
+        self.executor.shutdown(timeout_sec=1.0)
+        self.leave()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+    def _spin(self) -> None:
+        with suppress(ExternalShutdownException):
+            spin_until(self.executor, self._stop)
+
+
+class Listener(BackgroundNode):
+    """A node that listens to what others publish.
+
+    Parameters
+    ----------
+    domain : int, optional
+        As of `BackgroundNode`.
+    """
+
+    def __init__(self, domain: int | None = None) -> None:
+        super().__init__("listener", domain)
 
     def list_topics(self) -> dict[str, str]:
         """Return the topics that have a publisher, with their types."""
         return {
             topic: types[0]
-            for topic, types in self._node.get_topic_names_and_types()
+            for topic, types in self.node.get_topic_names_and_types()
             if self.count_publishers(topic)
         }
 
     def count_publishers(self, topic: str) -> int:
         """Return how many publishers a topic has."""
-        return int(self._node.count_publishers(topic))
+        return int(self.node.count_publishers(topic))
 
     def subscribe(self, topic: str, take: Callable[[Any, Mapping[str, Any]], None]) -> None:
         """Call `take` with each message and its metadata.
@@ -72,7 +103,7 @@ class Listener:
         deadline = time.monotonic() + DISCOVERY_TIME
         while not self.count_publishers(topic) and time.monotonic() < deadline:
             time.sleep(0.01)  # the graph is asked, it tells nothing by itself
-        publishers = self._node.get_publishers_info_by_topic(topic)
+        publishers = self.node.get_publishers_info_by_topic(topic)
         if len(publishers) != 1:
             there = ", ".join(sorted(self.list_topics())) or "none"
             names = ", ".join(item.node_name for item in publishers)
@@ -91,16 +122,4 @@ class Listener:
             ) from None
         # A reliable subscription hears nothing of a publisher that makes its best effort.
         qos = QoSProfile(depth=DEPTH, reliability=publisher.qos_profile.reliability)
-        self._node.create_subscription(message_type, topic, accept_message_info(take), qos)
-
-    def close(self) -> None:
-        """End the thread and the node."""
-        self._stop.set_result(None)
-        self._thread.join()
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
-
-    def _spin(self) -> None:
-        with suppress(ExternalShutdownException):
-            spin_until(self._executor, self._stop)
+        self.node.create_subscription(message_type, topic, accept_message_info(take), qos)

@@ -49,6 +49,7 @@ class RigMember:
         self._was_there = False
         self._alive = 0
         self._silent = 0
+        self._node = node
         self._subscription = node.listen(
             topic, self._keep_state, on_liveliness=self._keep_liveliness
         )
@@ -58,7 +59,7 @@ class RigMember:
         """Whether it was there, and gives no sign of life now."""
         if self._alive or self._silent:
             return not self._alive
-        # A message may come before its first sign of life, and one of this process gives none.
+        # A message may come before its first sign of life.
         return self._was_there and not self._subscription.get_publisher_count()
 
     def describe_loss(self) -> str | None:
@@ -84,7 +85,28 @@ class RigMember:
 
     def _keep_liveliness(self, status: Any) -> None:
         self._was_there = True
-        if status.alive_count < self._alive and not self._is_single:
+        here = min(self._count_publishers_here(), status.not_alive_count)
+        alive = status.alive_count + here
+        if alive < self._alive and not self._is_single:
             self.state = None  # which of them has gone is not known: who is there says so again
-        self._alive, self._silent = status.alive_count, status.not_alive_count
+        self._alive, self._silent = alive, status.not_alive_count - here
         self._on_change()
+
+    def _count_publishers_here(self) -> int:
+        """Return how many of its publishers are in this process, and alive.
+
+        Fast DDS carries no signs of life within a participant.
+        """
+        node, topic = self._node, self._subscription.topic_name
+        mine = {
+            _read_participant(item)
+            for item in node.get_subscriptions_info_by_topic(topic)
+            if (item.node_name, item.node_namespace) == (node.get_name(), node.get_namespace())
+        }
+        publishers = node.get_publishers_info_by_topic(topic)
+        return sum(_read_participant(item) in mine for item in publishers)
+
+
+def _read_participant(endpoint: Any) -> bytes:
+    """Return an endpoint's participant, by DDSI-RTPS 2.5: nodes of one context share it."""
+    return bytes(endpoint.endpoint_gid[:12])

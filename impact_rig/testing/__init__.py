@@ -3,6 +3,7 @@
 - A driver: subclass `AccelerationSourceContract` or `HammerHolderContract`, see `drivers`.
 - A program beside a rig: the pytest fixture `virtual_rig`, which is there once `impact_rig` is
   installed, is a `RunningRig`; `run_virtual_rig` starts others.
+- A node: the fixture `harness` is a `harness.Harness`, which runs nodes in the test's process.
 - An estimator: `score`, or `score_node` for one that is a node.
 """
 
@@ -14,7 +15,7 @@ from impact_rig.testing.drivers import (
     HolderBench,
     SourceBench,
 )
-from impact_rig.testing.running import RunningRig, run_virtual_rig
+from impact_rig.testing.running import RunningRig, run_virtual_rig, use_own_domain
 from impact_rig.testing.scoring import Score, score, score_node
 
 __all__ = [
@@ -29,4 +30,5 @@ __all__ = [
     "run_virtual_rig",
     "score",
     "score_node",
+    "use_own_domain",
 ]

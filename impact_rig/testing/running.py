@@ -1,13 +1,19 @@
 """A rig of real nodes, for tests of programs that talk to one."""
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import pytest
+
 from impact_rig.api import VirtualRig, list_items
-from impact_rig.configuration.processes import LOG_NAME, RECORDING_NAME, list_rig_processes
+from impact_rig.configuration.processes import (
+    DISCOVERY,
+    LOG_NAME,
+    RECORDING_NAME,
+    list_rig_processes,
+)
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import RigError, check_count
 from impact_rig.devices.virtual.truth import Truth
@@ -108,7 +114,6 @@ def run_virtual_rig(
     """
     from impact_rig.cli.demo import run_rig
     from impact_rig.nodes.campaign_client import CampaignClient
-    from impact_rig.nodes.discovery import reserve_domain
 
     simulation = VirtualRig(seed=seed, plant=plant, faults=faults, rig_file=rig_file)
     processes = list_rig_processes(
@@ -118,23 +123,18 @@ def run_virtual_rig(
         visualize=False,
         overrides=QUICK,
     )
-    with reserve_domain() as domain, _set("ROS_DOMAIN_ID", str(domain)), _set(
-        "ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"
-    ), run_rig(processes, folder / LOG_NAME) as check:  # fmt: skip
+    with use_own_domain() as domain, run_rig(processes, folder / LOG_NAME) as check:
         with CampaignClient(check=check) as client:
             client.wait_for_rig(START_TIMEOUT)
         yield RunningRig(domain, folder, simulation, check)
 
 
 @contextmanager
-def _set(name: str, value: str) -> Iterator[None]:
-    """Set a variable of the environment during a block."""
-    before = os.environ.get(name)
-    os.environ[name] = value
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[name]
-        else:
-            os.environ[name] = before
+def use_own_domain() -> Iterator[int]:
+    """Let all nodes that start in the block, in any process, be in a ROS domain of their own."""
+    from impact_rig.nodes.discovery import reserve_domain
+
+    with reserve_domain() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
+        patch.setenv(DISCOVERY, "LOCALHOST")
+        yield domain

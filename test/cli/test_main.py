@@ -12,7 +12,6 @@ import pytest
 
 from impact_rig.cli import main
 from impact_rig.core.errors import ParameterError
-from impact_rig.nodes.discovery import reserve_domain
 
 from .conftest import finish, start_command, start_python
 
@@ -94,7 +93,7 @@ def test_a_terminal_without_greek_letters_gets_no_traceback():
     assert finish(process) == (0, "?p\n", "")
 
 
-def test_what_the_middleware_prints_does_not_get_into_the_output(tmp_path):
+def test_what_the_middleware_prints_does_not_get_into_the_output(ros_domain, tmp_path):
     code = (
         "import click, rclpy; from impact_rig.cli import main\n"
         "def work():\n"
@@ -106,9 +105,7 @@ def test_what_the_middleware_prints_does_not_get_into_the_output(tmp_path):
     profile = tmp_path / "broken.xml"
     profile.write_text("<")
     settings = {"FASTRTPS_DEFAULT_PROFILES_FILE": str(profile)}
-    with reserve_domain() as domain:
-        settings["ROS_DOMAIN_ID"] = str(domain)
-        exit_code, output, errors = finish(start_python("-c", code, "demo", env=settings))
+    exit_code, output, errors = finish(start_python("-c", code, "demo", env=settings))
     assert (exit_code, output) == (0, "{}\n")
     assert "broken.xml" in errors
 

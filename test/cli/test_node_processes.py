@@ -10,18 +10,14 @@ import pytest
 
 from impact_rig.cli.up import make_command
 from impact_rig.configuration.processes import NodeProcess
-from impact_rig.nodes.discovery import reserve_domain
 
 from .conftest import PATIENCE, finish, start_command
 
 
 @pytest.fixture
-def start_up(tmp_path):
+def start_up(ros_domain, tmp_path):
     """Return a function that starts `impact-rig up` in its own ROS domain."""
-    with reserve_domain() as number:
-        yield lambda *words, **pipes: start_command(
-            "up", *words, cwd=tmp_path, env={"ROS_DOMAIN_ID": str(number)}, **pipes
-        )
+    return lambda *words, **pipes: start_command("up", *words, cwd=tmp_path, **pipes)
 
 
 def test_the_command_of_a_node_has_its_parameters_as_yaml():

@@ -13,12 +13,12 @@ from std_srvs.srv import Trigger
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
-from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.page.server import Address, PageServer
 from impact_rig.page.status import RigStatus
 from impact_rig.page.view import make_view
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.schemas import decode_message
+from impact_rig.testing import use_own_domain
 
 from .conftest import PATIENCE, start_command
 
@@ -46,8 +46,7 @@ def wait_for_line(process, word):
 class RunningRig:
     """A rig with a page."""
 
-    def __init__(self, folder, domain):
-        self.environment = {"ROS_DOMAIN_ID": str(domain)}
+    def __init__(self, folder):
         (folder / "rig.toml").write_text(RIG_FILE, "utf-8")
         self.folder = folder / "run"
         self.process = self.start(
@@ -65,7 +64,7 @@ class RunningRig:
         self.page_pid = int(re.search(r"page started \(pid=(\d+)\)", text)[1])
 
     def start(self, *words):
-        return start_command(*words, env=self.environment, stderr=subprocess.STDOUT)
+        return start_command(*words, stderr=subprocess.STDOUT)
 
     def stop(self):
         for process in filter(None, (self.page_process, self.process)):
@@ -75,9 +74,8 @@ class RunningRig:
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory):
-    with reserve_domain() as domain, pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_DOMAIN_ID", str(domain))
-        running = RunningRig(tmp_path_factory.mktemp("rig"), domain)
+    with use_own_domain():
+        running = RunningRig(tmp_path_factory.mktemp("rig"))
         yield running
         running.stop()
 

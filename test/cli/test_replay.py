@@ -7,7 +7,6 @@ import pytest
 
 from impact_rig.core.setup import CONTROL_SAMPLE
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
-from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.results.results_file import format_json, results_to_json
 
 from .conftest import PATIENCE, record_campaigns, start_command
@@ -31,21 +30,18 @@ def quiet_ros(monkeypatch):
 
 
 @pytest.fixture
-def start():
+def start(ros_domain):
     """Return a function that starts a replay in its own ROS domain."""
     processes = []
-    with reserve_domain() as number:
 
-        def begin(*arguments):
-            environment = {"ROS_DOMAIN_ID": str(number)}
-            words = ("replay", *arguments)
-            processes.append(start_command(*words, env=environment, stdin=subprocess.PIPE))
-            return processes[-1]
+    def begin(*arguments):
+        processes.append(start_command("replay", *arguments, stdin=subprocess.PIPE))
+        return processes[-1]
 
-        yield begin
-        for process in processes:
-            process.kill()
-            process.communicate(timeout=PATIENCE)
+    yield begin
+    for process in processes:
+        process.kill()
+        process.communicate(timeout=PATIENCE)
 
 
 def test_a_fresh_estimator_gives_the_results_of_each_campaign_byte_for_byte(

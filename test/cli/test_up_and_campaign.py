@@ -14,9 +14,9 @@ from impact_rig.configuration.processes import ACTIVE
 from impact_rig.configuration.rig_file import RigFile, read_template
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.setup import PAPER_SETUP
-from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.run import Run
+from impact_rig.testing import use_own_domain
 
 from .conftest import PATIENCE, start_command
 
@@ -24,21 +24,20 @@ RECORDING = Path("run", "session.mcap")
 
 
 @pytest.fixture(scope="module")
-def environment():
-    """Return an environment with its own ROS domain."""
-    with reserve_domain() as number:
-        yield {"ROS_DOMAIN_ID": str(number)}
+def own_domain():
+    with use_own_domain():
+        yield
 
 
 @pytest.fixture(scope="module")
-def start(environment, tmp_path_factory):
+def start(own_domain, tmp_path_factory):
     """Return a function that starts a rig command in a folder; all are stopped at the end."""
     processes = []
     folder = tmp_path_factory.mktemp("rig")
 
     def run(*arguments):
         pipes = {"stderr": subprocess.STDOUT}
-        processes.append(start_command(*arguments, cwd=folder, env=environment, **pipes))
+        processes.append(start_command(*arguments, cwd=folder, **pipes))
         return processes[-1]
 
     run.folder = folder
@@ -74,7 +73,7 @@ CAMPAIGN = ("campaign", "--namespace", "rig7")
 
 
 def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
-    rig, start, environment, run, monkeypatch
+    rig, start, run, monkeypatch
 ):
     # A closed terminal leaves no swinging hammer, and the rig runs on.
     left = start(*CAMPAIGN, "--impacts", "1000")
@@ -82,7 +81,6 @@ def test_a_campaign_on_a_rig_that_is_up_writes_its_results_beside_the_recording(
     left.send_signal(signal.SIGHUP)
     left.communicate(timeout=PATIENCE)
     assert left.returncode == EXIT_INTERRUPTED
-    monkeypatch.setenv("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
     monkeypatch.chdir(start.folder)
     words = ("--sample", "aluminium large", "--impacts", "2", "--json", "--notes", "21 °C")
     done = run(*CAMPAIGN, *words)
@@ -112,8 +110,7 @@ def test_the_line_that_ends_the_start_says_which_rig_it_is_and_what_to_call():
     )
 
 
-def test_without_a_rig_one_sentence_says_what_to_start(run, environment, monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", environment["ROS_DOMAIN_ID"])
+def test_without_a_rig_one_sentence_says_what_to_start(run, own_domain, monkeypatch):
     monkeypatch.setattr("impact_rig.cli.campaign.RIG_TIMEOUT", 0.2)
     done = run("campaign")
     assert done.exit_code == 2

@@ -30,9 +30,8 @@ REASONS = {
 
 
 def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virtual_rig(
-    make_environment, tmp_path, strike
+    environment, tmp_path, strike
 ):
-    environment = make_environment()
     with (
         closing(RigBench(tmp_path / "bench.toml", SEED)) as bench,
         Terminal([

@@ -51,9 +51,8 @@ def read_processor_time(rig) -> float:
 
 
 def test_every_hit_comes_through_and_no_block_of_the_stream_is_lost(
-    make_environment, tmp_path, strike, record_property
+    environment, tmp_path, strike, record_property
 ):
-    environment = make_environment()
     with (
         run_bench(tmp_path) as (bench, enter), Terminal([
             *enter, *RIG, "up", "--output", tmp_path, "--no-visualizer", "--continuous",

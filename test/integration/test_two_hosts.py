@@ -45,11 +45,8 @@ def start_nodes(host, environment, names, *words):
     return start(host, environment, "up", "--set", "hammer.swing_time=0.1", *only, *words)
 
 
-def test_a_campaign_outlasts_a_cable_that_is_pulled_and_loses_no_hit(
-    hosts, make_environment, tmp_path
-):
+def test_a_campaign_outlasts_a_cable_that_is_pulled_and_loses_no_hit(hosts, environment, tmp_path):
     devices, desk = hosts
-    environment = make_environment()
     run = tmp_path / "run"
     with (
         start_nodes(devices, environment, AT_THE_DEVICES),
@@ -111,12 +108,12 @@ def arm_from(host, environment):
 
 @pytest.mark.parametrize("network", [False, True])
 def test_only_a_rig_that_is_told_so_leaves_its_computer(
-    hosts, make_environment, tmp_path, monkeypatch, network
+    hosts, environment, tmp_path, monkeypatch, network
 ):
     """Profiles in the working folder and in the environment would open it without a word."""
     (tmp_path / "DEFAULT_FASTRTPS_PROFILES.xml").write_text(PROFILES_THAT_OPEN)
     monkeypatch.chdir(tmp_path)
-    environment = {**make_environment(), "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+    environment = {**environment, "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
     words = ["--network"] if network else []
     with Terminal(
         [*hosts[0].prefix, *RIG, "up", "--only", "hammer", "--output", tmp_path / "run", *words],

@@ -11,7 +11,6 @@ import workspace
 from terminal import Terminal
 
 from impact_rig import __version__
-from impact_rig.nodes.discovery import reserve_domain
 
 PATIENCE = 60.0
 """How long a command may take before the test fails [s]."""
@@ -64,13 +63,12 @@ def test_it_runs_with_no_environment_at_all(command):
     assert run(command, "/") == VERSION
 
 
-def test_it_finds_ros_and_the_messages_as_cron_starts_it(command, tmp_path):
+def test_it_finds_ros_and_the_messages_as_cron_starts_it(command, ros_domain, tmp_path):
     (tmp_path / "session.mcap").touch()
-    with reserve_domain() as domain:
-        code, _, errors = run(
-            command, tmp_path, "replay", "session.mcap",
-            PATH="/usr/bin:/bin", ROS_DOMAIN_ID=str(domain),
-        )  # fmt: skip
+    code, _, errors = run(
+        command, tmp_path, "replay", "session.mcap",
+        PATH="/usr/bin:/bin", ROS_DOMAIN_ID=str(ros_domain),
+    )  # fmt: skip
     # ROS and the messages are imported before the file is opened.
     assert (code, errors) == (
         2, "error: session.mcap is empty: it should be an MCAP recording\n"
@@ -101,20 +99,15 @@ def test_a_copy_that_lies_in_no_installation_says_so(tmp_path):
 @pytest.mark.skipif(
     shutil.which("bash") is None, reason="no bash: on Debian, apt-get install bash"
 )
-def test_in_the_rig_s_shell_the_rig_s_commands_come_first(here, home):
+def test_in_the_rig_s_shell_the_rig_s_commands_come_first(here, home, ros_domain):
     rig = here.root / "launch_scripts" / "rig.py"
-    with reserve_domain() as domain:
-        variables = {
-            "SHELL": shutil.which("bash"),
-            "HOME": str(home),
-            "ROS_DOMAIN_ID": str(domain),
-        }
-        with Terminal([sys.executable, rig, "shell"], {**os.environ, **variables}) as terminal:
-            terminal.wait_for(PROMPT)
-            terminal.write("cd; impact-rig --version\n")
-            terminal.write("python3 -c 'import rclpy, impact_rig_msgs.msg'\n")
-            terminal.write("echo python3 ended with $?; exit\n")
-            terminal.wait()
+    variables = {"SHELL": shutil.which("bash"), "HOME": str(home)}
+    with Terminal([sys.executable, rig, "shell"], {**os.environ, **variables}) as terminal:
+        terminal.wait_for(PROMPT)
+        terminal.write("cd; impact-rig --version\n")
+        terminal.write("python3 -c 'import rclpy, impact_rig_msgs.msg'\n")
+        terminal.write("echo python3 ended with $?; exit\n")
+        terminal.wait()
     assert FOREIGN_PYTHON not in terminal.text
     assert "Traceback" not in terminal.text
     assert VERSION[1] in terminal.text

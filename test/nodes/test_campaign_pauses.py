@@ -130,7 +130,7 @@ def test_where_nobody_is_there_a_silent_estimator_ends_it_while_its_process_live
 
     def stop(rig):
         if rig.campaign.progress.accepted >= 1:
-            estimator.send_signal(signal.SIGSTOP)
+            estimator.process.send_signal(signal.SIGSTOP)
 
     goal = RunCampaign.Goal(samples=["steel small"], impacts=MANY)
     with CampaignClient() as client:

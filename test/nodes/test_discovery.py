@@ -94,7 +94,7 @@ def _count_waiting_bytes(port: int) -> int:
 
 @pytest.mark.skipif(not Path("/proc/net/udp").exists(), reason="only Linux says who has read")
 def test_a_node_does_not_read_what_comes_from_outside_of_this_host(harness, start_process):
-    process = psutil.Process(start_process("estimator").number)
+    process = psutil.Process(start_process("estimator").process.pid)
     harness.call(GetResults, interfaces.GET_RESULTS)
     ports = {item.laddr for item in process.net_connections("udp4")}
     own = {place for place in ports if place.ip == "127.0.0.1"}

@@ -11,7 +11,6 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.nodes.discovery import reserve_domain
 from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.rig_node import RigNode
 
@@ -20,14 +19,13 @@ PATIENCE = 30.0
 
 
 @pytest.fixture
-def node() -> Iterator[RigNode]:
+def node(ros_domain: int) -> Iterator[RigNode]:
     context = rclpy.Context()
-    with reserve_domain() as domain:
-        rclpy.init(context=context, domain_id=domain, args=[])
-        made = RigNode("node", context=context)
-        yield made
-        made.destroy_node()
-        context.try_shutdown()
+    rclpy.init(context=context, args=[])
+    made = RigNode("node", context=context)
+    yield made
+    made.destroy_node()
+    context.try_shutdown()
 
 
 @pytest.fixture

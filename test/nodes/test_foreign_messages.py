@@ -35,7 +35,7 @@ def test_one_campaign_after_the_other_has_no_foreign_message_and_no_loss(harness
         assert run(harness, client, samples=["steel small"], impacts=2).result.success
     assert not list_warnings(harness)
     (recorder,) = (node for node in harness.nodes if isinstance(node, RecorderNode))
-    harness.close(recorder)
+    harness.run(recorder.close)
     assert read_health(harness.recording)["messages_lost"] == "0"
     states = Scan(harness.recording).read_messages(lambda it: it.topic == "/hammer/state")
     campaigns = {bytes(raw.data)[16:32] for raw in states}
@@ -100,7 +100,7 @@ def test_the_client_of_a_campaign_believes_nobody_else(harness, ros_domain, monk
     assert operator.releases == []
     assert {fault for hit in outcome.results.hits for fault in hit.injected_faults} == set()
     (recorder,) = (node for node in harness.nodes if isinstance(node, RecorderNode))
-    harness.close(recorder)
+    harness.run(recorder.close)
     sent = {serialize_message(message) for _, message in foreign}
     assert not sent & {bytes(raw.data) for raw in Scan(harness.recording).read_messages()}
     assert read_health(harness.recording)["messages_lost"] == "0"
@@ -112,7 +112,7 @@ def test_a_rig_without_a_namespace_does_not_record_another_rig(harness, tmp_path
     peer = harness.peer.create_publisher(String, "/bench/temperature", 10)
     harness.wait_until(lambda: peer.get_subscription_count() == 2)
     for node in (root, other):
-        harness.close(node)
+        harness.run(node.close)
     topics = {it.topic for it in Scan(harness.recording).read_channels()}
     assert "/recorder/state" in topics
     assert {name for name in topics if name.startswith("/bench/")} == {"/bench/temperature"}

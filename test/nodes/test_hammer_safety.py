@@ -145,7 +145,7 @@ def test_a_stop_works_in_every_state_of_the_node_and_outlasts_it(rig, harness):
     assert rig.call(interfaces.EMERGENCY_STOP).success
     rig.wait(lambda item: item.disarmed_by == HammerState.EMERGENCY_STOP)
     for transition in (node.trigger_configure, node.trigger_activate, node.trigger_deactivate):
-        harness.wait(harness._executor.create_task(transition))
+        harness.wait(harness.executor.create_task(transition))
         assert "hammer/reset" in rig.call(interfaces.ARM_HAMMER).message
     assert rig.call(interfaces.RESET_HAMMER).message == (
         "the emergency stop is ended; the hammer is not armed: call hammer/arm first"
@@ -200,13 +200,13 @@ def frozen(harness, start_process):
     assert harness.call(Trigger, interfaces.ARM_HAMMER).success
     states.wait(lambda messages: messages[-1].armed)
     states.messages.clear()
-    hammer.send_signal(signal.SIGSTOP)
+    hammer.process.send_signal(signal.SIGSTOP)
     return hammer, states
 
 
 def wake(hammer):
     threading.Event().wait(interfaces.LEASE + 0.2)
-    hammer.send_signal(signal.SIGCONT)
+    hammer.process.send_signal(signal.SIGCONT)
 
 
 def test_who_stood_still_takes_the_enable_back_before_anything_else(harness, frozen):
@@ -256,7 +256,7 @@ def test_the_end_of_the_process_does_not_let_go(rig, harness, start_process, tmp
     process = start_process("hammer", rig_file=str(path))
     rig.wait_for_newest(lambda state: state.message == "held, not armed")
     harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)
-    process.send_signal(signal.SIGINT)
+    process.process.send_signal(signal.SIGINT)
     process.wait()
     assert board.is_holding
     assert not releases.acquire(blocking=False)

@@ -61,11 +61,11 @@ def test_an_answer_that_comes_too_late_ends_nothing(harness, start_process, monk
     page = harness.add(PageNode, port=0)
     harness.wait_until(lambda: page._status.hammer is not NO_HAMMER)
     monkeypatch.setattr(server, "ANSWER_TIMEOUT", 0.2)
-    hammer.send_signal(signal.SIGSTOP)
+    hammer.process.send_signal(signal.SIGSTOP)
     try:
         assert act(page._server, "stop")["message"] == "the rig did not answer to 'stop'"
     finally:
-        hammer.send_signal(signal.SIGCONT)
+        hammer.process.send_signal(signal.SIGCONT)
     harness.wait_until(lambda: "STOPPED" in page._server.fragments["say"])
     monkeypatch.setattr(server, "ANSWER_TIMEOUT", 60.0)
     assert act(page._server, "reset")["done"]

@@ -164,12 +164,12 @@ def test_signals_while_a_node_ends_change_nothing(start_process, tmp_path):
     process.wait_for("recording to")
     # As an impatient operator does, from the first signal to one after its end.
     numbers = itertools.cycle([signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
-    while process.is_running:
-        process.send_signal(next(numbers))
+    while process.process.poll() is None:
+        process.process.send_signal(next(numbers))
         time.sleep(0.001)
     assert process.wait() == 0
-    assert "Traceback" not in process.output
-    assert "Exception" not in process.output
+    assert "Traceback" not in process.text
+    assert "Exception" not in process.text
     assert path.read_bytes().endswith(b"\x89MCAP0\r\n")
 
 
@@ -231,6 +231,6 @@ def test_a_signal_ends_a_node_quietly_that_still_imports(start_process, monkeypa
     monkeypatch.setenv("PYTHONPROFILEIMPORTTIME", "1")
     process = start_process("hammer")
     process.wait_for("rclpy.constants")
-    process.send_signal(signal.SIGINT)
+    process.process.send_signal(signal.SIGINT)
     assert process.wait() == 0
-    assert "Traceback" not in process.output
+    assert "Traceback" not in process.text

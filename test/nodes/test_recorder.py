@@ -236,13 +236,13 @@ def test_a_signal_leaves_a_sound_recording(harness, start_process, tmp_path):
     states.wait(lambda got: got[-1].recording)
     publish(connect(harness), [make_blocks(record, 1)[0] for record in range(COUNT)])
     harness.wait_until(lambda: count_whole_messages(path, "/acceleration") == COUNT)
-    process.send_signal(signal.SIGTERM)
+    process.process.send_signal(signal.SIGTERM)
     assert process.wait() == 0
     states.wait(lambda got: got[-1].message == "closed")
     for read in (read_by_rosbags, read_by_mcap_ros2):
         assert [item.record for item in read(path)["/acceleration"]] == list(range(COUNT))
     assert not Scan(path).warnings
-    assert "Traceback" not in process.output
+    assert "Traceback" not in process.text
 
 
 def test_software_notes_files_and_the_parameters_of_all_nodes_go_into_the_recording(
@@ -377,7 +377,7 @@ def test_the_running_stream_is_recorded_when_asked_for_and_its_gaps_are_counted(
     publish(connect(harness, interfaces.STREAM), make_stream(*starts))
     warned = states.wait(lambda messages: messages[-1].message.startswith("warning:"))[-1]
     assert "the stream has 2 gaps, 4000 points are missing" in warned.message
-    harness.close(node)
+    harness.run(node.close)
     path = tmp_path / "session.mcap"
     stream = read_by_rosbags(path)["/acceleration/stream"]
     assert [block.first_sample for block in stream] == starts

@@ -56,7 +56,7 @@ def test_a_live_campaign_and_its_recording_hold_its_own_hits_alone(harness, offe
     harness.wait(handle.cancel_goal_async())
     result = harness.wait(handle.get_result_async()).result
     (recorder,) = (node for node in harness.nodes if node.get_name() == "recorder")
-    harness.close(recorder)
+    harness.run(recorder.close)
     assert {hit.sample for hit in impacts.messages} == {"steel small"}
     judged = sorted([*result.accepted, *result.rejected], key=lambda hit: hit.impact)
     assert [hit.impact for hit in judged] == [*range(1, len(judged) + 1)]

@@ -61,7 +61,7 @@ def power(start_process, tmp_path):
 
     def off():
         for process in processes:
-            process.send_signal(signal.SIGKILL)
+            process.process.send_signal(signal.SIGKILL)
         for process in processes:
             process.wait()
         processes.clear()

@@ -1,5 +1,6 @@
 """Another node of the rig, as the hammer sees it: alive, silent, or gone."""
 
+from dataclasses import replace
 from typing import Any
 
 from impact_rig_msgs.msg import RecorderState
@@ -10,13 +11,36 @@ from impact_rig.nodes.rig_node import RigNode
 
 
 class ListeningNode(RigNode):
-    def __init__(self, **options: Any) -> None:
+    silent = 0  # publishers that the middleware calls so
+
+    def __init__(self, topic: interfaces.Topic, **options: Any) -> None:
         super().__init__("listening", **options)
-        self.recorder = RigMember(self, "recorder", interfaces.RECORDER_STATE)
+        self.recorder = RigMember(self, "recorder", topic)
+
+    def listen(self, topic, callback, *, on_liveliness=None) -> Any:
+        def keep(status: Any) -> None:
+            if on_liveliness:
+                on_liveliness(status)
+            self.silent = status.not_alive_count
+
+        return super().listen(topic, callback, on_liveliness=keep)
+
+
+def test_a_node_of_this_process_is_alive_while_it_is_there(harness):
+    """The middleware calls it silent as soon as its lease ends."""
+    topic = replace(interfaces.RECORDER_STATE, lease=0.05)
+    node = harness.add(lambda **options: ListeningNode(topic, **options))
+    publisher = harness.advertise(topic)
+    publisher.publish(RecorderState())
+    harness.wait_until(lambda: node.silent == 1)
+    assert not node.recorder.is_gone
+    harness.peer.destroy_publisher(publisher)
+    harness.wait_until(lambda: node.recorder.is_gone)
 
 
 def test_a_replay_of_its_states_does_not_keep_it_alive(harness):
-    recorder, topic = harness.add(ListeningNode).recorder, interfaces.RECORDER_STATE
+    topic = interfaces.RECORDER_STATE
+    recorder = harness.add(lambda **options: ListeningNode(topic, **options)).recorder
     assert not recorder.describe_loss()
     publisher = harness.advertise(topic)
     publisher.publish(RecorderState(recording=True, uri="a.mcap"))

@@ -32,7 +32,7 @@ def wait_for_pause(feedback, word):
 def kill(process):
     """Kill a node; return when, by the monotonic clock [s]."""
     killed = time.monotonic()
-    process.send_signal(signal.SIGKILL)
+    process.process.send_signal(signal.SIGKILL)
     process.wait()
     return killed
 
@@ -68,11 +68,11 @@ def test_nobody_who_reads_that_a_campaign_pauses_is_struck_when_its_reason_has_g
     _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=100_000)
     feedback.wait(lambda got: got[-1:] and got[-1].impact >= 1)
 
-    estimator.send_signal(signal.SIGSTOP)
+    estimator.process.send_signal(signal.SIGSTOP)
     wait_for_pause(feedback, "estimator/join did not answer")
     states.wait(lambda got: not got[-1].armed)
     before = len(releases.messages)
-    estimator.send_signal(signal.SIGCONT)
+    estimator.process.send_signal(signal.SIGCONT)
     wait_for_pause(feedback, "is not armed (estimator/join did not answer")
     assert len(releases.messages) == before
     assert harness.call(Trigger, interfaces.ARM_HAMMER).success

@@ -47,7 +47,7 @@ def test_a_stranger_ends_no_node_and_nothing_of_it_is_recorded(harness, tmp_path
     harness.wait(handle.cancel_goal_async())
     result = harness.wait(handle.get_result_async()).result
     (recorder,) = (node for node in harness.nodes if isinstance(node, RecorderNode))
-    harness.close(recorder)
+    harness.run(recorder.close)
     messages = Scan(harness.recording).read_messages()
     if not with_ids:
         assert {hit.sample for hit in (*result.accepted, *result.rejected)} == {"steel small"}

@@ -77,7 +77,7 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
             <= {each.name for each in harness.run(node._status.list_nodes)}
         )
     )
-    harness.close(node)
+    harness.run(node.close)
 
     reader, chunks = read()
     # Before a set-up has come, and for its samples.

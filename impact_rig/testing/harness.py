@@ -1,0 +1,195 @@
+"""Nodes in the process of a test: the rig's, or yours, and a peer that talks to them."""
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path, PurePosixPath
+from typing import Any, TypeVar
+
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+
+from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.nodes.async_node import RESEND_PERIOD
+from impact_rig.nodes.interfaces import SETUP, Topic
+from impact_rig.nodes.listener import BackgroundNode
+from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
+from impact_rig.nodes.recorder import RecorderNode
+from impact_rig.nodes.rig_node import RigNode
+
+T = TypeVar("T")
+PATIENCE = 120.0
+"""How long anything may take before a test fails [s]; no test waits for it to pass."""
+PACE = 10.0
+"""How many times as often as usual nodes look at things [-]: else tests wait for a second."""
+
+
+def wait_until(condition: Callable[[], bool], patience: float = PATIENCE) -> None:
+    """Wait for what sends no event (the ROS graph), looking often."""
+    deadline = time.monotonic() + patience
+    while not condition():
+        if time.monotonic() > deadline:
+            raise AssertionError("it never came true")
+        time.sleep(0.005)
+
+
+class Collector:
+    """Keeps the messages that arrive on a topic, and waits for them."""
+
+    def __init__(self) -> None:
+        self.messages: list[Any] = []
+        self._arrived = threading.Condition()
+
+    def take(self, message: Any) -> None:
+        """Keep a message."""
+        with self._arrived:
+            self.messages.append(message)
+            self._arrived.notify_all()
+
+    def wait(self, condition: Callable[[list[Any]], bool]) -> list[Any]:
+        """Wait until the messages, at least one, fulfil a condition; return all."""
+        with self._arrived:
+            if not self._arrived.wait_for(
+                lambda: bool(self.messages) and condition(self.messages), PATIENCE
+            ):
+                raise AssertionError(f"only {len(self.messages)} messages came")
+            return list(self.messages)
+
+    def wait_for_count(self, count: int) -> list[Any]:
+        """Wait until so many messages have come; return all."""
+        return self.wait(lambda messages: len(messages) >= count)
+
+    def has_come(self, patience: float) -> bool:
+        """Wait for the first message, so long [s]; return whether it came."""
+        with self._arrived:
+            return self._arrived.wait_for(lambda: bool(self.messages), patience)
+
+
+class Harness(BackgroundNode):
+    """Runs nodes in a thread of this process, with a node `peer` that talks to them.
+
+    Parameters
+    ----------
+    recording : Path
+        What `record` writes.
+    domain : int, optional
+        ROS domain; that of the environment by default.
+    """
+
+    wait_until = staticmethod(wait_until)
+    make_collector = Collector
+
+    def __init__(self, recording: Path, domain: int | None = None) -> None:
+        super().__init__("peer", domain)
+        self.peer = self.node
+        self.recording = recording
+        self.nodes: list[RigNode] = []
+        self._clients: dict[str, Any] = {}
+
+    def leave(self) -> None:
+        """Close the nodes."""
+        for node in self.nodes:
+            node.close()
+            node.destroy_node()
+
+    def add(self, kind: Callable[..., Any], *, namespace: str = "", **parameters: Any) -> Any:
+        """Start a node of the rig, a class or what returns one, as its process would."""
+        node = kind(
+            context=self.context,
+            namespace=namespace or None,
+            pace=PACE,
+            parameter_overrides=[
+                Parameter(name, value=value) for name, value in parameters.items()
+            ],
+        )
+        self.nodes.append(node)
+        self.executor.add_node(node)
+        self.run(node.autostart)
+        return node
+
+    def record(self, namespace: str = "") -> RecorderNode:
+        """Start a recorder."""
+        node: RecorderNode = self.add(
+            RecorderNode, namespace=namespace, output=str(self.recording)
+        )
+        return node
+
+    def run(self, work: Callable[[], T]) -> T:
+        """Do something in the nodes' thread, between two callbacks; return what it returns."""
+        done: Future = Future()
+
+        def run() -> None:
+            try:
+                done.set_result(work())
+            except Exception as error:  # noqa: BLE001 - raised where it was asked for
+                done.set_exception(error)
+
+        self.executor.create_task(run)
+        result: T = self.wait(done)
+        return result
+
+    def listen(self, topic: Topic, namespace: str = "") -> Collector:
+        """Collect the messages of a topic of the rig."""
+        collector = Collector()
+        name = str(PurePosixPath("/", namespace, topic.name))
+        self.peer.create_subscription(topic.type, name, collector.take, topic.qos)
+        return collector
+
+    def advertise(self, topic: Topic) -> Any:
+        """Create a publisher of a topic of the rig, as that of the rig's own node."""
+        return self.peer.create_publisher(topic.type, topic.name, topic.leased_qos)
+
+    def tell_setup(self) -> None:
+        """Publish the paper's set-up, as a campaign that begins now."""
+        message = setup_to_msg(PAPER_SETUP, stamp_to_msg(time.time_ns()))
+        self.advertise(SETUP).publish(message)
+
+    def call(self, kind: Any, name: str, request: Any = None) -> Any:
+        """Call a service and return its answer.
+
+        A server that has not met the client's reader yet drops its answer: it is asked again.
+        """
+        if name not in self._clients:
+            self._clients[name] = self.run(lambda: self.peer.create_client(kind, name))
+        client = self._clients[name]
+        wait_until(client.service_is_ready)
+        answers = Collector()
+        for _ in range(round(PATIENCE / RESEND_PERIOD)):
+            future = client.call_async(request or kind.Request())
+            future.add_done_callback(lambda done: answers.take(done.result()))
+            if answers.has_come(RESEND_PERIOD):
+                return answers.messages[0]
+        raise AssertionError(f"{name} does not answer")
+
+    def ask(self, kind: Any, name: str, request: Any) -> Any:
+        """Call a service, again while it answers "later"; return its answer."""
+        while (answer := self.call(kind, name, request)).later:
+            time.sleep(0.005)
+        return answer
+
+    def change_state(self, node: str, *transitions: str) -> None:
+        """Lead a node through transitions, as `ros2 lifecycle set` does."""
+        for name in transitions:
+            transition = Transition(id=getattr(Transition, f"TRANSITION_{name.upper()}"))
+            request = ChangeState.Request(transition=transition)
+            if not self.call(ChangeState, f"{node}/change_state", request).success:
+                raise AssertionError(f"{node} does not {name}")
+
+    def set_parameter(self, node: str, name: str, value: Any) -> str | None:
+        """Set a parameter as `ros2 param set` does; return why it was refused."""
+        parameter = Parameter(name, value=value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
+        (result,) = self.call(SetParameters, f"{node}/set_parameters", request).results
+        return None if result.successful else str(result.reason)
+
+    @staticmethod
+    def wait(future: Any) -> Any:
+        """Wait for what a future will hold."""
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        if not (future.done() or done.wait(PATIENCE)):
+            raise AssertionError("no answer came")
+        return future.result()
