@@ -176,7 +176,7 @@ def test_a_library_is_imported_only_by_the_package_that_wraps_it():
         package = find_package(path)
         libraries = list_libraries(path)
         wraps = WRAPS.get(package, set())
-        messages = {name for name in libraries if name.endswith("_msgs") and not ROS <= wraps}
+        messages = {name for name in libraries if name.endswith("_msgs") and not wraps >= ROS}
         return libraries & wrapped - wraps | messages
 
     assert find_offences(find) == {}
