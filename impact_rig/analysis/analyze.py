@@ -14,13 +14,8 @@ from typing import Protocol
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.filtering import check_cutoff
 from impact_rig.core.findings import Reason
-from impact_rig.core.hits import (
-    NO_OVERRULES,
-    JudgedHit,
-    Overrules,
-    describe_label,
-    find_label,
-)
+from impact_rig.core.hits import JudgedHit
+from impact_rig.core.overrules import NO_OVERRULES, Overrules, find_label
 from impact_rig.core.paper_method import read_hit
 from impact_rig.core.quantity import UNKNOWN, Quantity
 from impact_rig.core.records import Block, HitLabel, Record
@@ -230,7 +225,7 @@ def _find_overrules(
     for label in overrules.accepted | overrules.rejected:
         if counts[label] > 1:
             raise ParameterError(
-                f"hit {describe_label(label)} is in {counts[label]} campaigns of the recording:"
+                f"hit {label} is in {counts[label]} campaigns of the recording:"
                 " it cannot be told which one is meant"
             )
     return overrules

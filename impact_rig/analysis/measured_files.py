@@ -15,7 +15,7 @@ from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.errors import ParameterError, RigError, SignalError
 from impact_rig.core.filtering import check_cutoff
 from impact_rig.core.findings import Reason
-from impact_rig.core.hits import NO_OVERRULES
+from impact_rig.core.overrules import NO_OVERRULES
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.setup import RigSetup, Sample, SampleSet

@@ -1,6 +1,6 @@
 """The runs that a report is made of, from the names that a person gives."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -131,25 +131,6 @@ def _read_recorded(source: RunSource, run: Run, by_hand: ByHand) -> tuple[Report
         )
         for number, campaign in enumerate(traced.campaigns, start=1)
     )
-
-
-def find_runs(paths: Iterable[Path], namespace: str | None = None) -> tuple[list[Run], list[str]]:
-    """Return the runs that paths mean, each once, and the errors of the others.
-
-    Several recordings of a run, as `runs/*/*.mcap` names them, are that run.
-    """
-    runs: dict[Path, Run] = {}
-    errors: list[str] = []
-    for path in paths:
-        try:
-            run = Run(path, namespace)
-        except FileError as error:
-            errors.append(str(error))
-            continue
-        known = runs.setdefault(run.files[0].absolute(), run)
-        if known is not run and (len(run.files) == 1 or path == known.path):
-            errors.append(f"{path} is named twice: it is used once")
-    return list(runs.values()), errors
 
 
 def find_repeated_files(paths: Sequence[Path]) -> dict[int, str]:

@@ -13,7 +13,7 @@ from impact_rig.analysis.measured_files import (
     make_recorded_settings,
     make_series,
 )
-from impact_rig.analysis.sources import RESULTS_SUFFIX, find_repeated_files, find_runs
+from impact_rig.analysis.sources import RESULTS_SUFFIX, find_repeated_files
 from impact_rig.cli import options
 from impact_rig.cli.output import (
     print_json,
@@ -21,8 +21,8 @@ from impact_rig.cli.output import (
     print_taken,
     raise_errors,
     show_progress,
-    show_results,
 )
+from impact_rig.cli.show import show_results
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.files.formats.sep005 import is_list
 from impact_rig.files.import_file import MeasurementOptions
@@ -31,7 +31,7 @@ from impact_rig.present.report.page import render_page
 from impact_rig.present.screen import print_batch
 from impact_rig.present.trend_page import make_trend_page
 from impact_rig.recordings.new_file import write_new_file
-from impact_rig.recordings.run import Run
+from impact_rig.recordings.run import Run, find_runs
 from impact_rig.recordings.source import find_bag, is_recording
 from impact_rig.results.batch import BatchCampaign
 from impact_rig.results.results_file import read_results, results_to_json

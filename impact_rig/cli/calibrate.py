@@ -22,7 +22,7 @@ from impact_rig.core.calibration import (
     fit_hit,
 )
 from impact_rig.core.errors import DeviceError, FileError, ParameterError
-from impact_rig.core.hits import JudgedHit, describe_label
+from impact_rig.core.hits import JudgedHit
 from impact_rig.core.records import HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.session import Session
@@ -152,7 +152,7 @@ def print_calibration(calibration: Calibration, fits: Sequence[HitFit], sheet: s
     console.print(Text(describe_sensitivity(calibration), style=GOOD))
     console.print()
     for fit in fits:
-        print_item(console, f"{describe_label(fit.label)}: {describe_fit(fit)}")
+        print_item(console, f"{fit.label}: {describe_fit(fit)}")
     console.print()
     caption = "Uncertainty of the sensitivity"
     print_table(console, tabulate_budget(caption, calibration.ratio.budget, "%", PERCENT))

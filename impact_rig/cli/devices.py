@@ -32,7 +32,7 @@ from impact_rig.present.console import (
     print_text,
 )
 from impact_rig.results.numbers import MISSING
-from impact_rig.results.tables import Column, make_table, make_text_column
+from impact_rig.results.table import Column, make_table, make_text_column
 
 KINDS = {SOURCES: "source", HOLDERS: "holder"}
 EXIT_FAULT = 1  # a device of the rig file is missing, or cannot do what the file says

@@ -14,21 +14,18 @@ from impact_rig.cli.info import EXIT_DAMAGED, describe_hits
 from impact_rig.cli.options import refuse_given
 from impact_rig.cli.output import show_progress
 from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.hits import find_label
+from impact_rig.core.overrules import find_label
 from impact_rig.files.formats.registry import WRITABLE, write_measurement
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.present.console import print_warning
-from impact_rig.recordings.contents import recover_run
 from impact_rig.recordings.new_file import write_new_file
+from impact_rig.recordings.recovery import recover_run
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.source import SUFFIX
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import format_count
-from impact_rig.results.results_file import (
-    format_json,
-    format_results_table,
-    results_to_json,
-)
+from impact_rig.results.results_file import format_results_table, results_to_json
+from impact_rig.results.wire import format_json
 from impact_rig.simulators.engines import ENGINES, format_contact, make_contact
 
 RESULTS_SUFFIXES = (".json", ".csv")  # formats of results

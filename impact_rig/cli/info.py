@@ -12,10 +12,8 @@ import click
 from rich.console import Console
 from rich.text import Text
 
-from impact_rig.analysis.sources import find_runs
 from impact_rig.cli.output import print_json, process_each, raise_errors, show_progress
 from impact_rig.core.errors import RigError
-from impact_rig.core.hits import describe_label
 from impact_rig.core.records import join_origins
 from impact_rig.core.sensors import Sensor
 from impact_rig.present.console import (
@@ -27,21 +25,14 @@ from impact_rig.present.console import (
     print_table,
     print_warning,
 )
-from impact_rig.recordings.contents import (
-    RECOVERY_RECORD,
-    Contents,
-    extract_attachments,
-    inspect_run,
-)
+from impact_rig.recordings.contents import Contents, extract_attachments, inspect_run
 from impact_rig.recordings.hits import HitState, RecordedHit
 from impact_rig.recordings.messages import setup_from_msg
-from impact_rig.recordings.provenance import PROVENANCE_RECORD
-from impact_rig.recordings.run import Run
-from impact_rig.recordings.writer import HEALTH_RECORD
+from impact_rig.recordings.records import HEALTH_RECORD, PROVENANCE_RECORD, RECOVERY_RECORD
+from impact_rig.recordings.run import Run, find_runs
 from impact_rig.results.numbers import MISSING, format_count, format_number, format_time, is_dated
-from impact_rig.results.results_file import origin_to_json
-from impact_rig.results.tables import Column, make_optional, make_table, make_text_column
-from impact_rig.results.wire import to_json
+from impact_rig.results.table import Column, make_optional, make_table, make_text_column
+from impact_rig.results.wire import origin_to_json, to_json
 
 MOST_HITS = 20  # named in a terminal; JSON has them all
 EXIT_DAMAGED = 1  # the recording can be read, but not all of it is sound
@@ -275,7 +266,7 @@ def _print_samples(console: Console, contents: Contents) -> None:
 def _print_incomplete_hits(console: Console, contents: Contents) -> None:
     hits = [hit for hit in contents.hits if hit.state is not HitState.SAVED]
     for hit in hits[:MOST_HITS]:  # --json names all
-        name = describe_label(hit.label) if hit.label else f"record {hit.record}"
+        name = str(hit.label) if hit.label else f"record {hit.record}"
         print_item(console, f"{name}: {hit.state.value}, {hit.reason}")
 
 

@@ -4,17 +4,9 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
-from rich.progress import (
-    BarColumn,
-    Progress,
-    TaskID,
-    TaskProgressColumn,
-    TextColumn,
-    TimeRemainingColumn,
-)
 
 from impact_rig.configuration.processes import RECORDING_NAME, REPORT_NAME
 from impact_rig.core.errors import RigError
@@ -23,18 +15,26 @@ from impact_rig.present.console import (
     make_console,
     make_printable,
     print_text,
-    print_warning,
 )
-from impact_rig.present.screen import print_full, print_screen
-from impact_rig.results.campaign import Results
-from impact_rig.results.results_file import format_json, results_to_json
+from impact_rig.results.wire import format_json
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
 
 _S = TypeVar("_S")
 _T = TypeVar("_T")
 
 
-def make_progress() -> Progress:
+def make_progress() -> "Progress":
     """Return rich's progress bar on standard error, drawn in terminals only."""
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
     console = make_console(stderr=True)
     return Progress(
         TextColumn("{task.description}"),
@@ -55,6 +55,9 @@ def show_progress() -> Iterator[Callable[..., None]]:
 
     It takes the name of the stage, the work done in it and, at its first call, its total.
     """
+    if not make_console(stderr=True).is_interactive:
+        yield lambda *_: None
+        return
     stages: dict[str, TaskID] = {}
     with make_progress() as progress:
 
@@ -95,30 +98,6 @@ def raise_errors(errors: Sequence[str]) -> None:
 def print_json(content: Any) -> None:
     """Print a content as JSON."""
     click.echo(format_json(content), nl=False)
-
-
-def show_results(
-    path: Path,
-    found: Sequence[Results],
-    warnings: Sequence[str] = (),
-    *,
-    is_full: bool,
-    as_json: bool,
-) -> None:
-    """Print the results of each campaign of a file, as tables or as JSON."""
-    if as_json:
-        for warning in warnings:
-            print_warning(warning)
-        contents = [results_to_json(results) for results in found]
-        if contents:
-            print_json(contents if len(found) > 1 else contents[0])
-        return
-    console = make_console()
-    show = print_full if is_full else print_screen
-    for number, results in enumerate(found, start=1):
-        if len(found) > 1:
-            console.print(f"{path}, campaign {number}\n", style="bold underline")
-        show(console, results, warnings)
 
 
 def print_places(**places: Path | None) -> None:

@@ -32,7 +32,8 @@ from impact_rig.present.report.report import make_report
 from impact_rig.present.report.setup import find_test_days, list_calibration_warnings
 from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.new_file import write_new_file
-from impact_rig.recordings.provenance import PROVENANCE_RECORD, compute_sha256
+from impact_rig.recordings.provenance import compute_sha256
+from impact_rig.recordings.records import PROVENANCE_RECORD
 from impact_rig.results.traces import Provenance, RecordedFile, ReportedCampaign
 
 EXIT_LACKING = 1  # the run can be reported, but a formal report would lack something

@@ -90,6 +90,10 @@ class HitLabel:
     impact: int = 1  # of the sample's series
     attempt: int = 1  # at this impact
 
+    def __str__(self) -> str:
+        """Return ``17 (steel small/3.1)``: record, sample, impact and attempt."""
+        return f"{self.record} ({self.sample}/{self.impact}.{self.attempt})"
+
 
 NOT_ARMED = HitLabel("", record=0, impact=0, attempt=0)
 """Of a segment of a running stream that belongs to no arming."""

@@ -14,18 +14,14 @@ from impact_rig.core.detection import ImpactDetector
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.findings import Note, Reason, Subject
 from impact_rig.core.hits import (
-    NO_OVERRULES,
     JudgedHit,
     MeanHit,
-    Overrule,
-    Overrules,
-    Verdict,
-    describe_label,
     describe_overruled,
     find_objection,
     judge_hit,
     overrule_hit,
 )
+from impact_rig.core.overrules import NO_OVERRULES, Overrule, Overrules, Verdict
 from impact_rig.core.paper_estimate import estimate_paper
 from impact_rig.core.paper_method import (
     UNSEEN,
@@ -277,7 +273,7 @@ class Session:
             shown = f"{len(mean.hits)} of {mean.count} hits, evenly over the series"
             notes = (*notes, Note(Subject.SCATTER, f"that of {shown}"))
         overruled = tuple(
-            Note(Reason.OPERATOR, describe_overruled(hit, f"hit {describe_label(hit.label)}"))
+            Note(Reason.OPERATOR, describe_overruled(hit, f"hit {hit.label}"))
             for hit in series.select().kept
             if hit.overruled
         )

@@ -26,11 +26,8 @@ from impact_rig.files.formats.registry import read_measurement
 from impact_rig.files.plan import ChannelPlan
 from impact_rig.recordings.messages import NANOSECONDS, MessageEncoder
 from impact_rig.recordings.new_file import write_new_file
-from impact_rig.recordings.provenance import (
-    PROVENANCE_RECORD,
-    compute_sha256,
-)
-from impact_rig.recordings.records import OfferedQos
+from impact_rig.recordings.provenance import compute_sha256
+from impact_rig.recordings.records import PROVENANCE_RECORD, OfferedQos
 from impact_rig.recordings.writer import RecordingWriter
 
 FIRST_STAMP = NANOSECONDS

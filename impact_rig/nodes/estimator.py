@@ -10,7 +10,8 @@ from impact_rig_msgs import msg
 from impact_rig_msgs.srv import GetResults, JoinCampaign, OverruleHit
 
 from impact_rig.core.errors import ParameterError, RigError
-from impact_rig.core.hits import JudgedHit, Overrule
+from impact_rig.core.hits import JudgedHit
+from impact_rig.core.overrules import Overrule
 from impact_rig.core.records import Block
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import Session

@@ -7,7 +7,8 @@ from pathlib import Path
 from impact_rig_msgs.msg import AccelerationBlock, RecordStored
 
 from impact_rig.core.errors import RigError
-from impact_rig.core.hits import NO_OVERRULES, JudgedHit, Overrules
+from impact_rig.core.hits import JudgedHit
+from impact_rig.core.overrules import NO_OVERRULES, Overrules
 from impact_rig.core.records import Block
 from impact_rig.core.session import Session
 from impact_rig.nodes.identity import id_from_msg

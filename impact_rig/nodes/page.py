@@ -26,7 +26,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from impact_rig.configuration.processes import Notice, notify
 from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.core.hits import Overrule, Verdict
+from impact_rig.core.overrules import Overrule, Verdict
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces

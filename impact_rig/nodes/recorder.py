@@ -38,16 +38,18 @@ from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.hits import BlockCount, RecordCount, RecordWatch
 from impact_rig.recordings.messages import STREAM_TYPE, count_points
 from impact_rig.recordings.new_file import DiskFullError, choose_free
-from impact_rig.recordings.provenance import (
+from impact_rig.recordings.provenance import describe_provenance, read_attached_file
+from impact_rig.recordings.records import (
+    HEALTH_RECORD,
+    INFINITE,
     PARAMETERS_RECORD,
     PROVENANCE_RECORD,
-    describe_provenance,
-    read_attached_file,
+    Attachment,
+    OfferedQos,
 )
-from impact_rig.recordings.records import INFINITE, Attachment, OfferedQos
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.source import SUFFIX
-from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
+from impact_rig.recordings.writer import RecordingWriter
 
 QUEUE_DEPTH = 2000
 """Depth of the queue of a topic [messages]: almost a second of blocks of 1000 points

@@ -13,7 +13,8 @@ from impact_rig_msgs import msg
 
 from impact_rig.core.comparison import ModelComparison
 from impact_rig.core.findings import Finding
-from impact_rig.core.hits import JudgedHit, Overrule
+from impact_rig.core.hits import JudgedHit
+from impact_rig.core.overrules import Overrule
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.records import FloatArray
 from impact_rig.core.sample import SampleEstimate

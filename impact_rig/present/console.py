@@ -9,7 +9,7 @@ import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from io import StringIO
-from typing import TYPE_CHECKING, TextIO
+from typing import TextIO
 
 from rich import box
 from rich.cells import cell_len
@@ -21,11 +21,8 @@ from rich.table import Table
 from rich.text import Text
 
 from impact_rig.results.palette import GREEN, VERMILION, format_hex
-
-if TYPE_CHECKING:
-    # Commands that print no results need not load what makes them.
-    from impact_rig.results.tables import Column
-    from impact_rig.results.tables import Table as ResultTable
+from impact_rig.results.table import Column
+from impact_rig.results.table import Table as ResultTable
 
 TITLE = "bold"
 NOTE = "dim"

@@ -9,7 +9,8 @@ from typing import Any
 from impact_rig.core.quantity import INTERNAL, BudgetLine, Description, Quantity, list_fields
 from impact_rig.present.console import format_tables
 from impact_rig.results.numbers import SCALES, format_quantity, show_unit
-from impact_rig.results.tables import Table, make_table, make_text_column, tabulate_budget
+from impact_rig.results.table import Table, make_table, make_text_column
+from impact_rig.results.tables import tabulate_budget
 
 SMALL, LARGE = 1e-3, 1e6
 """Beyond these a value is printed with a power of ten, our choice."""

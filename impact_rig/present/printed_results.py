@@ -14,7 +14,8 @@ from impact_rig.results.campaign import Results as CampaignResults
 from impact_rig.results.numbers import format_count
 from impact_rig.results.remarks import gather_remarks, gather_sample_remarks
 from impact_rig.results.results_file import format_results_table, write_results
-from impact_rig.results.tables import Table, tabulate_summary
+from impact_rig.results.table import Table
+from impact_rig.results.tables import tabulate_summary
 from impact_rig.results.traces import SampleTraces, TracedCampaign, compute_law_curves
 
 if TYPE_CHECKING:

@@ -1,6 +1,5 @@
-"""The contents and the losses of a run, sound or damaged; a sound copy of it."""
+"""The contents and the losses of a run, sound or damaged."""
 
-import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -9,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from impact_rig import __version__
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.hits import (
     HIT_TYPES,
@@ -19,7 +17,14 @@ from impact_rig.recordings.hits import (
 )
 from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, count_points
 from impact_rig.recordings.new_file import list_successors, write_new_file
-from impact_rig.recordings.records import Attachment, Channel, MetadataRecord, RawMessage
+from impact_rig.recordings.records import (
+    HEALTH_RECORD,
+    RECOVERY_RECORD,
+    Attachment,
+    Channel,
+    MetadataRecord,
+    RawMessage,
+)
 from impact_rig.recordings.run import (
     Run,
     choose_namespace,
@@ -29,10 +34,6 @@ from impact_rig.recordings.run import (
 )
 from impact_rig.recordings.scan import PROFILES, Report, Scan, Wanted, describe_profile
 from impact_rig.recordings.schemas import decode_message
-from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
-
-RECOVERY_RECORD = "impact_rig/recovery"
-"""Metadata record about the source of a recovered recording, and its losses."""
 
 
 @dataclass
@@ -179,7 +180,7 @@ def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
         If there is no such file, or nothing in it is of MCAP and ROS 2.
     """
     contents = Contents(run, tuple(Scan(path, is_strict=False) for path in run.files))
-    wanted, watch, before = _choose_topics(contents), HitWatch(), 0
+    wanted, watch, before = choose_topics(contents), HitWatch(), 0
     for scan in contents.scans:
         counts: dict[int, BlockCount] = {}  # of messages, by their numbers
         for item in scan.read(wanted, partial(report_from, report, before)):
@@ -199,7 +200,7 @@ def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
     return contents
 
 
-def _choose_topics(contents: Contents) -> Wanted:
+def choose_topics(contents: Contents) -> Wanted:
     """Return which topics are looked at: all, or those of the rig that was chosen."""
     if contents.run.wanted is None:
         return lambda _: True
@@ -308,72 +309,6 @@ def _check_kind(scan: Scan) -> None:
         and not any(channel.is_ros for channel in channels)
     ):
         raise FileError(describe_profile(path, header.profile))
-
-
-LIBRARY = f"impact_rig-recover {__version__}"
-"""What the new file says wrote it: its messages may not be numbered without gaps."""
-
-
-def recover_run(run: Run, output: Path, *, report: Report = lambda _: None) -> Contents:
-    """Write everything that is sound in a run to one new recording, which any reader opens.
-
-    Topics, offered QoS, hashes, messages, their order, times and numbers, metadata and
-    attachments are taken over as they are; what no checksum vouches for is left out.
-
-    Parameters
-    ----------
-    run : Run
-        Its files are only read. Where a rig was chosen, it alone is copied.
-    output : Path
-        Of the new file.
-    report : callable, optional
-        Called now and then with how much was read [byte]; the files are read twice.
-
-    Returns
-    -------
-    Contents
-        What was found in the run; its problems are what is left out.
-
-    Raises
-    ------
-    FileError
-        If nothing can be recovered, or the output exists already or cannot be written.
-    """
-    contents = inspect_run(run, report=report)
-    if not contents.messages:
-        raise FileError(f"nothing of {run.path} can be recovered: {'; '.join(contents.problems)}")
-    with write_new_file(output) as part, RecordingWriter(part, library=LIBRARY) as writer:
-        _copy(contents, writer, report)
-        if not contents.is_sound:
-            problems = json.dumps(contents.problems, ensure_ascii=False)
-            fields = {"recovered_from": run.path.name, "problems": problems}
-            writer.add_metadata(RECOVERY_RECORD, fields)
-    return contents
-
-
-def _copy(contents: Contents, writer: RecordingWriter, report: Report) -> None:
-    wanted, before = _choose_topics(contents), contents.size
-    numbers: dict[Any, int] = {}
-
-    def announce(channel: Channel) -> int:
-        """Return the number of a topic, which all files share that describe it alike."""
-        described = (*channel[1:4], *sorted(channel.metadata.items()), channel.encoding)
-        if described not in numbers:
-            numbers[described] = writer.announce(channel)
-        return numbers[described]
-
-    for scan in contents.scans:
-        for item in scan.read(wanted, partial(report_from, report, before)):
-            if isinstance(item, RawMessage):
-                times = (item.log_time, item.publish_time)
-                writer.add_message(announce(item.channel), item.data, *times, item.sequence)
-            elif isinstance(item, Attachment):
-                writer.add_attachment(item.name, item.media_type, item.data, item.log_time)
-            elif item.name != "rosbag2":  # has the counts of the file, which may no longer be true
-                writer.add_metadata(item.name, item.fields)
-        for channel in filter(wanted, scan.channels.values()):
-            announce(channel)
-        before += scan.size
 
 
 def extract_attachments(contents: Contents, folder: Path) -> list[Path]:

@@ -14,12 +14,8 @@ import yaml
 
 from impact_rig import __version__
 from impact_rig.core.errors import FileError
-from impact_rig.recordings.records import Attachment, MetadataRecord
+from impact_rig.recordings.records import PARAMETERS_RECORD, Attachment, MetadataRecord
 
-PROVENANCE_RECORD = "impact_rig"
-"""Metadata record of the software, the computer and the operator's notes."""
-PARAMETERS_RECORD = "impact_rig/parameters"
-"""Metadata record of the parameters of all nodes: a YAML text by full node name."""
 LIBRARIES = ("numpy", "scipy", "mcap", "zstandard", "lz4", "rclpy")
 """Those on which it depends what is recorded and estimated."""
 ATTACHMENT_LIMIT = 16 << 20

@@ -3,10 +3,16 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import yaml
-
 RECORDER = "impact_rig"
 """Library that a recording of the rig's recorder names as its writer."""
+PROVENANCE_RECORD = "impact_rig"
+"""Metadata record of the software, the computer and the operator's notes."""
+PARAMETERS_RECORD = "impact_rig/parameters"
+"""Metadata record of the parameters of all nodes: a YAML text by full node name."""
+HEALTH_RECORD = "impact_rig/health"
+"""Metadata record about the end of the recording."""
+RECOVERY_RECORD = "impact_rig/recovery"
+"""Metadata record about the source of a recovered recording, and its losses."""
 Encoding = tuple[str, str]
 """Of the messages of a topic, and of the schema that describes them."""
 ROS: Encoding = ("cdr", "ros2msg")
@@ -93,6 +99,8 @@ def format_offered_qos(profiles: tuple[OfferedQos, ...]) -> str:
         }
         for profile in profiles
     ]
+    import yaml
+
     # The same text five times as fast, where PyYAML was built with libyaml.
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     return str(yaml.dump(content, Dumper=dumper, sort_keys=False)).rstrip()

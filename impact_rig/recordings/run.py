@@ -1,12 +1,12 @@
 """A run: all its recordings as one, read without ROS, decoded by the schemas in the files."""
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from impact_rig.core.errors import FileError, RigError
-from impact_rig.core.hits import NO_OVERRULES
+from impact_rig.core.overrules import NO_OVERRULES
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.stream import StreamCutter
@@ -344,3 +344,22 @@ def choose_namespace(path: Path, found: Collection[str], wanted: str | None) -> 
 def report_from(report: Report, before: int, done: int) -> None:
     """Report how much was read of all files: those before, and this one [byte]."""
     report(before + done)
+
+
+def find_runs(paths: Iterable[Path], namespace: str | None = None) -> tuple[list[Run], list[str]]:
+    """Return the runs that paths mean, each once, and the errors of the others.
+
+    Several recordings of a run, as `runs/*/*.mcap` names them, are that run.
+    """
+    runs: dict[Path, Run] = {}
+    errors: list[str] = []
+    for path in paths:
+        try:
+            run = Run(path, namespace)
+        except FileError as error:
+            errors.append(str(error))
+            continue
+        known = runs.setdefault(run.files[0].absolute(), run)
+        if known is not run and (len(run.files) == 1 or path == known.path):
+            errors.append(f"{path} is named twice: it is used once")
+    return list(runs.values()), errors

@@ -10,13 +10,14 @@ import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
+from rosbags.serde.cdr import generate_deserialize_cdr
 from rosbags.typesys import TypesysError, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
@@ -97,10 +98,34 @@ def parse_schema(type_name: str, schema: str) -> Types:
     return types
 
 
+class _Reader:
+    """What decodes one type of a store."""
+
+    def __init__(self, name: str, store: Typestore) -> None:
+        self.cls, self.fields = store.types[name], store.fielddefs[name][1]
+        self._store = store
+        self.deserialize_cdr_le = generate_deserialize_cdr(self.fields, store, "le")
+
+    @cached_property
+    def deserialize_cdr_be(self) -> Any:
+        """The same for messages of a big-endian computer, which hardly anyone has."""
+        return generate_deserialize_cdr(self.fields, self._store, "be")
+
+
+class _ReadingStore(Typestore):
+    """Types that are decoded alone: rosbags makes sixteen more functions of each."""
+
+    def get_msgdef(self, typename: str) -> Any:
+        """Return what decodes a type."""
+        if typename not in self.cache:
+            self.cache[typename] = _Reader(typename, self)  # type: ignore[assignment]
+        return self.cache[typename]
+
+
 @lru_cache(CACHED_DECODERS)
 def _make_decoder(type_name: str, schema: str) -> _Decode | str:
     """Return a function that decodes messages, or why there is none."""
-    store = Typestore()
+    store = _ReadingStore()
     try:
         types = parse_schema(type_name, schema)
         store.register(types)

@@ -15,8 +15,6 @@ DEFAULT_CHUNK_SIZE = 1 << 20
 """Uncompressed size at which a chunk is finished [byte]; what other MCAP writers use."""
 MESSAGE_OVERHEAD = 64
 """What a message takes beside its own bytes [byte]: 31 in its record, 16 in the chunk's index."""
-HEALTH_RECORD = "impact_rig/health"
-"""Metadata record about the end of the recording."""
 
 
 class RecordingWriter:

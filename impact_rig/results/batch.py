@@ -20,7 +20,7 @@ from impact_rig.results.numbers import (
     format_number,
     is_beyond_rounding,
 )
-from impact_rig.results.tables import (
+from impact_rig.results.table import (
     Column,
     Table,
     list_table,

@@ -9,7 +9,7 @@ from impact_rig.core.quantity import Quantity
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import SAMPLE_MEASURANDS, Measurand, format_number
 from impact_rig.results.references import shows_scatter
-from impact_rig.results.tables import Column, Table, list_table, make_text_column
+from impact_rig.results.table import Column, Table, list_table, make_text_column
 
 Limits = Mapping[str, tuple[float, float]]
 """Smallest and largest value of a quantity, by its field [SI units]; infinite: there is none."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 
 from impact_rig.core.findings import Note, Reason, Subject
-from impact_rig.core.hits import Overrule, describe_label
+from impact_rig.core.overrules import Overrule
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.records import (
     MIXED,
@@ -23,7 +23,7 @@ from impact_rig.core.uncertainty import LEAST_HITS
 from impact_rig.results.campaign import FileResults, HitResults, Results
 from impact_rig.results.numbers import MISSING, format_number, format_time, show_unit
 from impact_rig.results.references import Plant, find_plant
-from impact_rig.results.tables import (
+from impact_rig.results.table import (
     Column,
     Table,
     list_table,
@@ -336,7 +336,7 @@ def tabulate_overrules(
     """Return who decided on hits, why and when."""
     found = {hit.label: hit for hit in results.hits}
     columns = [
-        make_text_column("Hit", [describe_label(label) for label, _ in overrules]),
+        make_text_column("Hit", [str(label) for label, _ in overrules]),
         make_text_column("Decision", [item.decision for _, item in overrules]),
         make_text_column("Why", [item.reason or MISSING for _, item in overrules]),
         make_text_column("Who", [item.who or MISSING for _, item in overrules]),

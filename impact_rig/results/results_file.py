@@ -9,23 +9,27 @@ import csv
 import io
 import json
 import os
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from impact_rig.core.errors import FileError
-from impact_rig.core.records import Origin
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.speed_exponents import SpeedExponents
 from impact_rig.results.campaign import Results
 from impact_rig.results.remarks import gather_remarks
-from impact_rig.results.wire import Json, WireError, from_json, to_json, to_row
+from impact_rig.results.wire import (
+    Json,
+    WireError,
+    format_json,
+    from_json,
+    origin_to_json,
+    to_json,
+    to_row,
+)
 
 FORMAT_NAME = "impact-rig results"
 FORMAT_VERSION = 12
-UNSAFE = re.compile("[\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""What JSON may hold as it is, and terminals take for a command or an end of the line."""
 
 
 def results_to_json(results: Results) -> Json:
@@ -38,17 +42,6 @@ def results_to_json(results: Results) -> Json:
             {"about": remark.about, "text": remark.text} for remark in gather_remarks(results)
         ],
     }
-
-
-def origin_to_json(origin: Origin) -> Json:
-    """Return what a file says at its beginning of the origin of all that is in it."""
-    return {"origin": origin.kind, "origin_source": origin.source}
-
-
-def format_json(content: Any) -> str:
-    """Return JSON text as every command prints it: indented, ending in a new line."""
-    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
-    return UNSAFE.sub(lambda letter: f"\\u{ord(letter[0]):04x}", text) + "\n"
 
 
 def write_results(path: Path, results: Results) -> None:

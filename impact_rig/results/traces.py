@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.hits import FilteredHit, MeanHit, Overrule
+from impact_rig.core.hits import FilteredHit, MeanHit
 from impact_rig.core.law_pulses import LossForm, compute_pulses, find_places
+from impact_rig.core.overrules import Overrule
 from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.pulses import compute_pulse
 from impact_rig.core.records import Block, ChannelBlock, FloatArray, HitLabel

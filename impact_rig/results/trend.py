@@ -13,7 +13,7 @@ from impact_rig.core.records import MEASURED
 from impact_rig.core.trends import FEWEST_HITS, find_trend
 from impact_rig.results.batch import BatchCampaign, shorten_paths
 from impact_rig.results.numbers import CONTACT_TIME, STIFFNESS, format_number
-from impact_rig.results.tables import Column, Table, make_table, make_text_column
+from impact_rig.results.table import Column, Table, make_table, make_text_column
 
 NOTE = (
     "Half-widths of the 95 % intervals; of their masses and clock all runs share the same part."

@@ -9,6 +9,7 @@ A record is a frozen dataclass; its fields say what they are (`core.quantity.des
 - A row of text has what JSON has, without records within records.
 """
 
+import json
 import math
 import re
 import sys
@@ -25,6 +26,7 @@ from impact_rig.core.quantity import (
     list_fields,
     read_description,
 )
+from impact_rig.core.records import Origin
 
 Json = dict[str, Any]
 Record = TypeVar("Record")
@@ -198,3 +200,18 @@ def to_row(record: Any, prefix: str = "") -> dict[str, str]:
         elif not isinstance(value, list | dict):
             cells[prefix + key] = "" if value is None else str(value)
     return cells
+
+
+def origin_to_json(origin: Origin) -> Json:
+    """Return what a file says at its beginning of the origin of all that is in it."""
+    return {"origin": origin.kind, "origin_source": origin.source}
+
+
+UNSAFE = re.compile("[\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""What JSON may hold as it is, and terminals take for a command or an end of the line."""
+
+
+def format_json(content: Any) -> str:
+    """Return JSON text as every command prints it: indented, ending in a new line."""
+    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+    return UNSAFE.sub(lambda letter: f"\\u{ord(letter[0]):04x}", text) + "\n"

@@ -17,7 +17,7 @@ from impact_rig.core.quantity import Quantity
 from impact_rig.devices.virtual.truth import Truth
 from impact_rig.present.printed import Printed
 from impact_rig.results.numbers import MISSING, format_count
-from impact_rig.results.tables import Column, Table, make_table, make_text_column
+from impact_rig.results.table import Column, Table, make_table, make_text_column
 from impact_rig.testing.running import RunningRig
 
 Estimator = Callable[[Hit], Any]

@@ -16,7 +16,8 @@ from bench.rig_processes import RigProcesses, use_own_domain
 from impact_rig.analysis.analyze import analyze
 from impact_rig.recordings.new_file import choose_free
 from impact_rig.recordings.run import Run
-from impact_rig.results.results_file import format_json, results_to_json
+from impact_rig.results.results_file import results_to_json
+from impact_rig.results.wire import format_json
 
 SAMPLES = ("steel small", "brass small")
 IMPACTS = 3

@@ -12,8 +12,8 @@ from bench.rig_processes import RigProcesses, use_own_domain
 from bench.stranger import TOPICS, Stranger
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
+from impact_rig.recordings.records import HEALTH_RECORD
 from impact_rig.recordings.scan import Scan
-from impact_rig.recordings.writer import HEALTH_RECORD
 
 PERIOD = 0.002
 """Time between two messages [s]."""

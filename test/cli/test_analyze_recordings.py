@@ -5,7 +5,8 @@ import json
 import pytest
 
 from impact_rig.devices.virtual.rig import VirtualRigSettings
-from impact_rig.results.results_file import format_json, results_to_json, write_results
+from impact_rig.results.results_file import results_to_json, write_results
+from impact_rig.results.wire import format_json
 
 from .conftest import STRUCK, finish, start_python
 

@@ -12,7 +12,8 @@ from rosbags.highlevel import AnyReader
 
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
-from impact_rig.results.results_file import format_json, results_to_json
+from impact_rig.results.results_file import results_to_json
+from impact_rig.results.wire import format_json
 
 from .conftest import PATIENCE, finish, start_command
 

@@ -12,7 +12,8 @@ from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings, scheduled_fault_from_text
 from impact_rig.files.formats.registry import WRITABLE, read_measurement
 from impact_rig.recordings.run import Run
-from impact_rig.results.results_file import format_json, results_to_json, write_results
+from impact_rig.results.results_file import results_to_json, write_results
+from impact_rig.results.wire import format_json
 
 REAL_HITS = sorted((Path(__file__).parents[1] / "data" / "pyfrf_hammer").glob("*.npy"))
 

@@ -16,12 +16,11 @@ from impact_rig.core.findings import Finding, Reason
 from impact_rig.core.hits import (
     FilteredHit,
     JudgedHit,
-    Overrules,
     describe_overruled,
-    find_label,
     judge_hit,
     overrule_hit,
 )
+from impact_rig.core.overrules import Overrules, find_label
 from impact_rig.core.records import Block, ChannelBlock, HitLabel
 from impact_rig.core.setup import AnalysisSettings
 

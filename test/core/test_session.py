@@ -10,7 +10,8 @@ import pytest
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.findings import Note, Reason, Subject
-from impact_rig.core.hits import JudgedHit, Overrule, Overrules, Verdict
+from impact_rig.core.hits import JudgedHit
+from impact_rig.core.overrules import Overrule, Overrules, Verdict
 from impact_rig.core.quantity import drop_internals
 from impact_rig.core.records import (
     MEASURED,

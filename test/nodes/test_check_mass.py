@@ -10,7 +10,8 @@ from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.result_messages import results_from_msg
 from impact_rig.recordings.run import Run
-from impact_rig.results.results_file import format_json, results_to_json
+from impact_rig.results.results_file import results_to_json
+from impact_rig.results.wire import format_json
 
 from .campaigns import run, start_rig
 

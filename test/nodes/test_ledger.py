@@ -13,7 +13,7 @@ from impact_rig_msgs.msg import RecordStored
 from rclpy.serialization import serialize_message
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.core.hits import NO_OVERRULES, Overrule, Overrules, Verdict
+from impact_rig.core.overrules import NO_OVERRULES, Overrule, Overrules, Verdict
 from impact_rig.core.records import SIMULATED, Block, ChannelBlock, HitLabel, Origin
 from impact_rig.core.session import Session
 from impact_rig.nodes import interfaces

@@ -11,7 +11,8 @@ from impact_rig.nodes.replay_client import ReplayClient
 from impact_rig.nodes.result_messages import results_from_msg
 from impact_rig.recordings.overrules import OVERRULE_TYPE
 from impact_rig.recordings.run import Run
-from impact_rig.results.results_file import format_json, results_to_json
+from impact_rig.results.results_file import results_to_json
+from impact_rig.results.wire import format_json
 
 from .campaigns import begin, run, start_rig
 

@@ -13,7 +13,8 @@ from impact_rig.nodes.campaign_plan import read_newest_campaign
 from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.page.states import Step
 from impact_rig.recordings.run import Run
-from impact_rig.results.results_file import format_json, results_to_json
+from impact_rig.results.results_file import results_to_json
+from impact_rig.results.wire import format_json
 
 from .campaigns import Onlooker, begin, start_rig
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from impact_rig.analysis.analyze import analyze
-from impact_rig.core.hits import NO_OVERRULES
+from impact_rig.core.overrules import NO_OVERRULES
 from impact_rig.core.records import HitLabel
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.choices import Plant

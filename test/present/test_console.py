@@ -15,7 +15,7 @@ from impact_rig.present.console import (
     print_text,
     print_warning,
 )
-from impact_rig.results.tables import Column, Table, make_text_column
+from impact_rig.results.table import Column, Table, make_text_column
 
 NAMES = ("aluminium", "試料番号十二の鋼の円柱", "a_name_without_any_place_to_break_it_at")
 WHY = "overload: 250 points in a row of the hammer at the rail of 1999 m/s^2"

@@ -10,8 +10,9 @@ import pytest
 
 from impact_rig.core.errors import FileError
 from impact_rig.recordings.new_file import ROOM_FOR_ENDING, DiskFullError
+from impact_rig.recordings.records import HEALTH_RECORD
 from impact_rig.recordings.schemas import MessageDefinition
-from impact_rig.recordings.writer import HEALTH_RECORD, RecordingWriter
+from impact_rig.recordings.writer import RecordingWriter
 
 BLOCK = bytes(20_000)
 TEXT = MessageDefinition("std_msgs/msg/String", "string data\n")

@@ -20,8 +20,8 @@ from impact_rig.present.rerun.markdown import format_summary
 from impact_rig.present.screen import print_full
 from impact_rig.recordings.messages import fill_message, from_message
 from impact_rig.results.campaign import Results
-from impact_rig.results.results_file import format_json, read_results, results_to_json
-from impact_rig.results.wire import WireError, from_json
+from impact_rig.results.results_file import read_results, results_to_json
+from impact_rig.results.wire import WireError, format_json, from_json
 
 IMPOSSIBLE = (0.0, -1.0, 1e300, 5e-324)
 BY_UNIT = {"_s", "_n_per_m"}

@@ -6,7 +6,7 @@ import pytest
 
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.findings import Finding, Note, Reason, Subject
-from impact_rig.core.hits import Overrule, Verdict
+from impact_rig.core.overrules import Overrule, Verdict
 from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit

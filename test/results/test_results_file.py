@@ -21,12 +21,8 @@ from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.results import results_file
 from impact_rig.results.campaign import HitResults, Results
-from impact_rig.results.results_file import (
-    format_json,
-    read_results,
-    results_to_json,
-    write_results,
-)
+from impact_rig.results.results_file import read_results, results_to_json, write_results
+from impact_rig.results.wire import format_json
 
 SAMPLE = SampleEstimate(
     "tin",

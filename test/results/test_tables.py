@@ -25,7 +25,7 @@ from impact_rig.results.campaign import FileResults, HitResults, Results
 from impact_rig.results.numbers import format_quantity, format_uncertain
 from impact_rig.results.remarks import tabulate_hits
 from impact_rig.results.results_file import format_results_table
-from impact_rig.results.tables import Table
+from impact_rig.results.table import Table
 
 SHAPE = PulseShapeEstimate(
     "half-sine",

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig.core.errors import check_count
-from impact_rig.core.hits import NO_OVERRULES
+from impact_rig.core.overrules import NO_OVERRULES
 from impact_rig.core.records import Block, HitLabel
 from impact_rig.core.setup import RigSetup
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig

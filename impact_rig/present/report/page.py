@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from impact_rig import __version__
 from impact_rig.present.picture import Picture
 from impact_rig.results.remarks import Remark
-from impact_rig.results.tables import Table
+from impact_rig.results.table import Table
 
 if TYPE_CHECKING:
     import jinja2

@@ -28,7 +28,7 @@ from impact_rig.results.numbers import (
     format_time,
     is_dated,
 )
-from impact_rig.results.tables import Column, Table, list_table, make_table, make_text_column
+from impact_rig.results.table import Column, Table, list_table, make_table, make_text_column
 from impact_rig.results.traces import Provenance, ReportedCampaign, TracedCampaign
 
 GRAM = 1e3

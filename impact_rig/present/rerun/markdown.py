@@ -21,11 +21,8 @@ from impact_rig.results.remarks import (
     gather_sample_remarks,
     tabulate_rejections,
 )
+from impact_rig.results.table import Column, Table, list_table, make_text_column
 from impact_rig.results.tables import (
-    Column,
-    Table,
-    list_table,
-    make_text_column,
     tabulate_checks,
     tabulate_errors,
     tabulate_methods,

@@ -21,7 +21,7 @@ from impact_rig.present.report.page import (
     Section,
     render_page,
 )
-from impact_rig.results.tables import make_table, make_text_column
+from impact_rig.results.table import make_table, make_text_column
 
 PHONE, DESK = 360, 1200
 IS_WIDER = "page.documentElement.scrollWidth > page.documentElement.clientWidth"
