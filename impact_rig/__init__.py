@@ -14,8 +14,8 @@ What is public is listed in `__all__`; it is loaded when it is used, and needs n
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from impact_rig.analysis.hits import Hit
     from impact_rig.api import (
-        Hit,
         Run,
         Session,
         VirtualRig,
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         read_files,
     )
     from impact_rig.core.errors import RigError
-    from impact_rig.devices.virtual.truth import Truth
+    from impact_rig.core.records import Truth
     from impact_rig.present.printed import Number
     from impact_rig.present.printed_results import Comparison, Results, SampleResults
 

@@ -6,22 +6,28 @@ units. What is wrong with any of them raises `RigError`, in one sentence.
 
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cached_property
-from glob import glob, has_magic
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from impact_rig.analysis.analyze import HitSource, analyze
-from impact_rig.analysis.exporting import ExportedHit, read_campaigns
-from impact_rig.analysis.sources import RunSource, find_run, read_runs
+from impact_rig.analysis.hits import Hit, read_campaigns
+from impact_rig.analysis.sources import (
+    RunSource,
+    choose_campaign,
+    find_run,
+    list_files,
+    list_items,
+    read_path,
+    read_runs,
+)
 from impact_rig.configuration.processes import limit_threads
 from impact_rig.configuration.rig_file import read_rig_file, read_settings
-from impact_rig.configuration.units import Given, read_given
+from impact_rig.configuration.units import Given
 from impact_rig.core.errors import (
     FileError,
     ParameterError,
@@ -29,92 +35,19 @@ from impact_rig.core.errors import (
     check_count,
     check_name,
 )
-from impact_rig.core.records import Block, FloatArray, HitLabel
+from impact_rig.core.records import HitLabel, Truth
 from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
 from impact_rig.devices.virtual.rig import VirtualRig as Simulation
-from impact_rig.devices.virtual.truth import Truth, VirtualCampaign, make_truth
+from impact_rig.devices.virtual.truth import VirtualCampaign, make_truth
 from impact_rig.present.printed import Number  # noqa: F401 - public
 from impact_rig.present.printed_results import Comparison, Results, SampleResults
 from impact_rig.recordings.source import find_bag
 from impact_rig.results.batch import BatchCampaign, tabulate_changes
-from impact_rig.results.numbers import format_count
-from impact_rig.results.traces import AlignedHit, align_hit
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Hit:
-    """One hit as arrays.
-
-    Examples
-    --------
-    >>> hit = VirtualRig(seed=7).strike("steel small")
-    >>> hit
-    steel small/1.1: 5000 points of hammer and specimen at 2500 kHz
-    >>> hit.hammer.shape, float(hit.time[-1])
-    ((5000,), 0.0019996)
-    """
-
-    sample: str
-    impact: int  # of the sample's series, from 1
-    attempt: int  # at this impact, from 1
-    record: int  # from 1
-    rate: float  # [Hz]
-    hammer: FloatArray  # shape (n,), as recorded, calibrated [m/s^2]
-    specimen: FloatArray | None  # the same of the sample; None: not measured
-    accepted: bool | None = None  # the hit is in the mean; None: not judged yet
-    reasons: tuple[str, ...] = ()  # every reason against it
-    truth: Truth | None = None  # of the virtual rig; None: not known
-    filtered: AlignedHit | None = None  # `.time`, `.traces`: after baseline and low-pass
-
-    @property
-    def name(self) -> str:
-        """As `Run.analyze` takes it: "steel small/1.1"."""
-        return f"{self.sample}/{self.impact}.{self.attempt}"
-
-    @property
-    def time(self) -> FloatArray:
-        """From the first point [s], shape (n,)."""
-        return np.arange(self.hammer.size) / self.rate
-
-    def __repr__(self) -> str:
-        """Return its name, and what was recorded."""
-        bodies = "hammer" if self.specimen is None else "hammer and specimen"
-        verdict = {None: "", True: ", accepted", False: f", rejected: {'; '.join(self.reasons)}"}
-        return (
-            f"{self.name}: {self.hammer.size} points of {bodies} at {self.rate / 1e3:g} kHz"
-            f"{verdict[self.accepted]}"
-        )
-
-
-def _make_hit(block: Block, truth: Truth | None, judged: ExportedHit | None = None) -> Hit:
-    label, (hammer, *others) = block.label, [item.acceleration for item in block.channels]
-    hit = Hit(
-        label.sample,
-        label.impact,
-        label.attempt,
-        label.record,
-        block.sampling_rate,
-        hammer,
-        others[0] if others else None,
-        truth=truth,
-    )
-    if judged is None:
-        return hit
-    filtered, reasons = judged.judged.filtered, tuple(map(str, judged.judged.rejections))
-    aligned = None if filtered is None else align_hit(label, filtered)
-    return replace(hit, accepted=judged.accepted, reasons=reasons, filtered=aligned)
-
 
 Chosen = str | int | Hit | Iterable[str | int | Hit]
 """Hits, each as itself, by name, or by the number of its record."""
-
-
-def list_items(given: Any) -> list[Any]:
-    """Return things as a list; one may be given by itself."""
-    is_one = isinstance(given, str | Path) or not isinstance(given, Iterable)
-    return [given] if is_one else [*given]
 
 
 def _name_hits(chosen: Chosen) -> list[str]:
@@ -139,24 +72,10 @@ class Run:
         campaign: int | None = None,
         truths: Mapping[HitLabel, Truth] | None = None,
     ) -> None:
-        if campaign is not None:
-            check_count("campaign", campaign, 1)
         self.name = name
         self._source = source
         self._campaign = campaign
         self._truths = truths or {}
-
-    def _choose(self, campaigns: Sequence[Any]) -> Any:
-        """Return the campaign that is meant."""
-        if not campaigns:
-            raise FileError(f"{self.name} holds no complete hit")
-        number = 1 if self._campaign is None and len(campaigns) == 1 else self._campaign
-        if number is None or number > len(campaigns):
-            raise ParameterError(
-                f"{self.name} holds {format_count(len(campaigns), 'campaign')}: choose one with"
-                f" campaign=1 to {len(campaigns)}"
-            )
-        return campaigns[number - 1]
 
     @cached_property
     @limit_threads()
@@ -169,10 +88,11 @@ class Run:
             If they cannot be read. A sample that is not there is a `KeyError`, too.
         """
         found = _Hits()
-        for hit in self._choose(read_campaigns(self._source)).list_hits():
-            label = hit.record.label
-            shown = _make_hit(hit.record, self._truths.get(label), hit)
-            found[label.sample] = *found.get(label.sample, ()), shown
+        for hit in choose_campaign(
+            self.name, read_campaigns(self._source), self._campaign
+        ).list_hits():
+            shown = replace(hit, truth=self._truths.get(hit.block.label))
+            found[hit.sample] = *found.get(hit.sample, ()), shown
         return found
 
     @limit_threads()
@@ -210,7 +130,8 @@ class Run:
         overruled = map(_name_hits, (accept, reject))
         chosen = read_settings({"cutoff": cutoff, **settings})
         found = analyze(self._source, chosen, *overruled, keep_traces=True)
-        return Results(self._choose(found.campaigns), self.name, found.warnings)
+        campaign = choose_campaign(self.name, found.campaigns, self._campaign)
+        return Results(campaign, self.name, found.warnings)
 
     def __repr__(self) -> str:
         """Return its name."""
@@ -266,33 +187,18 @@ def open_run(
     Traceback (most recent call last):
     impact_rig.core.errors.FileError: nowhere.mcap does not exist
     """
-    source = find_run(find_bag(_read_path("path", path)), namespace)
+    if campaign is not None:
+        check_count("campaign", campaign, 1)
+    source = find_run(find_bag(read_path("path", path)), namespace)
     if source.run is None:
         return _StoredRun(source)
     _ = source.run.namespace  # raises an error at once
     return Run(source.run, source.title, campaign)
 
 
-def _read_path(what: str, path: Any) -> Path:
-    if isinstance(path, str | Path) and str(path):
-        return Path(path)
-    raise ParameterError(f"{what} is {path!r}: it must be the name of a file or a folder")
-
-
 def read_files(
     files: str | Path | Iterable[str | Path],
-    *,
-    rate: Given = None,
-    hammer_mass: Given = None,
-    sample_mass: Given = None,
-    hammer_unit: str | None = None,
-    hammer_channel: str | None = None,
-    sample_channel: str | None = None,
-    sample: str | None = None,
-    cutoff: Given = None,
-    record_duration: Given = None,
-    channels: str | Path | None = None,
-    rig_file: str | Path | None = None,
+    **options: Any,
 ) -> Run:
     """Read files of any instrument as hits of one sample, as ``impact-rig analyze`` does.
 
@@ -300,10 +206,11 @@ def read_files(
     ----------
     files : str, Path or iterable of them
         Names may have wildcards: "bench/*.tdms".
-    rate, hammer_mass, sample_mass, cutoff, record_duration : str or float, optional
-        As the options of ``impact-rig analyze``, with a unit or in Hz, kg and s.
-    hammer_unit, hammer_channel, sample_channel, sample, channels, rig_file : optional
-        As these options.
+    **options
+        As of ``impact-rig analyze``, whose ``--hammer-mass 100g`` is ``hammer_mass="100 g"``:
+        `rate`, `hammer_mass`, `sample_mass`, `cutoff` and `record_duration`, with a unit or in Hz,
+        kg and s; the texts `hammer_unit`, `hammer_channel`, `sample_channel` and `sample`; the
+        files `channels` and `rig_file`.
 
     Raises
     ------
@@ -317,40 +224,15 @@ def read_files(
     """
     # Formats of files take a tenth of a second to load.
     from impact_rig.analysis.measured_files import MeasuredFiles, make_series
-    from impact_rig.files.import_file import MeasurementOptions
+    from impact_rig.files.import_file import read_options
 
-    paths = [path for item in list_items(files) for path in _expand(_read_path("files", item))]
-    if not paths:
-        raise FileError("no file is given")
-    options = MeasurementOptions(
-        channels=None if channels is None else Path(channels),
-        hammer_channel=hammer_channel,
-        sample_channel=sample_channel,
-        hammer_unit=hammer_unit,
-        rate=read_given("rate", rate, "Hz", "25.6 kHz"),
-        hammer_mass=read_given("hammer_mass", hammer_mass, "kg", "100 g"),
-        sample_mass=read_given("sample_mass", sample_mass, "kg", "56.32 g"),
-        rig_file=None if rig_file is None else Path(rig_file),
-        sample=sample,
-        cutoff=read_given("cutoff", cutoff, "Hz", "50 kHz"),
-        record_duration=read_given("record_duration", record_duration, "s", "20 ms"),
-    )
-    source = MeasuredFiles(paths, make_series(options))
+    paths = list_files(files)
+    source = MeasuredFiles(paths, make_series(read_options(options)))
     if not source.hits:
         raise FileError("; ".join(source.errors))
     for text in source.errors:
         warnings.warn(f"left out: {text}", stacklevel=2)
     return Run(source, str(paths[0]) if len(paths) == 1 else f"{paths[0]} and others")
-
-
-def _expand(path: Path) -> list[Path]:
-    """Return the files that a name with wildcards means, or the name."""
-    if not has_magic(str(path)):
-        return [path]
-    found = [Path(name) for name in sorted(glob(str(path), recursive=True))]  # noqa: PTH207
-    if not found:
-        raise FileError(f"no file is called like {path}")
-    return found
 
 
 class Session(Run):
@@ -541,7 +423,7 @@ class VirtualRig:
         self._counts[sample] += 1
         hit = self._rig.strike(HitLabel(sample, self._counts.total(), self._counts[sample]))
         (block,) = hit.split(hit.hammer.output.size, 0)
-        return _make_hit(block, make_truth(hit))
+        return Hit(block, truth=make_truth(hit))
 
     def find_truth(self, label: HitLabel) -> Truth:
         """Return the truth of a hit of this name, which does not depend on earlier hits."""

@@ -36,8 +36,9 @@ MAY_IMPORT = {
     "nodes": {"nodes", *BELOW} - {"analysis", "files", "simulators"},
     "cli": {"nodes", "cli", *BELOW},
     "api": BELOW - {"simulators"},
-    "__init__": {"api", "core", "devices", "present"},
+    "__init__": {"analysis", "api", "core", "present"},
     "testing": {
+        "analysis",
         "api",
         "cli",
         "nodes",

@@ -2,15 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from glob import glob, has_magic
 from pathlib import Path
+from typing import Any, TypeVar
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.recordings.provenance import compute_sha256
 from impact_rig.recordings.run import Run
+from impact_rig.results.numbers import format_count
 from impact_rig.results.results_file import read_results
 from impact_rig.results.traces import ReportedCampaign, TracedCampaign
 
+_T = TypeVar("_T")
 RESULTS_SUFFIX = ".json"
 """Of a results file."""
 RESULTS_NAME = "results.json"
@@ -37,6 +41,60 @@ class RunSource:
             return self.run.title
         is_run = self.results.name == RESULTS_NAME
         return self.results.absolute().parent.name if is_run else self.results.stem
+
+
+def list_items(given: Any) -> list[Any]:
+    """Return things as a list; one may be given by itself."""
+    is_one = isinstance(given, str | Path) or not isinstance(given, Iterable)
+    return [given] if is_one else [*given]
+
+
+def read_path(what: str, path: Any) -> Path:
+    """Return the path that a program gives; raises `ParameterError` if it is none."""
+    if isinstance(path, str | Path) and str(path):
+        return Path(path)
+    raise ParameterError(f"{what} is {path!r}: it must be the name of a file or a folder")
+
+
+def list_files(given: Any) -> list[Path]:
+    """Return the files that a program names, one or several, also with wildcards.
+
+    Raises
+    ------
+    RigError
+        If there is none.
+    """
+    paths: list[Path] = []
+    for item in list_items(given):
+        path = read_path("files", item)
+        found = [path]
+        if has_magic(str(path)):
+            found = [Path(name) for name in sorted(glob(str(path), recursive=True))]  # noqa: PTH207
+        if not found:
+            raise FileError(f"no file is called like {path}")
+        paths += found
+    if not paths:
+        raise FileError("no file is given")
+    return paths
+
+
+def choose_campaign(title: str, campaigns: Sequence[_T], number: int | None) -> _T:
+    """Return a campaign by its number, from 1; None: the only one.
+
+    Raises
+    ------
+    RigError
+        If there is none, none of this number, or there are several.
+    """
+    if not campaigns:
+        raise FileError(f"{title} holds no complete hit")
+    place = 1 if number is None and len(campaigns) == 1 else number
+    if place is None or place > len(campaigns):
+        raise ParameterError(
+            f"{title} holds {format_count(len(campaigns), 'campaign')}: choose one with"
+            f" campaign=1 to {len(campaigns)}"
+        )
+    return campaigns[place - 1]
 
 
 def find_run(named: Path, namespace: str | None = None) -> RunSource:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from impact_rig.analysis.exporting import ExportedCampaign, ExportedHit, read_campaigns
+from impact_rig.analysis.hits import ExportedCampaign, Hit, make_channels, read_campaigns
 from impact_rig.analysis.sources import RunSource, find_run, read_runs
 from impact_rig.cli.info import EXIT_DAMAGED, describe_hits
 from impact_rig.cli.options import refuse_given
@@ -182,7 +182,7 @@ def _write_results(output: Path, results: Sequence[Results]) -> str:
 def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> list[Group]:
     """Return what is exported, hit by hit, then mean by mean."""
     hits = [(campaign, hit) for campaign in campaigns for hit in campaign.list_hits()]
-    wanted = {find_label(name, [hit.record.label for _, hit in hits]) for name in task.hits}
+    wanted = {find_label(name, [hit.block.label for _, hit in hits]) for name in task.hits}
     known = {name for campaign in campaigns for name in campaign.session.names}
     for name in task.samples:
         if name not in known:
@@ -192,9 +192,9 @@ def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> lis
             )
     groups: list[Group] = []
     if "hits" in task.parts:
-        chosen = [hit for _, hit in hits if not wanted or hit.record.label in wanted]
+        chosen = [hit for _, hit in hits if not wanted or hit.block.label in wanted]
         groups += [
-            (hit.name, hit.make_channels(is_filtered=task.filtered))
+            (hit.title, make_channels(hit, is_filtered=task.filtered))
             for hit in chosen
             if _is_wanted(hit, task)
         ]
@@ -208,10 +208,10 @@ def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> lis
     return [group for group in groups if group[1]]
 
 
-def _is_wanted(hit: ExportedHit, task: ExportTask) -> bool:
+def _is_wanted(hit: Hit, task: ExportTask) -> bool:
     if task.accepted_only and not hit.accepted:
         return False
-    return not task.samples or hit.record.label.sample in task.samples
+    return not task.samples or hit.sample in task.samples
 
 
 def save_sound_copy(run: Run, output: Path) -> None:

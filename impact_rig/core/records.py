@@ -254,6 +254,20 @@ class Record(Block):
 
 
 @dataclass(frozen=True)
+class Truth:
+    """Truth of a hit of the virtual rig; NaN: its plant has no such quantity."""
+
+    contact_time: float  # [s]; on the plant "contact" from first touch to separation
+    peak_force: float  # [N]
+    impact_speed: float  # [m/s]
+    stiffness: float  # k2 of the sample [N/m]
+    damping_coefficient: float  # c2 of the sample [N s/m]
+    exponent: float  # n of the contact law [-]
+    restitution: float  # e of the contact law [-]
+    faults: tuple[str, ...]  # that were injected
+
+
+@dataclass(frozen=True)
 class PackedRecord:
     """A record in little memory: counts that fit take two bytes each."""
 

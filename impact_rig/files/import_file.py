@@ -5,12 +5,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from impact_rig.configuration.rig_file import RESPONSE_KEYS, parse_response, parse_settings
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
-from impact_rig.configuration.units import parse_reading, parse_sensitivity
-from impact_rig.core.errors import FileError
+from impact_rig.configuration.units import parse_reading, parse_sensitivity, read_given
+from impact_rig.core.errors import FileError, check_name
 from impact_rig.core.quantity import Comparable
 from impact_rig.files.plan import ChannelPlan, ChannelUse
 
@@ -67,6 +67,28 @@ class MeasurementOptions:
     def given(self) -> tuple[str, ...]:
         """The names of those that were given."""
         return tuple(item.name for item in fields(self) if getattr(self, item.name) is not None)
+
+
+QUANTITIES = {
+    "rate": ("Hz", "25.6 kHz"),
+    "hammer_mass": ("kg", "100 g"),
+    "sample_mass": ("kg", "56.32 g"),
+    "cutoff": ("Hz", "50 kHz"),
+    "record_duration": ("s", "20 ms"),
+}
+"""Options with a unit, and an example each."""
+
+
+def read_options(given: Mapping[str, Any]) -> MeasurementOptions:
+    """Return the options that a program gives; raises `ParameterError` for one that is none."""
+    values = dict(given)
+    for name, value in given.items():
+        check_name("option", name, [item.name for item in fields(MeasurementOptions)])
+        if name in QUANTITIES:
+            values[name] = read_given(name, value, *QUANTITIES[name])
+        elif name in ("channels", "rig_file") and value is not None:
+            values[name] = Path(value)
+    return MeasurementOptions(**values)
 
 
 def read_import_template() -> str:

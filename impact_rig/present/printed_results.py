@@ -57,8 +57,13 @@ class SampleResults(View):
 
     @property
     def remarks(self) -> list[str]:
-        """Its remarks, a sentence each."""
-        return [remark.text for remark in gather_sample_remarks(self.record)]
+        """Its remarks, a sentence each, then the reasons of its rejected hits."""
+        rejected = (
+            f"hit {hit.impact}.{hit.attempt} is rejected: {'; '.join(map(str, hit.reasons))}"
+            for hit in self._campaign.results.rejections
+            if hit.sample == self.name
+        )
+        return [*(remark.text for remark in gather_sample_remarks(self.record)), *rejected]
 
     @property
     def traces(self) -> SampleTraces:

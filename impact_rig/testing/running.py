@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from impact_rig.api import VirtualRig, list_items
+from impact_rig.analysis.sources import list_items
+from impact_rig.api import VirtualRig
 from impact_rig.configuration.processes import (
     DISCOVERY,
     LOG_NAME,
@@ -16,7 +17,7 @@ from impact_rig.configuration.processes import (
 )
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import RigError, check_count
-from impact_rig.devices.virtual.truth import Truth
+from impact_rig.core.records import Truth
 from impact_rig.present.printed_results import Results
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import TracedCampaign

@@ -2,32 +2,17 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from impact_rig.core.errors import check_count
 from impact_rig.core.overrules import NO_OVERRULES
-from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.records import Block, HitLabel, Truth
 from impact_rig.core.setup import RigSetup
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig
 
 BLOCK_POINTS = 1000
 """Of a block: a fault loses one of several."""
-
-
-@dataclass(frozen=True)
-class Truth:
-    """Truth of a hit; NaN: its plant has no such quantity."""
-
-    contact_time: float  # [s]; on the plant "contact" from first touch to separation
-    peak_force: float  # [N]
-    impact_speed: float  # [m/s]
-    stiffness: float  # k2 of the sample [N/m]
-    damping_coefficient: float  # c2 of the sample [N s/m]
-    exponent: float  # n of the contact law [-]
-    restitution: float  # e of the contact law [-]
-    faults: tuple[str, ...]  # that were injected
 
 
 def make_truth(hit: VirtualHit) -> Truth:

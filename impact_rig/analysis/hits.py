@@ -1,0 +1,213 @@
+"""Hits and mean traces of a recording as arrays, and as channels for other tools, in m/s^2."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from impact_rig.analysis.analyze import HitSource, judge
+from impact_rig.core.hits import JudgedHit, MeanHit
+from impact_rig.core.records import (
+    Block,
+    FloatArray,
+    HitLabel,
+    Origin,
+    Record,
+    Truth,
+    join_origins,
+)
+from impact_rig.core.session import Session
+from impact_rig.files.measurement import MeasuredChannel
+from impact_rig.results.traces import AlignedHit, align_hit
+
+UNIT = "m/s^2"
+BODIES = ("hammer", "specimen")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Hit:
+    """One hit as arrays.
+
+    Examples
+    --------
+    >>> import impact_rig as ir
+    >>> hit = ir.VirtualRig(seed=7).strike("steel small")
+    >>> hit
+    steel small/1.1: 5000 points of hammer and specimen at 2500 kHz
+    >>> hit.hammer.shape, float(hit.time[-1])
+    ((5000,), 0.0019996)
+    """
+
+    block: Block  # as recorded
+    judged: JudgedHit | None = None  # as it came; None: it is not judged
+    accepted: bool | None = None  # it is in the mean; None: it is not judged
+    title: str = ""  # ``SAMPLE/IMPACT.ATTEMPT``, behind its campaign where there are several
+    truth: Truth | None = None  # of the virtual rig; None: not known
+
+    @property
+    def sample(self) -> str:
+        """Name of what was struck."""
+        return self.block.label.sample
+
+    @property
+    def impact(self) -> int:
+        """Of the sample's series, from 1."""
+        return self.block.label.impact
+
+    @property
+    def attempt(self) -> int:
+        """At this impact, from 1."""
+        return self.block.label.attempt
+
+    @property
+    def record(self) -> int:
+        """Number of the record, from 1."""
+        return self.block.label.record
+
+    @property
+    def name(self) -> str:
+        """As `accept` and `reject` take it: "steel small/1.1"."""
+        return f"{self.sample}/{self.impact}.{self.attempt}"
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate [Hz]."""
+        return self.block.sampling_rate
+
+    @property
+    def time(self) -> FloatArray:
+        """From the first point [s], shape (n,)."""
+        return np.arange(self.hammer.size) / self.rate
+
+    @property
+    def hammer(self) -> FloatArray:
+        """As recorded, calibrated [m/s^2], shape (n,)."""
+        return self.block.hammer.acceleration
+
+    @property
+    def specimen(self) -> FloatArray | None:
+        """The same of the sample; None: not measured."""
+        return self.block.specimen.acceleration if self.block.has_specimen else None
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Every reason against it."""
+        return () if self.judged is None else tuple(map(str, self.judged.rejections))
+
+    @property
+    def filtered(self) -> AlignedHit | None:
+        """After baseline and low-pass: `time` [s] and `traces` [m/s^2]; None: it has no pulse."""
+        filtered = None if self.judged is None else self.judged.filtered
+        return None if filtered is None else align_hit(self.block.label, filtered)
+
+    def __repr__(self) -> str:
+        """Return its name, and what was recorded."""
+        bodies = " and ".join(BODIES[: len(self.block.channels)])
+        verdict = {None: "", True: ", accepted", False: f", rejected: {'; '.join(self.reasons)}"}
+        return (
+            f"{self.name}: {self.hammer.size} points of {bodies} at {self.rate / 1e3:g} kHz"
+            f"{verdict[self.accepted]}"
+        )
+
+
+def make_channels(hit: Hit, *, is_filtered: bool) -> tuple[MeasuredChannel, ...]:
+    """Return the channels of a hit; none where there are no such traces.
+
+    Parameters
+    ----------
+    is_filtered : bool
+        After baseline and low-pass; False: as recorded.
+    """
+    block, filtered = hit.block, None if hit.judged is None else hit.judged.filtered
+    traces: Sequence[FloatArray] = [channel.acceleration for channel in block.channels]
+    if is_filtered:
+        traces = tuple(filtered.traces) if filtered is not None else ()
+    if not traces or not traces[0].size:
+        return ()
+    rate, origin = block.sampling_rate, block.origin
+    return _make_channels(hit.title, traces, rate, origin, recorded_at=block.stamp)
+
+
+@dataclass
+class ExportedCampaign:
+    """One campaign of a recording, judged as the estimator does it live."""
+
+    session: Session
+    prefix: str = ""  # of the names of its hits, where there are several campaigns
+    records: list[tuple[Record, JudgedHit]] = field(default_factory=list)
+
+    def list_hits(self) -> tuple[Hit, ...]:
+        """Return all hits in the order of their arrival."""
+        kept = {
+            (hit.label, hit.stamp)
+            for name in self.session.names
+            for hit in self.session.get_selection(name).kept
+        }
+        seen: Counter[HitLabel] = Counter()
+        hits = []
+        for record, judged in self.records:
+            label = record.label
+            seen[label] += 1
+            name = f"{self.prefix}{label.sample}/{label.impact}.{label.attempt}"
+            if seen[label] > 1:
+                name += f" ({seen[label]})"
+            accepted = (label, judged.stamp) in kept
+            hits.append(Hit(record, judged, accepted, name))
+        return tuple(hits)
+
+    def make_mean_channels(self, name: str) -> tuple[MeasuredChannel, ...]:
+        """Return the channels of one sample's mean hit; none where no hit was accepted.
+
+        Time 0 is the middle of the hammer pulse.
+        """
+        mean: MeanHit | None = self.session.compute_mean(name)
+        if mean is None:
+            return ()
+        rate = mean.sampling_rate
+        origin = join_origins(hit.origin for hit in self.session.get_selection(name).kept)
+        start = -mean.origin / rate
+        return _make_channels(f"{self.prefix}{name}/mean", mean.traces, rate, origin, start)
+
+
+def read_campaigns(source: HitSource) -> tuple[ExportedCampaign, ...]:
+    """Judge every hit of a run, or of whatever else has hits.
+
+    Returns
+    -------
+    tuple of ExportedCampaign
+        Those with hits.
+
+    Raises
+    ------
+    FileError
+        If the recording is damaged.
+    ParameterError
+        If its settings cannot be used.
+    """
+    found: list[ExportedCampaign] = []
+    for session, _, hits in judge(source):
+        if hits and (not found or found[-1].session is not session):
+            found.append(ExportedCampaign(session))
+        if hits:
+            found[-1].records += hits
+    if len(found) > 1:
+        for number, campaign in enumerate(found, start=1):
+            campaign.prefix = f"campaign {number}/"
+    return tuple(found)
+
+
+def _make_channels(
+    name: str,
+    traces: Sequence[FloatArray] | FloatArray,
+    rate: float,
+    origin: Origin,
+    start: float = 0.0,
+    recorded_at: int = 0,
+) -> tuple[MeasuredChannel, ...]:
+    return tuple(
+        MeasuredChannel(
+            f"{name} {body}", trace, rate, UNIT, start, recorded_at, origin=str(origin)
+        )
+        for body, trace in zip(BODIES, traces, strict=False)
+    )
