@@ -1,6 +1,6 @@
 """The runs that a report is made of, from the names that a person gives."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from glob import glob, has_magic
 from pathlib import Path
