@@ -25,7 +25,6 @@ from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.async_node import ANSWER_TIMEOUT
 from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.campaign_state import (
-    PAUSE_CANCELLED,
     TASKS,
     TRANSITIONS,
     ArmingError,
@@ -147,7 +146,7 @@ class CampaignNode(RigNode):
         """Raise `EndError` if the client, this node's end or a long pause ends the campaign."""
         if campaign.is_cancelled:
             pause = campaign.state.message
-            raise EndError(f"{PAUSE_CANCELLED}: {pause}" if pause else "cancelled by a client")
+            raise EndError(f"cancelled in a pause: {pause}" if pause else "cancelled by a client")
         if campaign.is_superseded:
             raise EndError("another client goes on with it")
         if self.stop_requested.done():

@@ -21,7 +21,6 @@ from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.campaign_state import PAUSE_CANCELLED
 from impact_rig.nodes.client import START_ONE, RigClient
 from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
@@ -185,7 +184,7 @@ class CampaignClient(RigClient):
         Parameters
         ----------
         longest_pause : float
-            After so long a pause [s] the campaign ends: nobody is there to arm the hammer again.
+            After so long a pause [s] the campaign is cancelled, since it is unattended.
 
         Raises
         ------
@@ -202,14 +201,14 @@ class CampaignClient(RigClient):
         self._status.begin(None)
         self._status.recorder = RecorderStatus()
         self._operator, self._paused_since = operator, math.inf
-        is_vain = False  # it was cancelled since nobody could go on with it
+        pause: str | None = None  # for which the campaign was cancelled
         self._sent.clear()
         self._duties.clear()
         self._result = self._send_goal(goal).get_result_async()
         while not self._result.done():
             self._check_life()
-            if not is_vain and time.monotonic() - self._paused_since > longest_pause:
-                is_vain = True
+            if pause is None and time.monotonic() - self._paused_since > longest_pause:
+                pause = self._status.campaign.message
                 self._goal.cancel_goal_async()
             if self._duties:
                 self._duties.pop(0)(operator)
@@ -223,9 +222,8 @@ class CampaignClient(RigClient):
                 "the campaign node was started again, and does not know the campaign"
             )
         result = answer.result
-        if is_vain:
-            in_vain = "nobody is there to end this pause"
-            result.message = result.message.replace(PAUSE_CANCELLED, in_vain, 1)
+        if pause is not None and not result.success:
+            result.message = f"no person ended this pause: {pause}"
         if not result.setup.samples:
             raise RigError(f"the campaign is rejected: {result.message}")
         if not result.success and not (result.accepted or result.rejected):

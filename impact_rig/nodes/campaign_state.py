@@ -93,10 +93,6 @@ FIELDS = [
 """Of the state, those that are not the same for all messages."""
 
 
-PAUSE_CANCELLED = "cancelled in a pause"
-"""Begin of the reason of a campaign that a client cancelled in a pause."""
-
-
 class ArmingError(DeviceError):
     """The campaign pauses until a person has armed the hammer."""
 

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from importlib import import_module
 from typing import Any
@@ -10,10 +10,11 @@ from typing import Any
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.errors import DeviceError, FileError
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.executor import accept_message_info, make_executor, spin_until
 
@@ -68,6 +69,34 @@ class BackgroundNode:
             spin_until(self.executor, self._stop)
 
 
+def import_type(type_name: str) -> Any:
+    """Return the class of a message type, for example `std_msgs/msg/Header`.
+
+    Raises
+    ------
+    FileError
+        If it is not installed.
+    """
+    package, _, name = type_name.partition("/msg/")
+    try:
+        return getattr(import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError, ValueError):
+        raise FileError(f"message type {type_name} is not installed") from None
+
+
+def adapt_qos(publishers: Iterable[TopicEndpointInfo], depth: int) -> QoSProfile:
+    """Return the strictest profile that receives from all publishers, as rosbag2 does."""
+    offers = [item.qos_profile for item in publishers]
+    is_reliable = all(item.reliability == ReliabilityPolicy.RELIABLE for item in offers)
+    is_latched = all(item.durability == DurabilityPolicy.TRANSIENT_LOCAL for item in offers)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
+    )
+
+
 class Listener(BackgroundNode):
     """A node that listens to what others publish.
 
@@ -98,7 +127,9 @@ class Listener(BackgroundNode):
         Raises
         ------
         DeviceError
-            If not just one node publishes on the topic, or its type is not installed.
+            If not just one node publishes on the topic.
+        FileError
+            If its type is not installed.
         """
         deadline = time.monotonic() + DISCOVERY_TIME
         while not self.count_publishers(topic) and time.monotonic() < deadline:
@@ -111,15 +142,6 @@ class Listener(BackgroundNode):
                 f"{len(publishers)} nodes publish on {topic} ({names}): one must" if publishers
                 else f"no node publishes on {topic}: start it first; topics are {there}"
             )  # fmt: skip
-        (publisher,) = publishers
-        package, _, kind = publisher.topic_type.partition("/msg/")
-        try:
-            message_type = getattr(import_module(f"{package}.msg"), kind)
-        except (ImportError, AttributeError):
-            raise DeviceError(
-                f"{topic} has messages of the type {publisher.topic_type}, and the package"
-                f" {package} is not installed here"
-            ) from None
-        # A reliable subscription hears nothing of a publisher that makes its best effort.
-        qos = QoSProfile(depth=DEPTH, reliability=publisher.qos_profile.reliability)
+        message_type, qos = import_type(publishers[0].topic_type), adapt_qos(publishers, DEPTH)
+        qos.durability = DurabilityPolicy.VOLATILE  # earlier messages are not wanted
         self.node.create_subscription(message_type, topic, accept_message_info(take), qos)

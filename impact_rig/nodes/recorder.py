@@ -1,7 +1,6 @@
 """The recorder: writes every topic of the rig to MCAP, as received."""
 
 import contextlib
-import importlib
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
@@ -15,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs.msg import AccelerationBlock, Overrule, RecordStored, StreamBlock
 from impact_rig_msgs.srv import JoinCampaign
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
@@ -33,6 +32,7 @@ from impact_rig.nodes.diagnostics import PARAMETERS
 from impact_rig.nodes.executor import accept_message_info
 from impact_rig.nodes.identity import Identity
 from impact_rig.nodes.interfaces import Topic
+from impact_rig.nodes.listener import adapt_qos, import_type
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.hits import BlockCount, RecordCount, RecordWatch
@@ -63,21 +63,6 @@ FINDINGS = (
 )
 
 
-def import_type(type_name: str) -> Any:
-    """Return the class of a message type, for example `std_msgs/msg/Header`.
-
-    Raises
-    ------
-    FileError
-        If it is not installed.
-    """
-    package, _, name = type_name.partition("/msg/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError, ValueError):
-        raise FileError(f"message type {type_name} is not installed") from None
-
-
 def describe_qos(profile: QoSProfile) -> OfferedQos:
     """Return a profile as it is kept in a recording."""
     return OfferedQos(
@@ -86,19 +71,6 @@ def describe_qos(profile: QoSProfile) -> OfferedQos:
         history=profile.history.name.lower(),
         depth=profile.depth,
         lifespan=profile.lifespan.nanoseconds or INFINITE,
-    )
-
-
-def adapt_qos(publishers: Iterable[TopicEndpointInfo], depth: int) -> QoSProfile:
-    """Return the strictest profile that receives from all publishers, as rosbag2 does."""
-    offers = [item.qos_profile for item in publishers]
-    is_reliable = all(item.reliability == ReliabilityPolicy.RELIABLE for item in offers)
-    is_latched = all(item.durability == DurabilityPolicy.TRANSIENT_LOCAL for item in offers)
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
     )
 
 

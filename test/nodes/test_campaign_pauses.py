@@ -109,7 +109,7 @@ def test_where_nobody_is_there_a_pause_that_a_person_would_end_is_an_end(
         client.wait_for_rig(START_PATIENCE)
         outcome = client.run(goal, Onlooker(disarm), longest_pause=1.0)
     assert not outcome.success
-    assert outcome.message.startswith("nobody is there to end this pause: the hammer is not armed")
+    assert outcome.message.startswith("no person ended this pause: the hammer is not armed")
     told = states.wait(lambda got: got[-1].state == CampaignState.ENDED)[-1].message
     assert told.startswith("cancelled in a pause: the hammer is not armed")
     assert [hit.impact for hit in outcome.results.hits if hit.accepted][:1] == [1]
@@ -135,7 +135,7 @@ def test_where_nobody_is_there_a_silent_estimator_ends_it_while_its_process_live
     goal = RunCampaign.Goal(samples=["steel small"], impacts=MANY)
     with CampaignClient() as client:
         client.wait_for_rig(START_PATIENCE)
-        with pytest.raises(DeviceError, match=r"^nobody is there to end this pause: estimator/"):
+        with pytest.raises(DeviceError, match=r"^no person ended this pause: estimator/"):
             client.run(goal, Onlooker(stop), longest_pause=1.0)
         still = harness.peer.create_client(GetResults, interfaces.GET_RESULTS)
         harness.wait_until(still.service_is_ready)
