@@ -79,10 +79,9 @@ MEASURANDS = {
     "damping_coefficient": ("N*s/m", "1170 N*s/m"),
 }
 """Of a sample that values and limits are stated for: unit, and an example."""
-LIMITS = tuple(f"{bound}_{name}" for name in MEASURANDS for bound in ("minimum", "maximum"))
 SAMPLE_KEYS = (
-    "name", "material", "mass", "mass_uncertainty", *(f"reference_{name}" for name in MEASURANDS),
-    *(entry.key for entry in SAMPLE), *LIMITS,
+    "name", "material", "mass", "mass_uncertainty", *(entry.key for entry in SAMPLE),
+    *(f"{of}_{name}" for of in ("reference", "minimum", "maximum") for name in MEASURANDS),
 )  # fmt: skip
 FILE_KEYS = (
     "name", "description", "hammer", "digitizer", "analysis", "samples", "sample", "check_mass",
@@ -148,8 +147,7 @@ class Particulars:
             entries = SAMPLE if table.startswith(OF_SAMPLE) else TABLES.get(table, ())
             entry = next((entry for entry in entries if entry.key == key), None)
             if entry is None or "=" not in assignment:
-                near = difflib.get_close_matches(name, known, n=1)
-                hint = near[0] if near else "report.number"
+                (hint,) = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
                 raise ParameterError(
                     f"{assignment!r} sets nothing: write it like {hint}=TEXT; impact-rig up"
                     " --template has all keys"

@@ -4,7 +4,7 @@
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from impact_rig.configuration.rig_file import (
@@ -17,7 +17,7 @@ from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF
 from impact_rig.core.paper_estimate import check_control
-from impact_rig.core.sensors import CHANNELS, STANDARD_GRAVITY, Sensor
+from impact_rig.core.sensors import CHANNELS, STANDARD_GRAVITY
 from impact_rig.core.setup import RigSetup
 
 HAMMER, SPECIMEN = CHANNELS
@@ -65,6 +65,8 @@ class _Reading:
         self.rate = self.source.take_quantity("sampling_rate", "Hz", "2.5 MHz", default, low=1.0)
         self.duration = self.source.take_quantity("record_duration", "s", "2.2 ms", math.nan)
         self.pre_trigger = self.source.take_quantity("pre_trigger", "s", "300 us", math.nan)
+        # The largest acceleration that the hammer's sensor takes [m/s^2]; 0: not known.
+        self.full_scale = self.setup.find_sensor(HAMMER).compute_full_scale(rig.setup.hammer_mass)
         self.contact_times = [
             sample.reference_contact_time
             for sample in self.samples.samples
@@ -81,23 +83,24 @@ class _Reading:
 
     def find_sample(self, name: str) -> TomlTable:
         """Return the table of a sample."""
-        tables = self.rig.document.take_tables("sample") if "sample" in self.rig.document else ()
+        tables = self.rig.document.take_tables("sample")
         found = [table for table in tables if table.get("name") == name]
         return found[0] if found else TomlTable({})
 
-    def find_full_scale(self, sensor: Sensor) -> float:
-        """Return the largest acceleration that a sensor takes [m/s^2]; 0: not known."""
-        return sensor.compute_full_scale(self.setup.hammer_mass)
+
+def fault(table: TomlTable, key: str, told: str) -> RigNote:
+    """Return what cannot work, with its line: what is told of a key."""
+    return RigNote(str(table.make_error(key, f"{key} of {table.place} {told}")), is_fault=True)
 
 
-def fault(table: TomlTable, key: str, text: str) -> RigNote:
-    """Return a fault with its line."""
-    return RigNote(str(table.make_error(key, text)), is_fault=True)
+def warning(table: TomlTable, key: str, told: str) -> RigNote:
+    """Return what is unwise, with its line: what is told of a key."""
+    return replace(fault(table, key, told), is_fault=False)
 
 
-def warning(table: TomlTable, key: str, text: str) -> RigNote:
-    """Return a warning with its line."""
-    return RigNote(str(table.make_error(key, text)))
+def remark(table: TomlTable, key: str, text: str, *, is_fault: bool = False) -> RigNote:
+    """Return what is to be said of more than a key, with its line."""
+    return RigNote(str(table.make_error(key, text)), is_fault)
 
 
 def _check_channels(reading: _Reading) -> Notes:
@@ -106,16 +109,14 @@ def _check_channels(reading: _Reading) -> Notes:
     hammer, specimen = map(reading.find_channel, CHANNELS)
     if HAMMER in reading.source and SPECIMEN not in reading.source:
         text = "[source] has no [source.specimen]: only the hammer is measured, so no hit is"
-        yield warning(reading.source, SPECIMEN, f"{text} checked by the sample's motion")
+        yield remark(reading.source, SPECIMEN, f"{text} checked by the sample's motion")
     name = str(specimen.get("channel", ""))
     if name and name == str(hammer.get("channel", "")):
-        text = f"channel of {specimen.place} is {name!r}, the hammer's: the two sensors are at two"
-        yield fault(specimen, "channel", f"{text} channels")
+        text = f"is {name!r}, the hammer's: the two sensors are at two channels"
+        yield fault(specimen, "channel", text)
     serial = specimen.get("serial_number", "")
     if serial and serial == hammer.get("serial_number"):
-        text = (
-            f"serial_number of {specimen.place} is {serial!r}, the hammer sensor's: they are two"
-        )
+        text = f"is {serial!r}, the hammer sensor's: they are two"
         yield warning(specimen, "serial_number", text)
 
 
@@ -124,10 +125,10 @@ def _check_drivers(reading: _Reading) -> Notes:
     holds_virtually = holder.get("driver", VIRTUAL) == VIRTUAL
     if reading.is_virtual and not holds_virtually:
         text = "[holder] moves a real hammer, and the accelerations are of the virtual rig: name"
-        yield warning(holder, "driver", f"{text} the digitizer in [source]")
+        yield remark(holder, "driver", f"{text} the digitizer in [source]")
     if holds_virtually and not reading.is_virtual:
         text = "[source] measures, and nothing lets a hammer go: add [holder], for example with"
-        yield warning(reading.source, "driver", f'{text} driver = "manual"')
+        yield remark(reading.source, "driver", f'{text} driver = "manual"')
 
 
 def _check_rate(reading: _Reading) -> Notes:
@@ -136,20 +137,19 @@ def _check_rate(reading: _Reading) -> Notes:
         return
     cutoff, highest = reading.analysis.cutoff_frequency, HIGHEST_RELATIVE_CUTOFF * rate
     if cutoff > highest:
+        is_stated = "cutoff_frequency" in analysis
+        table, key = (analysis, "cutoff_frequency") if is_stated else (source, "sampling_rate")
         text = f"cutoff_frequency of [analysis] is {cutoff:g} Hz: at {rate:g} Hz it must be"
-        table = analysis if "cutoff_frequency" in analysis else source
-        key = "cutoff_frequency" if "cutoff_frequency" in analysis else "sampling_rate"
-        yield fault(table, key, f"{text} {highest:g} Hz or less")
+        yield remark(table, key, f"{text} {highest:g} Hz or less", is_fault=True)
     before = reading.analysis.pre_trigger * rate
     if before < 10.0:
-        text = f"sampling_rate of [source] is {rate:g} Hz: the {before:.1f} points before the"
-        yield fault(source, "sampling_rate", f"{text} impact give no baseline, it takes 10")
-    width = min(reading.contact_times, default=math.nan) / reading.analysis.pulse_factor
-    text = f"sampling_rate of [source] is {rate:g} Hz: the shortest expected pulse has"
-    text = f"{text} {width * rate:.1f} points at half amplitude"
-    if width * rate < 3.0:
+        text = f"is {rate:g} Hz: the {before:.1f} points before the impact give no baseline"
+        yield fault(source, "sampling_rate", f"{text}, it takes 10")
+    points = min(reading.contact_times, default=math.nan) / reading.analysis.pulse_factor * rate
+    text = f"is {rate:g} Hz: the shortest expected pulse has {points:.1f} points at half amplitude"
+    if points < 3.0:
         yield fault(source, "sampling_rate", f"{text}, it takes 3")
-    elif width * rate < 10.0:
+    elif points < 10.0:
         yield warning(source, "sampling_rate", f"{text}: 10 or more resolve it")
 
 
@@ -157,38 +157,35 @@ def _check_record(reading: _Reading) -> Notes:
     source, analysis = reading.source, reading.analysis
     needed = analysis.record_duration - analysis.pre_trigger
     if reading.pre_trigger < analysis.pre_trigger:
-        text = f"pre_trigger of [source] is {reading.pre_trigger * 1e6:g} µs: the analysis keeps"
+        text = f"is {reading.pre_trigger * 1e6:g} µs: the analysis keeps"
         text = f"{text} {analysis.pre_trigger * 1e6:g} µs before the impact, record 1.5 times that"
         yield fault(source, "pre_trigger", text)
     after = reading.duration - max(reading.pre_trigger, 0.0)
+    text = f"leaves {after * 1e3:g} ms after the trigger"
     if after < needed * (1.0 - 1e-9):
-        text = f"record_duration of [source] leaves {after * 1e3:g} ms after the trigger: the"
-        yield fault(source, "record_duration", f"{text} analysis looks at {needed * 1e3:g} ms")
+        text = f"{text}: the analysis looks at {needed * 1e3:g} ms"
+        yield fault(source, "record_duration", text)
     elif after > 1.5 * needed:
-        text = f"record_duration of [source] leaves {after * 1e3:g} ms after the trigger, of which"
-        text = f"{text} the analysis looks at {needed * 1e3:g} ms: leave record_duration of"
-        yield warning(source, "record_duration", f"{text} [analysis] out, and it looks at all")
-    table = reading.find_table("analysis")
+        text = f"{text}, of which the analysis looks at {needed * 1e3:g} ms: leave record_duration"
+        yield warning(source, "record_duration", f"{text} of [analysis] out, and it looks at all")
     longest = max(reading.contact_times, default=math.nan)
     if needed < 2.0 * longest:
-        text = f"record_duration of [analysis] leaves {needed * 1e6:g} µs after the impact begins:"
-        text = f"{text} a contact of {longest * 1e6:g} µs needs twice its time"
-        yield fault(table, "record_duration", text)
+        text = f"leaves {needed * 1e6:g} µs after the impact begins: a contact of"
+        text = f"{text} {longest * 1e6:g} µs needs twice its time"
+        yield fault(reading.find_table("analysis"), "record_duration", text)
 
 
 def _check_trigger(reading: _Reading) -> Notes:
     source, analysis = reading.source, reading.analysis
-    table = reading.find_table("analysis")
     if analysis.detection_level >= analysis.minimum_peak > 0.0:
-        text = f"detection_level of [analysis] is {analysis.detection_level:g}: hits begin there,"
-        text = f"{text} it must be below minimum_peak, {analysis.minimum_peak:g}"
-        yield fault(table, "detection_level", text)
-    full_scale = reading.find_full_scale(reading.setup.find_sensor(HAMMER))
+        text = f"is {analysis.detection_level:g}: hits begin there, it must be below minimum_peak"
+        text = f"{text}, {analysis.minimum_peak:g}"
+        yield fault(reading.find_table("analysis"), "detection_level", text)
     trigger = take_trigger_level(source, reading.setup.hammer_mass)
-    if trigger is None or not full_scale:
+    if trigger is None or not reading.full_scale:
         return
-    level = trigger / full_scale
-    text = f"trigger_level of [source] is {level * 100:.3g} % of the hammer's full_scale"
+    level = trigger / reading.full_scale
+    text = f"is {level * 100:.3g} % of the hammer's full_scale"
     if level >= 1.0:
         yield fault(source, "trigger_level", f"{text}: no hit reaches it")
     elif level > analysis.minimum_peak:
@@ -199,65 +196,47 @@ def _check_trigger(reading: _Reading) -> Notes:
 
 
 def _check_settings(reading: _Reading) -> Notes:
-    analysis, table = reading.analysis, reading.find_table("analysis")
-    shortest = min(reading.contact_times, default=math.nan)
-    if 0.0 < analysis.cutoff_frequency * shortest < 3.0:
-        text = f"cutoff_frequency of [analysis] is {analysis.cutoff_frequency:g} Hz: it widens a"
-        text = f"{text} contact of {shortest * 1e6:g} µs, {3.0 / shortest:.2g} Hz or more does not"
-        yield warning(table, "cutoff_frequency", text)
+    cutoff, shortest = reading.analysis.cutoff_frequency, min(reading.contact_times, default=0.0)
+    if 0.0 < cutoff * shortest < 3.0:
+        text = f"is {cutoff:g} Hz: it widens a contact of {shortest * 1e6:g} µs,"
+        text = f"{text} {3.0 / shortest:.2g} Hz or more does not"
+        yield warning(reading.find_table("analysis"), "cutoff_frequency", text)
 
 
 def _check_masses(reading: _Reading) -> Notes:
-    setup, samples = reading.setup, reading.samples
-    mass = setup.hammer_mass
+    samples, hammer = reading.samples, reading.setup.hammer_mass
     for sample in samples.samples:
-        table, ratio = reading.find_sample(sample.name), sample.mass / mass
+        table, ratio = reading.find_sample(sample.name), sample.mass / hammer
         if ratio > 50.0 or ratio < 0.02:
-            text = (
-                f"mass of sample {sample.name!r} is {sample.mass * 1e3:.4g} g beside a hammer of"
-            )
-            text = f"{text} {mass * 1e3:.4g} g: one hardly moves the other, is the unit right?"
-            yield warning(table, "mass", text)
+            text = f"is {sample.mass * 1e3:.4g} g beside a hammer of {hammer * 1e3:.4g} g: one"
+            yield warning(table, "mass", f"{text} hardly moves the other, is the unit right?")
         if samples.accelerometer_mass > 0.3 * sample.mass:
-            text = f"accelerometer_mass of [samples] is {samples.accelerometer_mass * 1e3:.4g} g,"
-            text = f"{text} beside sample {sample.name!r} of {sample.mass * 1e3:.4g} g"
-            text = f"{text}: is the unit right?"
+            text = f"is {samples.accelerometer_mass * 1e3:.4g} g, beside sample {sample.name!r} of"
+            text = f"{text} {sample.mass * 1e3:.4g} g: is the unit right?"
             yield warning(reading.find_table("samples"), "accelerometer_mass", text)
-        if sample.mass_uncertainty > 0.05 * sample.mass:
-            share = sample.mass_uncertainty / sample.mass * 100.0
-            text = f"mass_uncertainty of sample {sample.name!r} is {share:.3g} % of the mass"
-            yield warning(table, "mass_uncertainty", f"{text}: a balance does better")
+        share = sample.mass_uncertainty / sample.mass * 100.0
+        if share > 5.0:
+            text = f"is {share:.3g} % of the mass: a balance does better"
+            yield warning(table, "mass_uncertainty", text)
 
 
 def _check_samples(reading: _Reading) -> Notes:
     setup, samples, table = reading.setup, reading.samples, reading.find_table("samples")
     if note := check_control(setup):
-        yield warning(table, "control", note.explanation)
+        yield remark(table, "control", note.explanation)
     if not samples.control_sample and math.isnan(setup.hammer_stiffness):
         text = "[samples] names no control sample: contact times are measured, and neither k nor c"
-        yield warning(table, "control", f"{text} of a sample; name one alike to the hammer")
+        yield remark(table, "control", f"{text} of a sample; name one alike to the hammer")
     seen: dict[str, str] = {}
     for sample in samples.samples:
-        key = "".join(sample.name.lower().split())
-        if key in seen:
-            text = f"samples {seen[key]!r} and {sample.name!r} differ in spaces or capitals only"
-            yield warning(reading.find_sample(sample.name), "name", text)
-        seen[key] = sample.name
-        time = sample.reference_contact_time
+        table, time = reading.find_sample(sample.name), sample.reference_contact_time
+        like = seen.setdefault("".join(sample.name.lower().split()), sample.name)
+        if like != sample.name:
+            text = f"samples {like!r} and {sample.name!r} differ in spaces or capitals only"
+            yield remark(table, "name", text)
         if time > 0.02 or time < 2e-6:
-            text = (
-                f"reference_contact_time of sample {sample.name!r} is {time * 1e6:.4g} µs: metal"
-            )
-            text = f"{text} takes 50 µs to some ms, is the unit right?"
-            yield warning(reading.find_sample(sample.name), "reference_contact_time", text)
-
-
-def _check_swing(reading: _Reading) -> Notes:
-    length = STANDARD_GRAVITY / reading.setup.pendulum_rate**2
-    if length > 5.0 or length < 0.02:
-        text = f"release_angle and impact_speed of [hammer] are of a pendulum {length:.2g} m long"
-        table = reading.find_table("hammer")
-        yield warning(table, "release_angle", f"{text}: one of them is wrong")
+            text = f"is {time * 1e6:.4g} µs: metal takes 50 µs to some ms, is the unit right?"
+            yield warning(table, "reference_contact_time", text)
 
 
 def _check_barrier(reading: _Reading) -> Notes:
@@ -268,38 +247,35 @@ def _check_barrier(reading: _Reading) -> Notes:
     name = str(table.get("channel", ""))
     for channel in CHANNELS:
         if name and name == str(reading.find_channel(channel).get("channel", "")):
-            text = f"channel of {table.place} is {name!r}, the {channel}'s: a barrier has its own"
+            text = f"is {name!r}, the {channel}'s: a barrier has its own"
             yield fault(table, "channel", text)
     distance = take_barrier_distance(table)
-    way = setup.impact_speed / setup.pendulum_rate
+    way, step = setup.impact_speed / setup.pendulum_rate, setup.impact_speed / reading.rate
+    text = f"is {distance * 1e3:.3g} mm: "
     if distance >= way:
-        text = f"distance of {table.place} is {distance * 1e3:.3g} mm: the hammer swings only"
-        yield fault(table, "distance", f"{text} {way * 1e3:.3g} mm, from release to contact")
-    step = setup.impact_speed / reading.rate / distance
-    if step > 0.01:
-        text = f"distance of {table.place} is {distance * 1e3:.3g} mm: from point to point the"
-        text = f"{text} hammer moves by {100.0 * step:.2g} % of it, sample faster or take longer"
-        yield warning(table, "distance", text)
+        text = f"{text}the hammer swings only {way * 1e3:.3g} mm, from release to contact"
+        yield fault(table, "distance", text)
+    elif step > 0.01 * distance:
+        text = f"{text}from point to point the hammer moves by {100.0 * step / distance:.2g} % of"
+        yield warning(table, "distance", f"{text} it, sample faster or take longer")
 
 
 def _check_check_mass(reading: _Reading) -> Notes:
-    mass, table = reading.rig.check_mass, reading.find_table("check_mass")
+    mass, hammer = reading.rig.check_mass, reading.setup.hammer_mass
     if mass is None:
         return
-    ratio = mass.mass / reading.setup.hammer_mass
+    ratio = mass.mass / hammer
     if ratio > 10.0 or ratio < 0.1:
-        text = f"mass of [check_mass] is {mass.mass * 1e3:.4g} g beside a hammer of"
-        text = f"{text} {reading.setup.hammer_mass * 1e3:.4g} g: take one between the samples'"
-        yield warning(table, "mass", text)
+        text = f"is {mass.mass * 1e3:.4g} g beside a hammer of {hammer * 1e3:.4g} g: take one"
+        yield warning(reading.find_table("check_mass"), "mass", f"{text} between the samples'")
     if mass.name in reading.samples.names:
         text = f"a sample is called {mass.name!r}, as that of [check_mass]: give it another name"
-        yield fault(reading.find_sample(mass.name), "name", text)
+        yield remark(reading.find_sample(mass.name), "name", text, is_fault=True)
 
 
 def _check_peak(reading: _Reading) -> Notes:
     """Compare what the hammer will see of the weakest and strongest hit with its range."""
-    setup, analysis = reading.setup, reading.analysis
-    full_scale = reading.find_full_scale(setup.find_sensor(HAMMER))
+    setup, analysis, full_scale = reading.setup, reading.analysis, reading.full_scale
     channel = reading.find_channel(HAMMER)
     series = setup.at_angles(reading.rig.release_angles) if reading.rig.release_angles else setup
     peaks = {}
@@ -313,50 +289,44 @@ def _check_peak(reading: _Reading) -> Notes:
     if not full_scale or not peaks:
         return
     weakest, strongest = min(peaks, key=peaks.__getitem__), max(peaks, key=peaks.__getitem__)
-    if peaks[weakest] < analysis.minimum_peak * full_scale:
+    least = analysis.minimum_peak * full_scale
+    if peaks[weakest] < least:
         text = f"hits on {weakest!r} will reach about {peaks[weakest]:.3g} m/s², weaker than"
-        text = (
-            f"{text} minimum_peak, {analysis.minimum_peak * full_scale:.4g} m/s² of the hammer's"
-        )
-        text = f"{text} full_scale: swing higher, use a more sensitive sensor or range, or set"
-        yield warning(channel, "full_scale", f"{text} minimum_peak in [analysis]")
+        text = f"{text} minimum_peak, {least:.4g} m/s² of the hammer's full_scale: swing higher,"
+        text = f"{text} use a more sensitive sensor or range, or set minimum_peak in [analysis]"
+        yield remark(channel, "full_scale", text)
     if peaks[strongest] > analysis.maximum_peak * full_scale:
         text = f"hits on {strongest!r} will reach about {peaks[strongest]:.3g} m/s², and the"
         text = f"{text} hammer's full_scale is {full_scale:.4g} m/s²: swing lower, or use a less"
-        yield warning(channel, "full_scale", f"{text} sensitive sensor or range")
+        yield remark(channel, "full_scale", f"{text} sensitive sensor or range")
 
 
 def _check_sensors(reading: _Reading) -> Notes:
     cutoff = reading.analysis.cutoff_frequency or math.inf
     longest = max(reading.contact_times, default=2e-4)
+    contact = f"a contact of {longest * 1e6:g} µs"
     for sensor in reading.setup.sensors:
         table = reading.find_channel(sensor.channel)
         if 0.0 < sensor.resonance < cutoff < math.inf:
-            text = f"resonance of {table.place} is {sensor.resonance:g} Hz, below the low-pass of"
-            text = f"{text} {cutoff:g} Hz: the sensor rings in the pulse"
-            yield warning(table, "resonance", text)
+            text = f"is {sensor.resonance:g} Hz, below the low-pass of {cutoff:g} Hz: the sensor"
+            yield warning(table, "resonance", f"{text} rings in the pulse")
         if 2.0 * math.pi * sensor.low_corner * longest > 0.05:
-            text = f"low_corner of {table.place} is {sensor.low_corner:g} Hz: a contact of"
-            text = f"{text} {longest * 1e6:g} µs droops by more than 5 %"
+            text = f"is {sensor.low_corner:g} Hz: {contact} droops by more than 5 %"
             yield warning(table, "low_corner", text)
         if 0.0 < sensor.upper_corner * longest < 3.0:
-            text = f"upper_corner of {table.place} is {sensor.upper_corner:g} Hz: it widens a"
-            yield warning(table, "upper_corner", f"{text} contact of {longest * 1e6:g} µs")
+            text = f"is {sensor.upper_corner:g} Hz: it widens {contact}"
+            yield warning(table, "upper_corner", text)
         if sensor.sensitivity_uncertainty > 0.1:
-            text = (
-                f"sensitivity_uncertainty of {table.place} is {sensor.sensitivity_uncertainty:g}"
-            )
-            text = f"{text}, part of the sensitivity: sheets say 0.005 to 0.05"
-            yield warning(table, "sensitivity_uncertainty", text)
+            text = f"is {sensor.sensitivity_uncertainty:g}, part of the sensitivity: sheets say"
+            yield warning(table, "sensitivity_uncertainty", f"{text} 0.005 to 0.05")
         largest = abs(sensor.sensitivity) * sensor.full_scale
+        text = f"sensitivity times full_scale of {table.place} is {largest:.4g} V:"
         if largest > 25.0:
-            text = (
-                f"sensitivity times full_scale of {table.place} is {largest:.4g} V: sensors give"
-            )
-            yield warning(table, "sensitivity", f"{text} 10 V at most, is the unit right?")
+            text = f"{text} sensors give 10 V at most, is the unit right?"
+            yield remark(table, "sensitivity", text)
         elif 0.0 < largest < 5e-3:
-            text = f"sensitivity times full_scale of {table.place} is {largest * 1e3:.3g} mV"
-            yield warning(table, "sensitivity", f"{text}: it drowns in noise, is the unit right?")
+            text = f"{text} it drowns in noise, is the unit right?"
+            yield remark(table, "sensitivity", text)
 
 
 class Plausible(NamedTuple):
@@ -382,6 +352,8 @@ PLAUSIBLE = (
     Plausible("hammer", "impact_speed_uncertainty",
               lambda rig: 100.0 * rig.impact_speed_uncertainty / rig.impact_speed,
               "{:.3g} % of the speed", 0.0, 10.0, "a light barrier does better"),
+    Plausible("hammer", "release_angle", lambda rig: STANDARD_GRAVITY / rig.pendulum_rate**2,
+              "that of a pendulum {:.2g} m long", 0.02, 5.0, "it or impact_speed is wrong"),
     Plausible("digitizer", "clock_uncertainty", lambda rig: rig.clock_uncertainty,
               "{:g}, part of the rate", 0.0, 0.01, "a crystal has 1e-4 or less"),
     Plausible("analysis", "record_duration", lambda rig: rig.analysis.record_duration, "{:g} s",
@@ -397,13 +369,12 @@ def _check_plausible(reading: _Reading) -> Notes:
     for item in PLAUSIBLE:
         value, table = item.read(reading.setup), reading.find_table(item.table)
         if value < item.low or value > item.high:
-            shown = item.shown.format(value)
-            text = f"{item.key} of [{item.table}] is {shown}: {item.advice}"
+            text = f"is {item.shown.format(value)}: {item.advice}"
             yield warning(table, item.key, text)
 
 
 CHECKS: tuple[Callable[[_Reading], Notes], ...] = (
     _check_channels, _check_drivers, _check_rate, _check_record, _check_trigger, _check_settings,
-    _check_masses, _check_samples, _check_swing, _check_barrier, _check_check_mass, _check_peak,
+    _check_masses, _check_samples, _check_barrier, _check_check_mass, _check_peak,
     _check_sensors, _check_plausible,
 )  # fmt: skip

@@ -16,7 +16,12 @@ from impact_rig.configuration.particulars import (
     Particulars,
     parse_particulars,
 )
-from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
+from impact_rig.configuration.toml_table import (
+    REQUIRED,
+    TomlTable,
+    parse_toml_table,
+    read_toml_file,
+)
 from impact_rig.configuration.units import (
     Given,
     parse_quantity,
@@ -91,23 +96,6 @@ def read_settings(given: Mapping[str, Given]) -> dict[str, float]:
     return settings
 
 
-SENSOR_KEYS = (
-    "quantity",
-    "sensitivity",
-    "full_scale",
-    *INSTRUMENT_KEYS,
-    "sensitivity_uncertainty",
-    "resonance",
-    "resonance_uncertainty",
-    "resonance_damping",
-    "low_corner",
-    "low_corner_uncertainty",
-    "upper_corner",
-    "upper_corner_uncertainty",
-)
-"""Keys of a calibration sheet; the other keys of the table are the driver's."""
-
-
 FREQUENCIES = {
     "resonance": "70 kHz",
     "resonance_uncertainty": "1 kHz",
@@ -119,6 +107,8 @@ FREQUENCIES = {
 """Of a sensor, with an example each."""
 RESPONSE_KEYS = (*FREQUENCIES, "resonance_damping", "sensitivity_uncertainty")
 """Keys of a sensor in rig files and files of channels."""
+SENSOR_KEYS = ("quantity", "sensitivity", "full_scale", *INSTRUMENT_KEYS, *RESPONSE_KEYS)
+"""Keys of a calibration sheet; the other keys of the table are the driver's."""
 
 
 def parse_sensors(source: TomlTable) -> tuple[Sensor, ...]:
@@ -278,30 +268,28 @@ def parse_rig_file(text: str) -> RigFile:
     )
 
 
+SWING = {
+    "hammer_mass": ("mass", "kg", "100 g", REQUIRED),
+    "hammer_mass_uncertainty": ("mass_uncertainty", "kg", "0.29 g", 0.0),
+    "impact_speed": ("impact_speed", "m/s", "8.19 cm/s", REQUIRED),
+    "impact_speed_uncertainty": ("impact_speed_uncertainty", "m/s", "0.1 cm/s", 0.0),
+    "release_angle": ("release_angle", "rad", "3.7 deg", math.nan),
+}
+"""Fields of the set-up in the table [hammer]: key, unit, example, default."""
+
+
 def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
-    hammer = document.take_table("hammer")
-    hammer.check_keys(
-        "mass", "mass_uncertainty", "impact_speed", "impact_speed_uncertainty", "release_angle",
-        "release_angles",
-    )  # fmt: skip
+    hammer, digitizer = document.take_table("hammer"), document.take_table("digitizer")
+    hammer.check_keys(*(key for key, *_ in SWING.values()), "release_angles")
     samples, settings = _parse_samples(document), parse_settings(document)
     settings = _follow_record(settings, document.take_table("source"))
     with document.take_table("analysis").locating():
         analysis = AnalysisSettings(**settings)
-    digitizer = document.take_table("digitizer")
     digitizer.check_keys("clock_uncertainty", *INSTRUMENT_KEYS)
-    numbers = {
-        "hammer_mass": hammer.take_quantity("mass", "kg", "100 g"),
-        "impact_speed": hammer.take_quantity("impact_speed", "m/s", "8.19 cm/s"),
-        "impact_speed_uncertainty": hammer.take_quantity(
-            "impact_speed_uncertainty", "m/s", "0.1 cm/s", 0.0
-        ),
-        "hammer_mass_uncertainty": hammer.take_quantity("mass_uncertainty", "kg", "0.29 g", 0.0),
-        "release_angle": hammer.take_quantity("release_angle", "rad", "3.7 deg", math.nan),
-        "clock_uncertainty": digitizer.take_number(
-            "clock_uncertainty", 0.0, 1.0, DEFAULT_CLOCK_UNCERTAINTY
-        ),
-    }
+    numbers = {name: hammer.take_quantity(*stated) for name, stated in SWING.items()}
+    numbers["clock_uncertainty"] = digitizer.take_number(
+        "clock_uncertainty", 0.0, 1.0, DEFAULT_CLOCK_UNCERTAINTY
+    )
     name, description = document.take_text("name"), document.take_text("description")
     with hammer.locating():
         return RigSetup(
@@ -381,7 +369,8 @@ def _parse_swing(holder: TomlTable) -> dict[str, Any]:
 
 def _parse_samples(document: TomlTable) -> SampleSet:
     common = document.take_table("samples")
-    common.check_keys("control", "accelerometer_mass", "accelerometer_mass_uncertainty")
+    examples = {"accelerometer_mass": "3 g", "accelerometer_mass_uncertainty": "0.29 g"}
+    common.check_keys("control", *examples)
     samples: dict[str, Sample] = {}
     for table in document.take_tables("sample"):
         sample = _parse_sample(table)
@@ -390,10 +379,7 @@ def _parse_samples(document: TomlTable) -> SampleSet:
         samples[sample.name] = sample
     control = common.take_text("control")
     masses: dict[str, Any] = {
-        "accelerometer_mass": common.take_quantity("accelerometer_mass", "kg", "3 g", 0.0),
-        "accelerometer_mass_uncertainty": common.take_quantity(
-            "accelerometer_mass_uncertainty", "kg", "0.29 g", 0.0
-        ),
+        key: common.take_quantity(key, "kg", example, 0.0) for key, example in examples.items()
     }
     with common.locating():
         return SampleSet(tuple(samples.values()), control, **masses)

@@ -20,6 +20,7 @@ from impact_rig.results.numbers import (
     format_number,
     is_beyond_rounding,
 )
+from impact_rig.results.references import shows_scatter
 from impact_rig.results.table import (
     Column,
     Table,
@@ -42,10 +43,11 @@ SPREAD_NOTE = (
 
 
 CHANGE_NOTE = (
-    "En is the difference over its expanded uncertainty √(U1² + U2²). Marked: |En| above 1, the"
-    " value changed by more than its uncertainty explains. Masses and clock that both runs share"
-    " cancel in the difference, so that a change has to be larger than need be to be marked. Of"
-    " many comparisons without any change, one in twenty at most goes beyond 1 by chance."
+    "En is the difference over its expanded uncertainty √(U1² + U2²), not known where a value is"
+    " of one hit. Marked: |En| above 1, the value changed by more than its uncertainty explains."
+    " Masses and clock that both runs share cancel in the difference, so that a change has to be"
+    " larger than need be to be marked. Of many comparisons without any change, one in twenty at"
+    " most goes beyond 1 by chance."
 )
 
 
@@ -119,8 +121,9 @@ def tabulate_changes(first: BatchCampaign, second: BatchCampaign) -> list[Table]
                 old.compute_half_width(new.value), new.compute_half_width(old.value)
             )
             difference = Quantity(new.value - old.value, expanded=expanded)
-            is_uncertain = is_beyond_rounding(expanded, new.value)
-            ratio = difference.value / expanded if is_uncertain else math.nan
+            is_whole = all(shows_scatter(run.results, name, item) for run in (first, second))
+            is_known = is_whole and is_beyond_rounding(expanded, new.value)
+            ratio = difference.value / expanded if is_known else math.nan
             if abs(ratio) > 1.0:
                 marked.append(len(rows))
             values = map(item.format, (old, new, difference))

@@ -212,7 +212,7 @@ UNWISE = [
     ('mass = "180 g"', 'mass = "180 mg"', "line 50: mass of sample 'brass' is 0.18 g beside"),
     ('mass = "113 g"', 'mass = "113 kg"', "line 2: mass of [hammer] is 113 kg: a pendulum"),
     ('"0.1 g"', '"10 g"', "line 3: mass_uncertainty of [hammer] is 8.85 % of the mass"),
-    ('"8.19 cm/s"', '"8.19 km/h"', "line 5: release_angle and impact_speed of [hammer] are of a"),
+    ('"8.19 cm/s"', '"8.19 km/h"', "line 5: release_angle of [hammer] is that of a pen"),
     ('"8.19 cm/s"', '"81.9 m/s"', "line 4: impact_speed of [hammer] is 81.9 m/s: a pendulum"),
     ('"3.7 deg"', '"3.7 deg"\nimpact_speed_uncertainty = "3 cm/s"',
      "line 6: impact_speed_uncertainty of [hammer] is 36.6 % of the speed: a light barrier"),

@@ -1,6 +1,7 @@
 """Many recordings in one table."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -79,6 +80,12 @@ def test_of_two_runs_each_quantity_stands_with_its_difference_and_whether_it_cha
     assert table.notes[0] == "1 of 2 values changed beyond their uncertainty."
     (back,) = tabulate_changes(second, first)
     assert (back.rows[0][-1], back.marked) == ("-1.20", {0})
+    # How one hit would scatter is not known, so nothing says that it changed.
+    (sample,) = second.results.samples
+    of_one = replace(second.results, samples=(replace(sample, impacts_accepted=1),))
+    (table,) = tabulate_changes(first, replace(second, results=of_one))
+    assert "En" not in [column.header for column in table.columns]
+    assert table.marked == frozenset()
 
 
 def test_the_hammer_is_compared_and_what_only_one_run_determined_is_not(results):
