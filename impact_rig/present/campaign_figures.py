@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from statistics import fmean
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,7 @@ from impact_rig.core.speed_exponents import (
     HERTZ_SPEED_EXPONENTS,
     SpeedExponents,
 )
-from impact_rig.present.picture import Picture, make_panel, make_picture, shorten_name
+from impact_rig.present.picture import Picture, make_panel, make_picture, reuse_panel, shorten_name
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import MICRO, format_error, format_quantity
 from impact_rig.results.palette import SERIES, VERMILION, format_hex
@@ -44,6 +43,8 @@ MARKERS = "s^oDvPX*"
 GRAM = 1e3  # kilograms to grams
 CASES = ("brass small", "steel medium", "aluminium large")
 """The three samples of the paper's Fig. 5, from top to bottom."""
+HIGH, MIDDLE, ROW = 1.9, 0.9, 0.2
+"""Heights of axes, of three below each other, and of a row of names [inch]."""
 
 
 @dataclass(frozen=True)
@@ -94,15 +95,15 @@ def make_contact_pictures(results: Results) -> list[Picture]:
             "Each tick is one hit, the filled point the mean hit of a sample with its 95 %"
             " interval, the ring the value that the paper or the set-up gives."
         )
-        found.append(make_picture(title, caption, [partial(draw_widths, weighed)]))
+        found.append(make_picture(title, caption, [draw_widths(weighed)]))
     if rows:
         title = "Fig. 4. Maximum amplitude against pulse width"
         caption = (
             "Largest acceleration of the mean hit against the pulse width. The paper prints this"
             " figure without numbers: there is nothing to lay beside it."
         )
-        draw = [partial(draw_peaks, rows, body) for body in BODIES]
-        found.append(make_picture(title, caption, draw))
+        panels = (draw_peaks(rows, body) for body in BODIES)
+        found.append(make_picture(title, caption, panels))
     return found
 
 
@@ -132,8 +133,8 @@ def make_model_pictures(results: Results, samples: Sequence[SampleTraces]) -> li
             " hit. Both are normalised to their peak, and the model is shifted in time onto the"
             " measurement. MSE: mean square error over the record, as in Fig. 6."
         )
-        draw = [partial(draw_responses, cases, channel) for channel in (0, 1)]
-        found.append(make_picture(title, caption, draw))
+        panels = (draw_responses(cases, channel) for channel in range(len(BODIES)))
+        found.append(make_picture(title, caption, panels))
     if rows:
         title = "Fig. 6. Mean square error between model and measurement"
         caption = (
@@ -142,14 +143,13 @@ def make_model_pictures(results: Results, samples: Sequence[SampleTraces]) -> li
             " prints this figure without numbers. This measure is forgiving: a visibly wrong"
             " shape still gives 1 to 3 %."
         )
-        draw = [partial(draw_errors, rows, body) for body in BODIES]
-        found.append(make_picture(title, caption, draw))
+        found.append(make_picture(title, caption, (draw_errors(rows, body) for body in BODIES)))
     return found
 
 
 def draw_widths(rows: Sequence[FigureRow]) -> "Figure":
     """Draw tau_p over m_eq: hits, means and expected values."""
-    panel = make_panel(3.2)
+    panel = reuse_panel(HIGH)
     (axes,) = panel.axes
     for place, row in enumerate(rows):
         mass = row.relative_mass * GRAM
@@ -182,7 +182,7 @@ def draw_widths(rows: Sequence[FigureRow]) -> "Figure":
 
 def draw_peaks(rows: Sequence[FigureRow], body: Body) -> "Figure":
     """Draw the largest acceleration of a body's mean hits over tau_p."""
-    panel = make_panel(3.2)
+    panel = reuse_panel(HIGH)
     (axes,) = panel.axes
     _plot_materials(
         axes,
@@ -226,7 +226,7 @@ def _list_materials(rows: Sequence[FigureRow]) -> list[str]:
 
 def draw_responses(cases: Sequence[SampleTraces], channel: int) -> "Figure":
     """Draw normalised model and mean hit of a body, sample below sample."""
-    panel = make_panel(*[1.4] * len(cases))
+    panel = reuse_panel(*[MIDDLE] * len(cases))
     for axes, sample in zip(panel.axes, cases, strict=True):
         measured, modelled = sample.normalise(channel)
         shown = (sample.time > -1.2 * sample.contact_time) & (
@@ -254,13 +254,13 @@ def draw_responses(cases: Sequence[SampleTraces], channel: int) -> "Figure":
 
 def draw_errors(rows: Sequence[FigureRow], body: Body) -> "Figure":
     """Draw the mean square error of the force-driven model, and the paper's largest."""
-    panel = make_panel(1.4 + 0.22 * len(rows), left=1.5)
+    panel = reuse_panel(ROW * (1 + len(rows)), left=1.5)
     (axes,) = panel.axes
     values = [getattr(row.estimate.errors, body.error) for row in rows]
     bars = axes.barh(range(len(rows)), values, color=format_hex(VERMILION))
     axes.bar_label(bars, [f" {format_error(value)} %" for value in values], fontsize="small")
     axes.set_yticks(range(len(rows)), [shorten_name(row.estimate.name) for row in rows])
-    axes.invert_yaxis()
+    axes.yaxis.set_inverted(True)
     bound = f"largest of the paper, {body.largest_error:g} %"
     axes.axvline(body.largest_error, color="black", linestyle="--", label=bound)
     axes.margins(x=0.15)
@@ -289,7 +289,7 @@ def make_speed_picture(results: Results) -> Picture:
         "Contact over impact speed",
         "Both axes are logarithmic: a power of v is a straight line, p its exponent. Bars: 95 %"
         " intervals. Dotted: a Hertz contact without loss.",
-        [partial(draw_speed, results, *shown) for shown in SHOWN],
+        (draw_speed(results, *shown) for shown in SHOWN),
     )
 
 
@@ -297,7 +297,7 @@ def draw_speed(results: Results, name: str, title: str, label: str, scale: float
     """Draw one quantity of the contact law over the impact speed, sample by sample."""
     from matplotlib.ticker import MaxNLocator, NullLocator, ScalarFormatter
 
-    panel = make_panel(3.4)
+    panel = make_panel(HIGH)
     (axes,) = panel.axes
     axes.set(xscale="log", yscale="log", title=title, xlabel="impact speed [cm/s]", ylabel=label)
     for axis in (axes.xaxis, axes.yaxis):

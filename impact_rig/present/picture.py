@@ -2,7 +2,7 @@
 
 import base64
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -25,14 +25,17 @@ STYLE: dict[Any, Any] = {
     "axes.titlelocation": "left",
     "axes.titley": 1.0,  # fixed: placing each title takes a tenth of the time
     "axes.titlesize": "medium",
+    "xtick.bottom": False,  # the grid marks the ticks
+    "ytick.left": False,
     "grid.alpha": 0.2,
     "legend.fontsize": "small",
     "legend.frameon": False,
     "lines.linewidth": 1.2,
 }
 WIDTH = 4.8  # [inch], of a panel: two stand beside each other, on a phone one
+LABEL = 0.28  # [inch], from axes to the label of the abscissa
 MOST_TICKS = 5  # intervals of an axis: each tick takes time
-LEFT, RIGHT, TOP, BOTTOM = 0.8, 0.1, 0.3, 0.95  # [inch], around the axes; two rows of a legend
+LEFT, RIGHT, TOP, BOTTOM = 0.8, 0.1, 0.3, 0.95  # [inch], around axes; two rows of a legend
 
 
 @dataclass(frozen=True)
@@ -44,15 +47,14 @@ class Picture:
     panels: tuple[str, ...]  # SVG as data URLs
 
 
-def make_picture(title: str, caption: str, draw: "Sequence[Callable[[], Figure]]") -> Picture:
-    """Return a figure in the report's style, with the panels that these functions draw."""
-    with drawing_style():
-        return Picture(title, caption, tuple(_embed(panel()) for panel in draw))
+def make_picture(title: str, caption: str, panels: "Iterable[Figure]") -> Picture:
+    """Return a figure of panels, each of which may be the one before, drawn anew."""
+    return Picture(title, caption, tuple(map(_embed, panels)))
 
 
 @contextmanager
 def drawing_style() -> Iterator[None]:
-    """Draw in the report's style, independent of the user's settings of matplotlib."""
+    """Draw in our style, whatever the user's settings of matplotlib are."""
     import matplotlib as mpl
 
     with mpl.rc_context():
@@ -61,7 +63,7 @@ def drawing_style() -> Iterator[None]:
         yield
 
 
-def make_panel(*heights: float, left: float = LEFT) -> "Figure":
+def make_panel(*heights: float, left: float = LEFT, bottom: float = BOTTOM) -> "Figure":
     """Return a panel with axes below each other, of these heights [inch], on one abscissa.
 
     Its margins are fixed, since fitting them would take half the time of a report.
@@ -69,35 +71,41 @@ def make_panel(*heights: float, left: float = LEFT) -> "Figure":
     # The Figure itself, not pyplot: no screen, no state that outlives the call.
     from matplotlib.figure import Figure
 
-    panel: Figure = fill_panel(Figure(figsize=(WIDTH, sum(heights))), *heights, left=left)
+    figure = Figure(figsize=(WIDTH, sum(heights) + TOP + bottom))
+    panel: Figure = fill_panel(figure, *heights, left=left, bottom=bottom)
     return panel
 
 
-def fill_panel(panel: Any, *heights: float, left: float = LEFT) -> Any:
+def fill_panel(panel: Any, *heights: float, left: float = LEFT, bottom: float = BOTTOM) -> Any:
     """Make the axes of `make_panel` in a figure or subfigure of that size, and return it."""
-    height = sum(heights)
+    height = sum(heights) + TOP + bottom
     panel.subplots(len(heights), sharex=True, height_ratios=heights)
     panel.subplots_adjust(
-        left / WIDTH, BOTTOM / height, 1.0 - RIGHT / WIDTH, 1.0 - TOP / height, hspace=0.12
+        left / WIDTH, bottom / height, 1.0 - RIGHT / WIDTH, 1.0 - TOP / height, hspace=0.12
     )
     for axes, own in zip(panel.axes, heights, strict=True):
         axes.locator_params(nbins=MOST_TICKS)
-        axes.locator_params(axis="y", nbins=min(MOST_TICKS, math.ceil(2.5 * own)))
+        axes.locator_params(axis="y", nbins=min(MOST_TICKS, math.ceil(4.5 * own)))
+        # Fixed as well: else each label is placed by all texts of its axis.
+        axes.xaxis.set_label_coords(0.5, -LABEL / own)
+        axes.yaxis.set_label_coords(-0.65 / (WIDTH - left - RIGHT), 0.5)
     return panel
 
 
 _make_once = cache(make_panel)
 
 
-def reuse_panel(*heights: float) -> "Figure":
-    """Return a panel as `make_panel` does: the same one, cleared, for the same heights.
+def reuse_panel(*heights: float, left: float = LEFT, bottom: float = BOTTOM) -> "Figure":
+    """Return a panel as `make_panel` does: the same one, cleared, for the same sizes.
 
-    Axes and ticks take half the time of a panel, and every sample has panels of the same heights.
+    Axes and ticks take half the time of a panel.
     """
-    panel = _make_once(*heights)
+    panel = _make_once(*heights, left=left, bottom=bottom)
     for axes in panel.axes:
-        for artist in (*axes.lines, *axes.patches, *axes.texts):
+        for artist in (*axes.lines, *axes.patches, *axes.texts, *axes.collections):
             artist.remove()
+        axes.containers.clear()
+        axes.set_title("")
         axes.relim()
         axes.autoscale()
     for legend in panel.legends:

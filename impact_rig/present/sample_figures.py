@@ -1,13 +1,15 @@
 """One sample: its hits, their mean and the models; the law of its contact."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from impact_rig.core.records import FloatArray
 from impact_rig.present.picture import (
+    TOP,
     WIDTH,
     Picture,
     drawing_style,
@@ -15,11 +17,7 @@ from impact_rig.present.picture import (
     make_picture,
     reuse_panel,
 )
-from impact_rig.results.numbers import (
-    MICRO,
-    format_count,
-    format_error,
-)
+from impact_rig.results.numbers import MICRO, format_error
 from impact_rig.results.palette import BLUE, GREEN, PURPLE, VERMILION, format_hex
 from impact_rig.results.traces import (
     DRIVEN,
@@ -32,6 +30,7 @@ from impact_rig.results.traces import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 HAMMER = 0
 MakePanel = Callable[..., Any]
@@ -46,15 +45,18 @@ LOOKS: dict[str, dict[str, Any]] = {
     PRINTED: {"color": format_hex(PURPLE), "linestyle": (0, (5, 1.5, 1, 1.5))},
 }
 LAW_LOOK: dict[str, Any] = {"color": format_hex(BLUE), "linestyle": (0, (1, 1))}
-TALL, LOW = 2.2, 0.8
-"""Heights of traces, and of the residuals below them [inch]."""
-MEASURED_LOOK: dict[str, Any] = {"color": "black", "linewidth": 2.6, "alpha": 0.35}
+HIT_LOOK: dict[str, Any] = {"color": "0.6", "linewidth": 0.7}
+MEAN_LOOK: dict[str, Any] = {"color": "black", "linewidth": 1.6}
+LOOP_LOOK: dict[str, Any] = {"color": "0.65", "linewidth": 2.6}
+TALL, LOW, BOTTOM = 1.1, 0.45, 0.5
+"""Heights of traces, of the residuals below them, and below both without a legend [inch]."""
+KEY = 0.4
+"""Height of the legend of all figures [inch]."""
 
-
-SAMPLE_CAPTION = (
-    "In each figure, thin lines: the hits; bold: their mean; shaded: the contact, τp long; w50:"
-    " the width at half amplitude; U1, U2: the peaks of the log decrement. Time counts from the"
-    " middle of the hammer pulse. Below: measured less model, in its colour and dashes."
+CAPTION = (
+    "In each figure, shaded: the contact, τp long; w50: the width at half amplitude; U1, U2: the"
+    " peaks of the log decrement; MSE: of the models in the order above, as in Fig. 6. Time counts"
+    " from the middle of the hammer pulse. Below: measured less model."
 )
 LOOP_CAPTION = (
     " Force over indentation follows from both traces and the law's impact speed; the loop's area"
@@ -62,12 +64,29 @@ LOOP_CAPTION = (
 )
 
 
+def make_key_picture(samples: Iterable[SampleTraces], *, has_law: bool) -> Picture:
+    """Return the legend of all figures of samples, drawn once, with how to read them."""
+    from matplotlib.figure import Figure
+
+    panel = Figure(figsize=(WIDTH, KEY))
+    panel.legend(handles=list_lines(samples, has_law=has_law), loc="center left", ncols=3)
+    return make_picture("Lines of all figures", CAPTION + LOOP_CAPTION * has_law, [panel])
+
+
+def list_lines(samples: Iterable[SampleTraces], *, has_law: bool) -> "list[Line2D]":
+    """Return a line with a name for each look in the figures of these samples."""
+    from matplotlib.lines import Line2D
+
+    models = {model.model for traces in samples for model in traces.models}
+    named = {"hits": HIT_LOOK, "mean hit": MEAN_LOOK}
+    named |= {MODEL_NAMES[model]: look for model, look in LOOKS.items() if model in models}
+    if has_law:
+        named |= {"contact law": LAW_LOOK, "force from both traces": LOOP_LOOK}
+    return [Line2D([], [], **look, label=name) for name, look in named.items()]
+
+
 def make_sample_picture(
-    traces: SampleTraces,
-    hits: Sequence[AlignedHit],
-    curves: LawCurves | None,
-    *,
-    with_printed: bool,
+    traces: SampleTraces, hits: Sequence[AlignedHit], curves: LawCurves | None
 ) -> Picture:
     """Draw the traces of one sample, hammer and sample apart, and the loop of its law.
 
@@ -79,21 +98,22 @@ def make_sample_picture(
         Those of the mean.
     curves : LawCurves or None
         Of the contact law; None: there is none.
-    with_printed : bool
-        Whether the model as printed is drawn even where the driven one is nearer to the sample.
     """
-    if not with_printed:
-        traces = _leave_out_printed(traces)
-    panels = [
-        partial(draw_channel, traces, hits, channel, curves=curves)
-        for channel in range(len(traces.mean))
-    ]
+    return make_picture(traces.name, "", (draw() for draw in _list_panels(traces, hits, curves)))
+
+
+def _list_panels(
+    traces: SampleTraces, hits: Sequence[AlignedHit], curves: LawCurves | None
+) -> "list[partial[Figure]]":
+    """Return what draws each panel; it takes what makes one, as `reuse_panel`."""
+    channels = range(len(traces.mean))
+    panels = [partial(draw_channel, traces, hits, curves, channel) for channel in channels]
     if curves is not None and curves.indentation.size:
         panels.append(partial(draw_law_loop, curves))
-    return make_picture(traces.name, "", panels)
+    return panels
 
 
-def _leave_out_printed(traces: SampleTraces) -> SampleTraces:
+def leave_out_printed(traces: SampleTraces) -> SampleTraces:
     """Return traces without the model as printed, where the driven one is nearer to the sample."""
     driven, printed = traces.find_model(DRIVEN), traces.find_model(PRINTED)
     if driven is None or printed is None or printed.mse_percent[-1] < driven.mse_percent[-1]:
@@ -106,68 +126,69 @@ def draw_sample(
 ) -> "Figure":
     """Draw the traces of one sample into a figure of pyplot, and return it.
 
-    Above hammer and sample with their models and residuals, below the loop of the contact.
+    Panels stand beside each other, over a legend of all.
     """
     from matplotlib import pyplot as plt
 
-    draw = partial(draw_channel, traces, hits, curves=curves)
-    rows = [[partial(draw, channel) for channel in range(len(traces.mean))]]
-    if curves is not None:
-        rows.append([partial(draw_law_loop, curves)])
-    columns = max(map(len, rows))
+    panels = _list_panels(traces, hits, curves)
+    height = TALL + LOW + TOP + BOTTOM
     # Before the style, whose end would undo what the first figure sets up: notebooks show it.
-    figure = plt.figure(figsize=(columns * WIDTH, len(rows) * (TALL + LOW)))
+    figure = plt.figure(figsize=(len(panels) * WIDTH, height + KEY))
     with drawing_style():
-        parts = figure.subfigures(len(rows), columns, squeeze=False)
-        for row, panels in zip(parts, rows, strict=True):
-            for part, draw in zip(row, panels, strict=False):
-                draw(make_panel=partial(fill_panel, part))
+        parts = figure.subfigures(2, len(panels), squeeze=False, height_ratios=(height, KEY))
+        for part, draw in zip(parts[0], panels, strict=True):
+            draw(make_panel=partial(fill_panel, part))
+        lines = list_lines([traces], has_law=curves is not None)
+        figure.legend(handles=lines, loc="lower center", ncols=len(lines))
     return figure
 
 
 def draw_channel(
     traces: SampleTraces,
     hits: Sequence[AlignedHit],
+    curves: LawCurves | None,
     channel: int,
     make_panel: MakePanel = reuse_panel,
-    curves: LawCurves | None = None,
 ) -> "Figure":
     """Draw traces above and residuals below, on one time axis; the law on the hammer's."""
     law = curves if channel == HAMMER else None
     has_models = bool(traces.models) or law is not None
-    panel: Figure = make_panel(*((TALL, LOW) if has_models else (TALL + LOW,)))
+    panel: Figure = make_panel(*((TALL, LOW) if has_models else (TALL + LOW,)), bottom=BOTTOM)
     upper, lower = panel.axes[0], panel.axes[-1]
     start = -1.2 * traces.contact_time
     stop = np.nanmax([4.0 * traces.contact_time, 1.2 * traces.second_peak_time])
 
-    def plot(axes: "Axes", time: np.ndarray, values: np.ndarray, **look: Any) -> None:
+    def cut(time: FloatArray, values: FloatArray) -> FloatArray:
         shown = (time >= start) & (time <= stop)
-        axes.plot(MICRO * time[shown], values[shown], **look)
+        return np.stack((MICRO * time[shown], values[shown]))
 
-    for place, hit in enumerate(hits):
-        label = "" if place else format_count(len(hits), "hit")
-        look = {"color": "black", "linewidth": 0.7, "alpha": 0.3, "label": label}
-        plot(upper, hit.time, hit.traces[channel], **look)
-    plot(upper, traces.time, traces.mean[channel], color="black", linewidth=1.6, label="mean")
+    def plot(axes: "Axes", time: FloatArray, values: FloatArray, **look: Any) -> None:
+        axes.plot(*cut(time, values), **look)
+
+    if hits:
+        # One line with gaps, since each line takes time.
+        gap = [[np.nan], [np.nan]]
+        parts = [np.hstack((cut(hit.time, hit.traces[channel]), gap)) for hit in hits]
+        upper.plot(*np.hstack(parts), **HIT_LOOK)
+    plot(upper, traces.time, traces.mean[channel], **MEAN_LOOK)
     for model in traces.models:
-        look = LOOKS[model.model]
-        error = format_error(model.mse_percent[channel])
-        label = f"{MODEL_NAMES[model.model]}, MSE {error} %"
-        plot(upper, traces.time, model.traces[channel], **look, label=label)
-        plot(lower, traces.time, traces.compute_residual(model)[channel], **look)
+        plot(upper, traces.time, model.traces[channel], **LOOKS[model.model])
+        plot(lower, traces.time, traces.compute_residual(model)[channel], **LOOKS[model.model])
     if law is not None:
-        plot(upper, law.time, law.acceleration, **LAW_LOOK, label="contact law")
+        plot(upper, law.time, law.acceleration, **LAW_LOOK)
         measured = np.interp(law.time, traces.time, traces.mean[HAMMER])
         plot(lower, law.time, measured - law.acceleration, **LAW_LOOK)
     half = 0.5 * MICRO * traces.contact_time
     for axes in panel.axes:
         axes.axvspan(-half, half, color=format_hex(GREEN), alpha=0.13, linewidth=0.0)
     _mark_points(upper, traces, channel)
-    upper.set(title=TITLES[channel], ylabel="a [m/s²]")
+    errors = [f"{format_error(model.mse_percent[channel])} %" for model in traces.models]
+    title = TITLES[channel] + f", MSE {' and '.join(errors)}" * bool(errors)
+    upper.set(title=title, ylabel="a [m/s²]")
     if has_models:
         lower.set_ylabel("residual", fontsize="small")
+        lower.tick_params(axis="y", labelsize="small")
     lower.set_xlabel("time from the middle of the hammer pulse [µs]")
-    panel.legend(loc="lower center", ncols=2)
     return panel
 
 
@@ -186,12 +207,9 @@ def _mark_points(axes: "Axes", traces: SampleTraces, channel: int) -> None:
 
 def draw_law_loop(curves: LawCurves, make_panel: MakePanel = reuse_panel) -> "Figure":
     """Draw force over indentation."""
-    panel: Figure = make_panel(TALL + LOW)
+    panel: Figure = make_panel(TALL + LOW, bottom=BOTTOM)
     (axes,) = panel.axes
-    if curves.indentation.size:
-        indentation = curves.indentation * MICRO
-        axes.plot(indentation, curves.loop_force, **MEASURED_LOOK, label="from both traces")
-    axes.plot(curves.law_indentation * MICRO, curves.law_force, **LAW_LOOK, label="law")
+    axes.plot(curves.indentation * MICRO, curves.loop_force, **LOOP_LOOK)
+    axes.plot(curves.law_indentation * MICRO, curves.law_force, **LAW_LOOK)
     axes.set(title="c) force over indentation", xlabel="indentation [µm]", ylabel="force [N]")
-    panel.legend(loc="lower center", ncols=2)
     return panel

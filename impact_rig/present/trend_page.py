@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 from datetime import datetime
-from functools import partial
 from typing import TYPE_CHECKING
 
 from impact_rig.core.records import IMPORTED, MEASURED
-from impact_rig.present.picture import Picture, make_panel, make_picture
+from impact_rig.present.picture import Picture, drawing_style, make_panel, make_picture
 from impact_rig.present.report.page import Document, Section
 from impact_rig.results.numbers import CONTACT_TIME, STIFFNESS, Measurand
 from impact_rig.results.palette import SERIES, format_hex
@@ -37,21 +36,19 @@ def make_trend_page(points: Sequence[TrendPoint]) -> Document:
 
 
 def _make_picture(points: Sequence[TrendPoint]) -> Picture:
-    draw = (
-        partial(draw_trend, points, CONTACT_TIME, "contact_time"),
-        partial(draw_trend, points, STIFFNESS, "stiffness"),
-    )
     caption = "Bars: 95 % intervals, of which all runs share a part. Dashed: the runs' mean."
-    return make_picture("Contact time and stiffness over time", caption, draw)
+    panels = (draw_trend(points, item) for item in (CONTACT_TIME, STIFFNESS))
+    with drawing_style():
+        return make_picture("Contact time and stiffness over time", caption, panels)
 
 
-def draw_trend(points: Sequence[TrendPoint], item: Measurand, name: str) -> "Figure":
+def draw_trend(points: Sequence[TrendPoint], item: Measurand) -> "Figure":
     """Draw one quantity over the time of its runs."""
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 
-    panel = make_panel(3.0)
+    panel = make_panel(1.75)
     (axes,) = panel.axes
-    known = [(point, found) for point in points if (found := getattr(point, name)).is_known]
+    known = [(point, found) for point in points if (found := getattr(point, item.field)).is_known]
     times = [date2num(datetime.fromisoformat(point.began)) for point, _ in known]
     values = [item.scale * found.value for _, found in known]
     bars = [item.scale * found.expanded for _, found in known]

@@ -7,17 +7,20 @@ import matplotlib as mpl
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.present.picture import make_panel, make_picture, shorten_name
+from impact_rig.present.picture import drawing_style, make_picture, reuse_panel, shorten_name
 
 HOSTILE = '<script>alert("a")</script> & $x_1$'
 HEAD = "data:image/svg+xml;base64,"
 
 
-def draw():
-    panel = make_panel(2.0)
-    panel.axes[0].plot([0, 1], [1, 2], label=HOSTILE)
-    panel.legend()
-    return panel
+def draw(label=HOSTILE):
+    with drawing_style():
+        panel = reuse_panel(2.0)
+        panel.axes[0].errorbar([0, 1], [1, 2], yerr=[1, 1], color="red", label=label)
+        panel.axes[0].bar([0], [1], color="red")
+        panel.axes[0].set(title=label)
+        panel.legend()
+        return make_picture("title", "caption", [panel])
 
 
 def read_svg(url):
@@ -25,17 +28,18 @@ def read_svg(url):
 
 
 def test_a_panel_is_an_image_that_needs_nothing_else_and_its_texts_are_text():
-    (panel,) = make_picture("title", "caption", [draw]).panels
+    (panel,) = draw().panels
     assert panel.startswith(HEAD)
     elements = list(read_svg(panel).iter())
     assert HOSTILE in {"".join(item.itertext()) for item in elements if item.tag.endswith("text")}
     assert not any(item.tag.endswith("script") for item in elements)
 
 
-def test_the_same_drawing_gives_the_same_characters_whatever_the_user_s_matplotlib():
-    picture = make_picture("title", "caption", [draw])
+def test_the_same_drawing_gives_the_same_characters_whatever_was_drawn_before():
+    picture = draw()
     with mpl.rc_context({"font.size": 30.0, "lines.linewidth": 9.0, "svg.fonttype": "path"}):
-        assert make_picture("title", "caption", [draw]) == picture
+        assert draw("other") != picture
+        assert draw() == picture
         assert mpl.rcParams["font.size"] == 30.0
 
 

@@ -14,6 +14,7 @@ from impact_rig.present.campaign_figures import (
     make_model_pictures,
     make_speed_picture,
 )
+from impact_rig.present.picture import drawing_style
 from impact_rig.present.report.page import (
     Document,
     Folded,
@@ -29,7 +30,11 @@ from impact_rig.present.report.setup import (
     make_items_section,
     make_setup_section,
 )
-from impact_rig.present.sample_figures import LOOP_CAPTION, SAMPLE_CAPTION, make_sample_picture
+from impact_rig.present.sample_figures import (
+    leave_out_printed,
+    make_key_picture,
+    make_sample_picture,
+)
 from impact_rig.results import tables
 from impact_rig.results.campaign import Results
 from impact_rig.results.limits import JudgedValue, judge_values, tabulate_conformity
@@ -61,18 +66,13 @@ SCOPE = (
 )
 
 
-def make_run_sections(
-    run: ReportedCampaign, stated: Particulars, *, with_printed: bool
-) -> tuple[Section, ...]:
+def make_run_sections(run: ReportedCampaign, stated: Particulars) -> tuple[Section, ...]:
     """Return the sections on one run: results, items, samples, tables, hits, set-up."""
     results = run.campaign.results
     remarks = gather_run_remarks(run, stated)
     others = tuple(remark for remark in remarks if not remark.effect)
     common = find_common(results)
-    samples = [
-        _make_sample_section(run, item, common, with_printed=with_printed)
-        for item in results.samples
-    ]
+    samples = [_make_sample_section(run, item, common) for item in results.samples]
     return drop_empty(
         _make_results_section(results, select_attention(remarks), stated),
         make_items_section(run, stated),
@@ -182,13 +182,11 @@ def _explain_figures(run: ReportedCampaign) -> tuple[Part, ...]:
     if not run.campaign.samples:
         return ()
     laws = [sample.contact_law for sample in run.campaign.results.samples]
-    has_loop = any(law.impact_speed.is_known for law in laws)
-    return (Paragraph(SAMPLE_CAPTION + LOOP_CAPTION * has_loop),)
+    has_law = any(law.impact_speed.is_known for law in laws)
+    return (make_key_picture(run.campaign.samples, has_law=has_law),)
 
 
-def _make_sample_section(
-    run: ReportedCampaign, sample: SampleEstimate, common: Common, *, with_printed: bool
-) -> Section:
+def _make_sample_section(run: ReportedCampaign, sample: SampleEstimate, common: Common) -> Section:
     """Return what there is of one sample: its traces with the models, methods, remarks."""
     results = run.campaign.results
     traces = run.campaign.find_traces(sample.name)
@@ -196,7 +194,7 @@ def _make_sample_section(
     if traces is not None:
         hits = run.campaign.list_aligned(sample.name)
         curves = compute_law_curves(sample.contact_law, traces, results.setup)
-        parts.append(make_sample_picture(traces, hits, curves, with_printed=with_printed))
+        parts.append(make_sample_picture(traces, hits, curves))
     if sample.impacts_accepted:
         parts.append(tables.tabulate_methods(results, sample))
     if remarks := gather_sample_remarks(sample, common):
@@ -268,10 +266,12 @@ def make_report(
     """
     kind = join_origins(run.campaign.results.origin for run in runs).kind
     sections: list[Section] = []
-    for number, run in enumerate(runs, start=1):
-        parts = make_run_sections(run, stated, with_printed=with_printed)
-        sections += parts if len(runs) == 1 else [Section(run.name, (), parts)]
-        report(number)
+    with drawing_style():
+        for number, run in enumerate(runs, start=1):
+            shown = run if with_printed else _leave_out_printed(run)
+            parts = make_run_sections(shown, stated)
+            sections += parts if len(runs) == 1 else [Section(run.name, (), parts)]
+            report(number)
     laws = [item.contact_law for run in runs for item in run.campaign.results.samples]
     return Document(
         title=TITLE if kind == MEASURED else f"{TITLE}: {kind}",
@@ -285,6 +285,12 @@ def make_report(
         sections=tuple(sections),
         laws=frozenset(form for law in laws for form in law.form.split(" + ") if form),
     )
+
+
+def _leave_out_printed(run: ReportedCampaign) -> ReportedCampaign:
+    """Return a run without the models as printed, where the driven one is nearer."""
+    samples = tuple(map(leave_out_printed, run.campaign.samples))
+    return replace(run, campaign=replace(run.campaign, samples=samples))
 
 
 def _describe_origins(runs: Sequence[ReportedCampaign]) -> str:

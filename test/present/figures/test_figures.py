@@ -25,6 +25,8 @@ from impact_rig.present.campaign_figures import (
 from impact_rig.present.sample_figures import (
     draw_channel,
     draw_law_loop,
+    leave_out_printed,
+    list_lines,
     make_sample_picture,
 )
 from impact_rig.results.campaign import Results
@@ -108,32 +110,51 @@ def curves(contacts):
     return compute_law_curves(law, contacts.samples[0], contacts.results.setup)
 
 
-def find(axes, start):
-    """Return the points of the line whose name begins like this."""
-    return next(
-        line.get_xydata() for line in axes.lines if str(line.get_label()).startswith(start)
-    )
+HITS, MEAN = 0, 1  # the first lines of a channel
 
 
 @pytest.mark.parametrize("channel", [0, 1])
 def test_a_channel_shows_hits_mean_models_and_what_they_leave(traces, hits, channel):
-    upper, lower = draw_channel(traces, hits, channel).axes
-    mean = find(upper, "mean")
+    upper, lower = draw_channel(traces, hits, None, channel).axes
+    lines = [line.get_xydata() for line in upper.lines[: 2 + len(traces.models)]]
+    mean, printed = lines[MEAN], lines[-1]
     assert np.ptp(mean[:, 1]) == pytest.approx(np.ptp(traces.mean[channel]), rel=1e-3)
-    assert find(upper, "3 hits").shape == mean.shape
-    assert find(upper, "model as printed, MSE 0.0")[:, 1] == pytest.approx(0.9 * mean[:, 1])
-    # The printed model, drawn last, is 0.9 of the mean.
+    assert len(lines[HITS]) == len(hits) * (len(mean) + 1)  # a gap behind each
+    # The printed model is 0.9 of the mean.
+    assert printed[:, 1] == pytest.approx(0.9 * mean[:, 1])
     assert lower.lines[-1].get_ydata() == pytest.approx(0.1 * mean[:, 1])
     assert len(lower.lines) == len(traces.models)
+    assert upper.get_title(loc="left").endswith(" and 0.012 %" if channel == 0 else " and 0.034 %")
     half = 0.5e6 * traces.contact_time
     for axes in (upper, lower):
         (band,) = axes.patches
         assert (band.get_x(), band.get_width()) == pytest.approx((-half, 2.0 * half))
 
 
+def test_every_line_of_the_figures_has_its_look_and_name_in_their_legend(traces, hits, curves):
+    known = {line.get_label(): line for line in list_lines([traces], has_law=True)}
+    assert list(known) == [
+        "hits", "mean hit", "force-driven model", "model as printed", "contact law",
+        "force from both traces",
+    ]  # fmt: skip
+    channel = draw_channel(traces, hits, curves, 0).axes[0].lines[:5]
+    drawn = [(line.get_color(), line.get_linestyle(), line.get_linewidth()) for line in channel]
+    drawn += [
+        (line.get_color(), line.get_linestyle(), line.get_linewidth())
+        for line in draw_law_loop(curves).axes[0].lines
+    ]
+    named = {
+        (line.get_color(), line.get_linestyle(), line.get_linewidth()) for line in known.values()
+    }
+    assert set(drawn) == named
+
+
 def test_marks_stand_where_they_were_read(traces):
     marks = [
-        {text.get_text(): text.xy for text in draw_channel(traces, (), channel).axes[0].texts}
+        {
+            text.get_text(): text.xy
+            for text in draw_channel(traces, (), None, channel).axes[0].texts
+        }
         for channel in (0, 1)
     ]
     width = next(point for name, point in marks[0].items() if name.startswith("w50"))
@@ -147,32 +168,27 @@ def test_marks_stand_where_they_were_read(traces):
 
 def test_the_law_lies_on_the_hammer_s_pulse_and_has_its_loop(contacts, curves):
     traces = contacts.samples[0]
-    upper, lower = draw_channel(traces, (), 0, curves=curves).axes
-    law, mean = find(upper, "contact law"), find(upper, "mean")
+    upper, lower = draw_channel(traces, (), curves, 0).axes
+    mean, law = upper.lines[0].get_xydata(), upper.lines[-3].get_xydata()
     left = np.interp(law[:, 0], mean[:, 0], mean[:, 1]) - law[:, 1]
     assert lower.lines[-1].get_ydata() == pytest.approx(left)
     assert np.abs(left).max() < 0.02 * np.abs(mean[:, 1]).max()
     (loop,) = draw_law_loop(curves).axes
-    assert find(loop, "from both")[:, 0].max() == pytest.approx(
-        find(loop, "law")[:, 0].max(), rel=0.3
-    )
-    assert len(make_sample_picture(traces, (), curves, with_printed=False).panels) == 3
-    assert len(make_sample_picture(traces, (), None, with_printed=False).panels) == 2
+    measured, expected = (line.get_xdata() for line in loop.lines)
+    assert measured.max() == pytest.approx(expected.max(), rel=0.3)
+    assert len(make_sample_picture(traces, (), curves).panels) == 3
+    assert len(make_sample_picture(traces, (), None).panels) == 2
 
 
-@pytest.mark.parametrize(
-    ("driven", "printed", "with_printed", "is_drawn"),
-    [(1.0, 0.9, False, True), (1.0, 1.1, False, False), (1.0, 1.1, True, True)],
-)
-def test_the_model_as_printed_is_drawn_where_it_is_nearest_or_asked_for(
-    traces, driven, printed, with_printed, is_drawn
+@pytest.mark.parametrize(("printed", "is_shown"), [(0.9, True), (1.1, False)])
+def test_the_model_as_printed_is_left_out_where_the_driven_one_is_nearer(
+    traces, printed, is_shown
 ):
-    errors = {DRIVEN: driven, PRINTED: printed}
-    models = [replace(item, mse_percent=(0.1, errors[item.model])) for item in traces.models[:2]]
-    shown = replace(traces, models=tuple(models))
-    picture = make_sample_picture(shown, (), None, with_printed=with_printed)
-    drawn = base64.b64decode(picture.panels[1].partition(",")[2]).decode()
-    assert ("model as printed" in drawn) is is_drawn
+    errors = {DRIVEN: 1.0, PRINTED: printed}
+    models = [replace(item, mse_percent=(0.1, errors[item.model])) for item in traces.models]
+    shown = leave_out_printed(replace(traces, models=tuple(models)))
+    assert (shown.find_model(PRINTED) is not None) is is_shown
+    assert shown.find_model(DRIVEN) is not None
 
 
 ANGLES = tuple(map(math.radians, (4.0, 8.0, 16.0)))
