@@ -35,6 +35,8 @@ HOLDERS = {
 EXECUTABLES = f"$base/lib/{NAME}"  # where `ros2 run` and `ros2 launch` look
 FOR_PIP = bool({"dist_info", "bdist_wheel", "editable_wheel"} & set(sys.argv))
 """Whether pip builds it: names like `recorder` are for ROS 2's own folder, not for a PATH."""
+INTERFACES = f"{NAME}.interfaces"
+"""Definitions of messages, by which recordings are written without ROS."""
 MESSAGES = Path("share", "impact_rig_msgs", "package.xml")
 prefixes = [Path(part) for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)]
 
@@ -52,8 +54,10 @@ version = re.findall(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_tex
 setup(
     name=NAME,
     version=version,
-    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    packages=find_packages(include=[NAME, f"{NAME}.*"]) + [INTERFACES] * FOR_PIP,
+    package_dir={INTERFACES: "msg_config/msg"},
     package_data={
+        INTERFACES: ["*.msg"],
         NAME: [
             "py.typed",
             "configuration/*.toml",

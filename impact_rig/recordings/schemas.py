@@ -4,7 +4,6 @@ A recording carries the text of each type, so that it can be decoded anywhere an
 Schemas come from strangers: their size and depth are limited.
 """
 
-import json
 import os
 import re
 import struct
@@ -18,7 +17,7 @@ from typing import Any
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.serde.cdr import generate_deserialize_cdr
-from rosbags.typesys import TypesysError, get_types_from_msg
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from impact_rig.core.errors import FileError
@@ -178,6 +177,8 @@ def _describe_error(error: BaseException) -> str:
     return text if text.isprintable() else repr(text)
 
 
+INTERFACES = {"impact_rig_msgs": Path(__file__).parents[1] / "interfaces"}
+"""Folders with definitions in a package that pip has installed."""
 SEPARATOR = "=" * 80
 """Line between two definitions of a `ros2msg` schema; readers look for exactly this."""
 
@@ -190,7 +191,7 @@ class MessageDefinition:
 
     type_name: str  # for example `std_msgs/msg/Header`
     text: str  # schema in the encoding `ros2msg`: the definition, then all it depends on
-    type_hash: str = ""  # REP 2016; empty: not installed with the package
+    type_hash: str = ""  # REP 2016; empty: not known
 
 
 def find_message_definition(type_name: str) -> MessageDefinition:
@@ -210,7 +211,8 @@ def find_message_definition(type_name: str) -> MessageDefinition:
     package, name = _split_type_name(type_name)
     seen = {(package, name)}
     text = _assemble(package, name, seen)
-    return MessageDefinition(f"{package}/msg/{name}", text, _read_type_hash(package, name))
+    full_name = f"{package}/msg/{name}"
+    return MessageDefinition(full_name, text, _compute_type_hash(full_name, text))
 
 
 def check_interfaces(channel: Channel, installed: MessageDefinition) -> None:
@@ -232,7 +234,7 @@ def check_interfaces(channel: Channel, installed: MessageDefinition) -> None:
 
 
 def _assemble(package: str, name: str, seen: set[tuple[str, str]]) -> str:
-    text = _find_share_file(package, name, ".msg").read_text(encoding="utf-8")
+    text = _read_definition(package, name)
     parts = [text]
     for dependency in _list_dependencies(text, f"{package}/msg/{name}"):
         if dependency not in seen:
@@ -257,25 +259,30 @@ def _split_type_name(type_name: str) -> tuple[str, str]:
     return match[1], match[2]
 
 
-def _find_share_file(package: str, name: str, suffix: str) -> Path:
+def _read_definition(package: str, name: str) -> str:
+    """Return a definition as it is installed; without ROS as the rig and rosbags bring it along."""
     prefixes = [part for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part]
-    for prefix in prefixes:
-        path = Path(prefix, "share", package, "msg", name + suffix)
-        if path.is_file():
-            return path
+    places = [Path(prefix, "share", package, "msg", f"{name}.msg") for prefix in prefixes]
+    places.append(INTERFACES.get(package, Path()) / f"{name}.msg")
+    for place in places:
+        if place.is_file():
+            return place.read_text("utf-8")
+    shipped, type_name = get_typestore(Stores.ROS2_JAZZY), f"{package}/msg/{name}"
+    if type_name in shipped.fielddefs:
+        return shipped.generate_msgdef(type_name, ros_version=2)[0].partition(f"\n{SEPARATOR}")[0]
     raise FileError(
-        f"message type {package}/msg/{name} has no {name}{suffix} in any of the"
-        f" {len(prefixes)} folders of AMENT_PREFIX_PATH: install or source the package {package}"
+        f"message type {type_name} has no {name}.msg in any of the {len(prefixes)} folders of"
+        f" AMENT_PREFIX_PATH: install or source the package {package}"
     )
 
 
-def _read_type_hash(package: str, name: str) -> str:
+def _compute_type_hash(type_name: str, text: str) -> str:
+    store = Typestore()
     try:
-        content = json.loads(_find_share_file(package, name, ".json").read_text(encoding="utf-8"))
-        hashes = {item["type_name"]: item["hash_string"] for item in content["type_hashes"]}
-        return str(hashes.get(f"{package}/msg/{name}", ""))
-    except (FileError, OSError, ValueError, KeyError, TypeError):
-        return ""
+        store.register(parse_schema(type_name, text))
+        return store.hash_rihs01(type_name)
+    except (FileError, *_SCHEMA_ERRORS) as error:
+        raise FileError(f"a definition of {type_name} cannot be understood: {error}") from None
 
 
 def _list_fields(type_name: str, text: str) -> list[str]:

@@ -1,14 +1,13 @@
 """A schema is foreign text: what it describes is decoded, what it asks for is limited."""
 
-import os
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap_ros2._dynamic import serialize_dynamic
 
 from impact_rig.core.errors import FileError
+from impact_rig.recordings import schemas
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.schemas import (
     MAX_LISTED,
@@ -18,6 +17,8 @@ from impact_rig.recordings.schemas import (
     decode_message,
     find_message_definition,
 )
+
+from .conftest import OUR_MESSAGES
 
 NAME = "test_msgs/msg/Test"
 RULE = "\n" + "=" * 80 + "\n"
@@ -143,14 +144,16 @@ def test_arrays_bounds_constants_and_comments_are_told_from_types(install):
     assert list_parts(text) == ["MSG: demo_msgs/Inner", "MSG: std_msgs/String"]
 
 
-def test_the_type_hash_stands_in_the_json_beside_the_definition(install):
-    assert find_message_definition("std_msgs/msg/String").type_hash == ""
-    prefix = os.environ["AMENT_PREFIX_PATH"].split(os.pathsep)[0]
-    install("demo_msgs", "Text", "string data\n")
-    (Path(prefix) / "share/demo_msgs/msg/Text.json").write_text(
-        '{"type_hashes": [{"type_name": "demo_msgs/msg/Text", "hash_string": "RIHS01_ab"}]}'
-    )
-    assert find_message_definition("demo_msgs/msg/Text").type_hash == "RIHS01_ab"
+def test_the_type_hash_is_that_of_ros():
+    found = find_message_definition("std_msgs/msg/String").type_hash
+    assert found == "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+
+
+def test_without_ros_definitions_come_with_the_rig_and_rosbags(monkeypatch):
+    with_ros = find_message_definition("impact_rig_msgs/msg/AccelerationBlock")
+    monkeypatch.delenv("AMENT_PREFIX_PATH")
+    monkeypatch.setitem(schemas.INTERFACES, "impact_rig_msgs", OUR_MESSAGES)
+    assert find_message_definition(with_ros.type_name).type_hash == with_ros.type_hash
 
 
 @pytest.mark.parametrize(
