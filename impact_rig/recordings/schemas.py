@@ -260,7 +260,7 @@ def _split_type_name(type_name: str) -> tuple[str, str]:
 
 
 def _read_definition(package: str, name: str) -> str:
-    """Return a definition as it is installed; without ROS as the rig and rosbags bring it along."""
+    """Return a definition as installed; without ROS that of pip's package or of rosbags."""
     prefixes = [part for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part]
     places = [Path(prefix, "share", package, "msg", f"{name}.msg") for prefix in prefixes]
     places.append(INTERFACES.get(package, Path()) / f"{name}.msg")
