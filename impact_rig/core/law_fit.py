@@ -57,7 +57,10 @@ def _tabulate_starts(exponents: tuple[float, ...]) -> tuple[FloatArray, FloatArr
     force = pulses.compute_force(time)
     peak = force.max(axis=1)
     is_high = force > peak[:, np.newaxis] / 2.0
-    first, last = (np.nanquantile(np.where(is_high, time, np.nan), end, axis=1) for end in (0, 1))
+    first, last = (
+        time.min(axis=1, where=is_high, initial=np.inf),
+        time.max(axis=1, where=is_high, initial=0.0),
+    )
     width, middle = last - first, (first + last) / 2.0
     starts = np.stack(
         (-middle / width, 1.0 / width, 1.0 / peak, 0.0 * loss, loss, pull, exponent), axis=1

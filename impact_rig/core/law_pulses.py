@@ -111,17 +111,18 @@ def _differentiate(
     """Return the derivatives of ln r and of time in the phase; losses by power and factor."""
     angle = float(_find_angle(phase))
     sine, cosine = max(math.sin(angle), 0.0), math.cos(angle)
-    half = (exponent + 1.0) / 2.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        bend = np.sqrt(-np.expm1(2.0 * half * np.log(sine)) / cosine**2)
-    # At the top, where x' comes to zero.
-    bend = bend if abs(cosine) > SMALLEST_COSINE else np.sqrt(half)
-    reach = (half * np.exp(2.0 * log_radius)) ** (0.5 / half)
     slope = math.pi * 30.0 * (phase * (1.0 - phase)) ** 2
     if not (slope and sine):
-        return np.zeros((2, *exponent.shape))
-    loss = np.sum([factor * (reach * sine) ** power for power, factor in terms], axis=0)
-    rate = np.sqrt(half) * reach ** (half - 1.0) + loss * sine * cosine * bend
+        return np.zeros((2, *log_radius.shape))
+    half = (exponent + 1.0) / 2.0
+    # At the top x' comes to zero.
+    bend = np.sqrt(half)
+    if abs(cosine) > SMALLEST_COSINE:
+        bend = np.sqrt(-np.expm1(2.0 * half * math.log(sine)) / cosine**2)
+    log_reach = (np.log(half) / 2.0 + log_radius) / half
+    log_depth = log_reach + math.log(sine)
+    loss = sum(factor * np.exp(power * log_depth) for power, factor in terms)
+    rate = np.sqrt(half) * np.exp((half - 1.0) * log_reach) + loss * (sine * cosine * bend)
     time = slope * half / bend / rate
     return np.stack((-loss * (cosine * bend) ** 2 * time, time))
 
@@ -132,30 +133,34 @@ def _tabulate() -> FloatArray:
     points = [chebyshev.chebpts1(degree + 1) for degree in LIMITS.degrees]
     axes = zip(points, (LIMITS.exponents, LIMITS.losses, LIMITS.losses), strict=True)
     stretched = [_stretch(point, limits) for point, limits in axes]
-    grid = np.meshgrid(*stretched, indexing="ij")
-    exponent, loss, pull = (np.tile(axis.ravel(), len(FORMS)) for axis in grid)
-    form = np.repeat(np.arange(len(FORMS)), grid[0].size)
-    proportional, other, motion = find_losses(exponent, loss, pull, form)
+    grid = np.meshgrid(np.arange(len(FORMS)), *stretched, indexing="ij")
+    form, *parameters = (axis.ravel() for axis in grid)
+    shape = len(FORMS), points[0].size, -1
+    proportional, other, motion = (
+        factor.reshape(shape) for factor in find_losses(*parameters, form)
+    )
+    exponent = stretched[0][:, np.newaxis]
+    is_plate = (np.arange(len(FORMS)) == PLATE)[:, np.newaxis, np.newaxis]
     terms = [
-        (np.where(form == PLATE, exponent - 1.0, exponent), proportional + exponent * motion),
-        (SECOND[form, 0], other),
+        (exponent - is_plate, proportional + exponent * motion),
+        (SECOND[:, :1, np.newaxis], other),
     ]
-    state = np.zeros((2, exponent.size))
+    state = np.zeros((2, *proportional.shape))
     found = [state]
     step = 1.0 / ((LIMITS.nodes - 1) * LIMITS.substeps)
     for count in range((LIMITS.nodes - 1) * LIMITS.substeps):
-        phase = count * step
-        first = _differentiate(phase, state[0], exponent, terms)
+        phase, log_radius = count * step, state[0]
+        first = _differentiate(phase, log_radius, exponent, terms)
         middle = phase + step / 2.0
-        second = _differentiate(middle, (state + step / 2.0 * first)[0], exponent, terms)
-        third = _differentiate(middle, (state + step / 2.0 * second)[0], exponent, terms)
-        fourth = _differentiate(phase + step, (state + step * third)[0], exponent, terms)
+        second = _differentiate(middle, log_radius + step / 2.0 * first[0], exponent, terms)
+        third = _differentiate(middle, log_radius + step / 2.0 * second[0], exponent, terms)
+        fourth = _differentiate(phase + step, log_radius + step * third[0], exponent, terms)
         state = state + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
         if (count + 1) % LIMITS.substeps == 0:
             found.append(state)
     # Of each form, n and losses: ln r at all nodes, and time at all nodes.
-    shape = (len(FORMS), *(point.size for point in points), -1)
-    values = np.stack(found).transpose(2, 1, 0).reshape(shape)
+    values = np.stack(found).reshape(LIMITS.nodes, 2, -1).transpose(2, 1, 0)
+    values = values.reshape(len(FORMS), *(point.size for point in points), -1)
     for axis, (point, degree) in enumerate(zip(points, LIMITS.degrees, strict=True), start=1):
         into = np.linalg.inv(chebyshev.chebvander(point, degree))
         values = np.moveaxis(np.tensordot(into, values, (1, axis)), 0, axis)

@@ -292,8 +292,8 @@ def minimise(
             10.0 * np.maximum(damping[which], LIMITS.search_damping),
         )
         better, left = which[is_better], left[is_better]
-        # A pulse that jumps at touch has a rough minimum.
-        is_found[better] = squares[better] - left < 1e-6 * squares[better]
+        # A pulse that jumps at touch has a rough minimum: less is a twentieth of noise's effect.
+        is_found[better] = squares[better] - left < 1e-5 * squares[better]
         found[better], squares[better] = moved[better], left
         residual[better], jacobian[better] = tried[is_better], derivatives[is_better]
     return found, (residual, jacobian), is_found
