@@ -20,6 +20,7 @@ from impact_rig.nodes.accelerometer_source import (
     open_source,
 )
 from impact_rig.nodes.device_node import DeviceNode
+from impact_rig.nodes.diagnostics import DIAGNOSTIC_PERIOD
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.rig_node import Answer
@@ -101,6 +102,7 @@ class AccelerometerNode(DeviceNode):
             None if self._is_monitoring else self._blocks,
             self.membership,
             patience=opened.plan.record_duration + float(self.get_value("trigger_timeout")),
+            check_period=DIAGNOSTIC_PERIOD / self.pace,
             on_ended=lambda arming, why: self.run_soon(lambda: self._on_ended(arming, why)),
             on_failed=lambda error: self.run_soon(lambda: self._on_failed(opened, error)),
         )

@@ -110,8 +110,6 @@ class Arming:
 
 BLOCK_SIZE = 1000
 """Points per block of a hit [-]."""
-CHECK_PERIOD = 1.0
-"""How often an idle source is checked [s]: as often as diagnostics are published."""
 COMPLETE = "record complete"
 
 
@@ -135,6 +133,8 @@ class SourceThread:
         The campaign of the messages.
     patience : float
         How long a record that has begun may take from block to block [s].
+    check_period : float
+        How often an idle source is checked [s].
     on_ended : callable
         Called in this thread with an arming that has ended by itself, and why.
     on_failed : callable
@@ -148,6 +148,7 @@ class SourceThread:
         membership: Membership,
         *,
         patience: float,
+        check_period: float,
         on_ended: Callable[[Arming, str], None],
         on_failed: Callable[[RigError], None],
     ) -> None:
@@ -157,6 +158,7 @@ class SourceThread:
         self._publisher = publisher
         self._membership = membership
         self._patience = patience
+        self._check_period = check_period
         self._on_ended = on_ended
         self._on_failed = on_failed
         rate, self._origin = opened.acquisition.sampling_rate, opened.origin
@@ -229,7 +231,7 @@ class SourceThread:
         """Follow the orders, and wait for one while there is nothing to read; False: end."""
         while True:
             try:
-                order = self._orders.get(block=self._is_idle, timeout=CHECK_PERIOD)
+                order = self._orders.get(block=self._is_idle, timeout=self._check_period)
             except Empty:
                 if not self._is_idle:
                     return True

@@ -10,8 +10,6 @@ from rclpy.task import Future
 
 from impact_rig.core.errors import DeviceError, RigError
 
-ANSWER_TIMEOUT = 5.0
-"""How long another node may take to answer [s]; only the estimator may have much to read first."""
 RESEND_PERIOD = 3.0
 """How soon an unanswered request is sent again [s]: longer than any answer takes but
 that of a hammer which has not met the rest of the rig yet."""
@@ -29,6 +27,9 @@ class AsyncNode(LifecycleNode):
     pace : float
         How many times as often the node looks at what it looks at now and then [-].
     """
+
+    # How long another node may take to answer [s]; only the estimator may have much to read first.
+    answer_timeout = 5.0
 
     def __init__(self, name: str, *, pace: float = 1.0, **options: Any) -> None:
         super().__init__(name, **options)
@@ -112,7 +113,7 @@ class AsyncNode(LifecycleNode):
         self,
         client: Any,
         request: Any,
-        timeout: float = ANSWER_TIMEOUT,
+        timeout: float | None = None,
         is_given_up: Callable[[], bool] = lambda: False,
     ) -> Any:
         """Call a service of another node of the rig and return its answer.
@@ -120,12 +121,18 @@ class AsyncNode(LifecycleNode):
         An unanswered request is sent again, since a server that has not discovered the client's
         reader drops its answer. The rig's services take a repeated request as the same one.
 
+        Parameters
+        ----------
+        timeout : float, optional
+            [s]; `answer_timeout` by default.
+
         Raises
         ------
         DeviceError
             If the service does not exist, no answer comes within `timeout` seconds, or
             `is_given_up` returns True.
         """
+        timeout = self.answer_timeout if timeout is None else timeout
         await self.wait_until(lambda: client.service_is_ready() or is_given_up(), timeout)
         if not client.service_is_ready():
             raise DeviceError(

@@ -22,7 +22,6 @@ from impact_rig.core.findings import Finding, join_findings
 from impact_rig.core.setup import PAPER_SETUP, RigSetup, Sample, format_angle
 from impact_rig.core.verdict import SHOWS_NOTHING
 from impact_rig.nodes import interfaces, messages
-from impact_rig.nodes.async_node import ANSWER_TIMEOUT
 from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.campaign_state import (
     TASKS,
@@ -44,9 +43,6 @@ PAUSE_TIMEOUT = 1.0
 """How long the hammer may take to answer that it is disarmed, before it is asked again [s]."""
 RESULTS_TIMEOUT = 600.0
 """How long the estimator may take to read a run, or to fit the model to a hundred samples [s]."""
-SILENCE = 30.0
-"""How long an estimator may be silent at a campaign's end, before its results are given up [s]."""
-
 
 CHECK_ATTEMPTS = 3
 """Hits in a row that fail the operational check, and end a campaign [-], our choice."""
@@ -59,6 +55,9 @@ DISPLAY_TIMEOUT = 1.0
 
 class CampaignNode(RigNode):
     """An action server that runs campaigns on the rig's other nodes."""
+
+    # How long an estimator may be silent at a campaign's end, before its results are given up [s].
+    silence = 30.0
 
     def __init__(self, **options: Any) -> None:
         super().__init__("campaign", **options)
@@ -177,7 +176,7 @@ class CampaignNode(RigNode):
             campaign.has_armed = answer.success or is_stopped
             if not answer.success:
                 raise DeviceError(f"the hammer cannot be armed: {answer.message}")
-            await self.wait_until(lambda: bool(self._hammer.armed), ANSWER_TIMEOUT)
+            await self.wait_until(lambda: bool(self._hammer.armed), self.answer_timeout)
         return Step.COUNTING
 
     async def _announce(self, campaign: Campaign) -> None:
@@ -209,7 +208,7 @@ class CampaignNode(RigNode):
                 recording=campaign.recording,
                 announced=announced,
             ),
-            RESULTS_TIMEOUT if is_reading else ANSWER_TIMEOUT,
+            RESULTS_TIMEOUT if is_reading else self.answer_timeout,
             lambda: campaign.is_to_end or not client.service_is_ready(),
         )
         if not answer.success:
@@ -403,11 +402,11 @@ class CampaignNode(RigNode):
         await self.wait_until(lambda: condition() or campaign.is_to_end, timeout)
 
     async def _ask(self, campaign: Campaign, client: Any, request: Any) -> Any:
-        """Return the good answer of a node; for 10 s ask again at "later".
+        """Return the good answer of a node; for two timeouts ask again at "later".
 
         Nodes that have just started take a while to find each other.
         """
-        deadline = time.monotonic() + 10.0
+        deadline = time.monotonic() + 2.0 * self.answer_timeout
         while True:
             answer = await self.call(client, request, is_given_up=lambda: campaign.is_to_end)
             if answer.success:
@@ -416,9 +415,7 @@ class CampaignNode(RigNode):
                 raise DeviceError(answer.message)
             await self.wait_until(lambda: False, 0.02)
 
-    async def _call_if_there(
-        self, client: Any, request: Any, timeout: float = ANSWER_TIMEOUT
-    ) -> Any:
+    async def _call_if_there(self, client: Any, request: Any, timeout: float | None = None) -> Any:
         """Return the answer of a node; None: it gives none."""
         with contextlib.suppress(DeviceError):
             return await self.call(client, request, timeout, lambda: not client.service_is_ready())
@@ -534,7 +531,7 @@ class CampaignNode(RigNode):
         for client in (self._disarm_hammer, self._disarm):
             await self._call_if_there(client, Trigger.Request())
         # Before the first hit it may read a run; later it answers soon, or not at all.
-        patience = SILENCE if campaign.has_armed else RESULTS_TIMEOUT
+        patience = self.silence if campaign.has_armed else RESULTS_TIMEOUT
         counts = GetResults.Request(counts_only=True)
         results = await self._call_if_there(self._results, counts, patience)
         if results is not None:

@@ -11,7 +11,7 @@ import os
 import random
 import shutil
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -77,14 +77,13 @@ def _check_shared_memory() -> None:
         )
 
 
-FIRST_DOMAIN = 1
-"""Domain 0 is the default of ROS 2."""
-DOMAINS = 100
-"""How many are handed out [-]: ports of higher ones reach into those of outgoing connections."""
+DOMAINS = range(1, 101)
+"""Those handed out: 0 is the default of ROS 2, and ports of higher ones reach into those of
+outgoing connections."""
 
 
 @contextmanager
-def reserve_domain() -> Iterator[int]:
+def reserve_domain(domains: Sequence[int] = DOMAINS) -> Iterator[int]:
     """Reserve a ROS domain for the length of the block, and yield its number.
 
     A domain in which a node of this host runs is left out. One is chosen at random: one that has
@@ -95,8 +94,7 @@ def reserve_domain() -> Iterator[int]:
     DeviceError
         If all are taken.
     """
-    domains = range(FIRST_DOMAIN, FIRST_DOMAIN + DOMAINS)
-    for number in random.SystemRandom().sample(domains, DOMAINS):
+    for number in random.SystemRandom().sample(domains, len(domains)):
         with socket.socket() as reservation:
             try:
                 # As ROS 2's domain_coordinator does it.
@@ -107,7 +105,7 @@ def reserve_domain() -> Iterator[int]:
                 yield number
                 return
     raise DeviceError(
-        f"the ROS domains {FIRST_DOMAIN} to {FIRST_DOMAIN + DOMAINS - 1} are all in use on this"
+        f"the ROS domains {domains[0]} to {domains[-1]} are all in use on this"
         " host: name another one in ROS_DOMAIN_ID"
     )
 

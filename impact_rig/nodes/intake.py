@@ -19,8 +19,6 @@ from impact_rig.nodes.interfaces import Topic
 from impact_rig.recordings.messages import NO_ID, stamp_from_msg
 
 T = TypeVar("T")
-LOOK_PERIOD = 1.0
-"""How often it is looked up who publishes foreign messages [s]: they may come as a flood."""
 UNSOUND = (RigError, ValueError, OverflowError)
 """What a conversion raises if a message cannot be meant."""
 UNKNOWN = "a node that has gone"
@@ -52,6 +50,9 @@ class Intake:
     node : Node
         That subscribes.
     """
+
+    # How often it is looked up who publishes foreign messages [s]: they may come as a flood.
+    look_period = 1.0
 
     def __init__(self, node: Node) -> None:
         self.membership = Membership()
@@ -107,7 +108,7 @@ class Intake:
 
     def _name_foreign(self, topic: Topic, stamp: int) -> None:
         """Warn once of each node whose messages are ignored."""
-        if time.monotonic() < self._looked_at + LOOK_PERIOD:
+        if time.monotonic() < self._looked_at + self.look_period:
             return
         self._looked_at = time.monotonic()
         names = [

@@ -104,10 +104,13 @@ class Listener(BackgroundNode):
     ----------
     domain : int, optional
         As of `BackgroundNode`.
+    patience : float
+        How long publishers are looked for [s].
     """
 
-    def __init__(self, domain: int | None = None) -> None:
+    def __init__(self, domain: int | None = None, patience: float = DISCOVERY_TIME) -> None:
         super().__init__("listener", domain)
+        self._patience = patience
 
     def list_topics(self) -> dict[str, str]:
         """Return the topics that have a publisher, with their types."""
@@ -131,7 +134,7 @@ class Listener(BackgroundNode):
         FileError
             If its type is not installed.
         """
-        deadline = time.monotonic() + DISCOVERY_TIME
+        deadline = time.monotonic() + self._patience
         while not self.count_publishers(topic) and time.monotonic() < deadline:
             time.sleep(0.01)  # the graph is asked, it tells nothing by itself
         publishers = self.node.get_publishers_info_by_topic(topic)

@@ -30,7 +30,6 @@ from impact_rig.core.overrules import Overrule, Verdict
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.async_node import ANSWER_TIMEOUT
 from impact_rig.nodes.campaign_feed import CampaignFeed
 from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.identity import Identity, id_to_msg, make_id
@@ -228,7 +227,7 @@ class PageNode(RigNode):
             answer: Future[Answer] = Future()
             if not client.service_is_ready():
                 raise DeviceError(f"no node offers {name}")
-            request, deadline = kind.Request(**read(form)), time.monotonic() + ANSWER_TIMEOUT
+            request, deadline = kind.Request(**read(form)), time.monotonic() + self.answer_timeout
 
             def finish(done: Any) -> None:
                 response = done.result()

@@ -51,9 +51,6 @@ from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.source import SUFFIX
 from impact_rig.recordings.writer import RecordingWriter
 
-QUEUE_DEPTH = 2000
-"""Depth of the queue of a topic [messages]: almost a second of blocks of 1000 points
-at 2.5 MS/s, in which the disk may stand still. Only waiting messages take memory."""
 FINDINGS = (
     interfaces.IMPACT,
     interfaces.IMPACT_TRACE,
@@ -80,6 +77,10 @@ class RecorderNode(RigNode):
     The record of a hit is put on the disk when its last block is written; then `RecordStored` is
     published.
     """
+
+    # Depth of the queue of a topic [messages]: almost a second of blocks of 1000 points at
+    # 2.5 MS/s, in which the disk may stand still. Only waiting messages take memory.
+    queue_depth = 2000
 
     def __init__(self, **options: Any) -> None:
         super().__init__("recorder", **options)
@@ -314,7 +315,7 @@ class RecorderNode(RigNode):
 
     def _record_own(self, writer: RecordingWriter, topic: Topic) -> None:
         # All of several states in quick succession are wanted, not only the last.
-        qos = topic.deepen(QUEUE_DEPTH).qos
+        qos = topic.deepen(self.queue_depth).qos
         self._record(writer, topic, qos, (describe_qos(topic.qos),), is_own=True)
 
     def _record_discovered(
@@ -328,7 +329,7 @@ class RecorderNode(RigNode):
             if len(types) > 1:
                 raise FileError(f"it has several types: {', '.join(types)}")
             offers = tuple(describe_qos(item.qos_profile) for item in publishers)
-            qos = adapt_qos(publishers, QUEUE_DEPTH)
+            qos = adapt_qos(publishers, self.queue_depth)
             self._record(writer, Topic(topic, import_type(types[0]), qos), qos, offers)
         except RigError as error:
             self._skipped[topic] = str(error)

@@ -96,6 +96,8 @@ channel = "/body/samples.data[0]"               # the same topic, or one with th
 unit = "m/s^2"               # or g, N, V …: where the type of the message does not say it
 """
 
+    patience: ClassVar[float] = DISCOVERY_TIME  # [s], in which other nodes are looked for
+
     def __init__(self, options: TomlTable) -> None:
         super().__init__()
         options.check_keys("ignore_stamps", "simulated")
@@ -114,7 +116,7 @@ unit = "m/s^2"               # or g, N, V …: where the type of the message doe
         """Return the topics of other nodes that may hold samples."""
         listener = Listener()
         try:
-            time.sleep(DISCOVERY_TIME)
+            time.sleep(cls.patience)
             found = sorted(listener.list_topics().items())
         finally:
             listener.close()
@@ -144,7 +146,7 @@ unit = "m/s^2"               # or g, N, V …: where the type of the message doe
         self.sampling_rate, self._fault = plan.sampling_rate, None
         self._points, self._lost = [], 0
         self._message_clock = MessageClock(plan.sampling_rate, is_stamped=self._is_stamped)
-        self._listener = Listener()
+        self._listener = Listener(patience=self.patience)
         for item in self._inputs:
             self._listener.subscribe(item.topic, partial(self._take_message, item))
         with self.changed:

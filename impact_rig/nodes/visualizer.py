@@ -58,8 +58,9 @@ LARGEST_CAMPAIGN = 1000
 class ShownCampaign:
     """Keeps the newest finding of each hit, sample and model of a campaign."""
 
-    def __init__(self, setup: RigSetup) -> None:
+    def __init__(self, setup: RigSetup, largest: int = LARGEST_CAMPAIGN) -> None:
         self.setup = setup
+        self._largest = largest
         self._numbers: Counter[str] = Counter()
         self._hits: dict[HitLabel, HitResults] = {}  # the newest, as many as are shown
         self._faults: dict[HitLabel, tuple[str, ...]] = {}
@@ -84,7 +85,7 @@ class ShownCampaign:
                 label = found.label
                 self._hits[label] = replace(found, injected_faults=self._faults.get(label, ()))
                 for kept in (self._hits, self._faults):
-                    if len(kept) > LARGEST_CAMPAIGN:
+                    if len(kept) > self._largest:
                         del kept[next(iter(kept))]
             case SampleEstimate():
                 self.estimates[found.name] = found

@@ -31,8 +31,6 @@ STATIC = {"page.css": "text/css; charset=utf-8", "page.js": "text/javascript; ch
 MACROS = ("act", "note", "strength", "numbers")
 HEARTBEAT = 1.0
 """How often each page hears that the server is there [s]; after three of them it greys."""
-ANSWER_TIMEOUT = 10.0
-"""How long the rig may take to answer [s]."""
 LONGEST_FORM = 20_000
 """Of one act [bytes]."""
 LONGEST_FIELD = 1000
@@ -134,6 +132,8 @@ class PageServer:
     ParameterError
         If the certificate cannot be used.
     """
+
+    patience = 10.0  # [s], how long the rig may take to answer
 
     def __init__(self, address: Address, acts: Mapping[str, Act]) -> None:
         self._address = address
@@ -345,7 +345,7 @@ class Acts(_Checked):
         elif name in self.server.acts:
             try:
                 pending = asyncio.wrap_future(self.server.acts[name](form))
-                answer = await asyncio.wait_for(pending, ANSWER_TIMEOUT)
+                answer = await asyncio.wait_for(pending, self.server.patience)
             except TimeoutError:
                 answer = Answer(done=False, message=f"the rig did not answer to {name!r}")
             except RigError as error:

@@ -29,7 +29,6 @@ def recorded(tmp_path_factory):
 @pytest.fixture
 def quiet_ros(monkeypatch):
     """Keep ROS on this host."""
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.delenv("ROS_DOMAIN_ID", raising=False)
 
 

@@ -110,9 +110,8 @@ def test_the_line_that_ends_the_start_says_which_rig_it_is_and_what_to_call():
     )
 
 
-def test_without_a_rig_one_sentence_says_what_to_start(run, own_domain, monkeypatch):
-    monkeypatch.setattr("impact_rig.cli.campaign.RIG_TIMEOUT", 0.2)
-    done = run("campaign")
+def test_without_a_rig_one_sentence_says_what_to_start(run, own_domain):
+    done = run("campaign", "--wait", "0.2 s")
     assert done.exit_code == 2
     assert done.stderr.startswith("error: no rig answers in namespace '/' within 0.2 s: start one")
 

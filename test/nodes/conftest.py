@@ -37,12 +37,14 @@ def recorder(
 ) -> Callable[..., tuple[Collector, Collector, RecorderNode]]:
     """Return a function that starts a recorder; it returns what it says, and the node."""
 
-    def start(**parameters: Any) -> tuple[Collector, Collector, RecorderNode]:
+    def start(
+        kind: Any = RecorderNode, **parameters: Any
+    ) -> tuple[Collector, Collector, RecorderNode]:
         namespace = parameters.get("namespace", "")
         states = harness.listen(RECORDER_STATE, namespace)
         stored = harness.listen(RECORD_STORED, namespace)
         output = str(tmp_path / "session.mcap")
-        node = harness.add(RecorderNode, **{"output": output, **parameters})
+        node = harness.add(kind, **{"output": output, **parameters})
         states.wait(lambda messages: messages[-1].recording)
         return states, stored, node
 

@@ -10,7 +10,7 @@ from impact_rig_msgs.srv import GetResults, JoinCampaign
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError
-from impact_rig.nodes import campaign, interfaces
+from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.campaign_client import CampaignClient
@@ -91,12 +91,9 @@ def test_whatever_disarms_the_hammer_a_person_arms_it(harness):
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
 
 
-def test_where_nobody_is_there_a_pause_that_a_person_would_end_is_an_end(
-    harness, ros_domain, monkeypatch
-):
+def test_where_nobody_is_there_a_pause_that_a_person_would_end_is_an_end(harness):
     start_rig(harness, campaign=SOON)
     states = harness.listen(interfaces.CAMPAIGN_STATE)
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
 
     def disarm(rig):
         if rig.campaign.progress.accepted == 1 and not calls:
@@ -116,16 +113,14 @@ def test_where_nobody_is_there_a_pause_that_a_person_would_end_is_an_end(
 
 
 def test_where_nobody_is_there_a_silent_estimator_ends_it_while_its_process_lives(
-    harness, start_process, ros_domain, monkeypatch
+    harness, start_process
 ):
-    monkeypatch.setattr(campaign, "SILENCE", 1.0)
-    monkeypatch.setattr(campaign, "ANSWER_TIMEOUT", 2.0)
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     estimator = start_process("estimator")
     harness.add(AccelerometerNode, trigger_timeout=0.2)
     harness.add(HammerNode, swing_time=0.001)
     harness.record()
-    harness.add(CampaignNode, **SOON)
+    campaign = harness.add(CampaignNode, **SOON)
+    campaign.silence, campaign.answer_timeout = 1.0, 2.0
     harness.wait_until(harness.peer.create_client(JoinCampaign, JOIN_ESTIMATOR).service_is_ready)
 
     def stop(rig):
@@ -156,6 +151,7 @@ def test_a_device_that_was_lost_and_is_back_is_used_again_once_a_person_has_arme
 
 def test_a_node_that_was_deactivated_and_is_active_again_is_used_again(harness):
     handle, feedback = strike_on(harness)
+    find_node(harness, CampaignNode).answer_timeout = 1.0
     for kind in (EstimatorNode, AccelerometerNode, HammerNode):
         node = find_node(harness, kind)
         harness.run(node.trigger_deactivate)

@@ -17,8 +17,7 @@ TIMEOUT = 60.0
 
 
 @pytest.fixture
-def client(ros_domain, harness, monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+def client(harness):
     harness.add(HammerNode)
     with HammerClient("", TIMEOUT) as client:
         yield client
@@ -64,8 +63,7 @@ def test_ctrl_c_while_a_message_is_taken_ends_the_wait_and_leaves_the_client_usa
     assert client.ask("disarm")
 
 
-def test_a_rig_that_is_not_there_is_said(ros_domain, monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+def test_a_rig_that_is_not_there_is_said(ros_domain):
     with (
         HammerClient("no_such_rig", 0.1) as client,
         pytest.raises(DeviceError, match="no hammer publishes its state within"),
@@ -73,10 +71,7 @@ def test_a_rig_that_is_not_there_is_said(ros_domain, monkeypatch):
         client.describe()
 
 
-def test_a_goal_that_cannot_be_run_is_rejected_with_the_reason(
-    ros_domain, start_process, monkeypatch
-):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+def test_a_goal_that_cannot_be_run_is_rejected_with_the_reason(start_process):
     start_process("campaign")
     with CampaignClient() as client:
         assert client.spin_until(client._action.server_is_ready, TIMEOUT)

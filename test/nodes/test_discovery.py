@@ -24,7 +24,6 @@ from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import discovery, interfaces
 from impact_rig.nodes.discovery import (
     DOMAINS,
-    FIRST_DOMAIN,
     offer_profile,
     reserve_domain,
 )
@@ -127,21 +126,20 @@ def test_a_domain_that_is_reserved_here_or_by_another_process_is_not_given_again
             ours = {stack.enter_context(reserve_domain()) for _ in range(20)}
         assert len(ours) == 20
         assert taken not in ours
-        assert all(FIRST_DOMAIN <= number < FIRST_DOMAIN + DOMAINS for number in ours)
+        assert ours < {*DOMAINS}
     finally:
         other.communicate()
 
 
-def test_a_domain_in_which_nodes_run_is_not_given(monkeypatch):
+def test_a_domain_in_which_nodes_run_is_not_given():
     """As those of a rig whose ROS_DOMAIN_ID a person chose, who reserves nothing."""
-    monkeypatch.setattr(discovery, "FIRST_DOMAIN", FIRST_DOMAIN + DOMAINS)
-    monkeypatch.setattr(discovery, "DOMAINS", 1)
-    with reserve_domain() as number:
-        assert number == FIRST_DOMAIN + DOMAINS
+    beyond = [DOMAINS.stop]
+    with reserve_domain(beyond) as number:
+        assert number == DOMAINS.stop
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=number, args=[])
     node = rclpy.create_node("another", context=context)
-    with pytest.raises(DeviceError, match="101 to 101 are all in use"), reserve_domain():
+    with pytest.raises(DeviceError, match="101 to 101 are all in use"), reserve_domain(beyond):
         pass
     node.destroy_node()
     context.try_shutdown()

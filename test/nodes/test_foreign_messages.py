@@ -76,8 +76,7 @@ def make_foreign():
 
 
 @pytest.mark.parametrize("identity", [Identity(), Identity(make_id(), make_id())])
-def test_the_client_of_a_campaign_believes_nobody_else(harness, ros_domain, monkeypatch, identity):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+def test_the_client_of_a_campaign_believes_nobody_else(harness, identity):
     start_rig(harness)
     foreign = make_foreign()
     # Without a lease, as `ros2 topic pub` and a bag have none: a second node's would disarm.

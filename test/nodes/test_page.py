@@ -16,7 +16,6 @@ from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.identity import id_to_msg, make_id
 from impact_rig.nodes.messages import setup_to_msg
 from impact_rig.nodes.page import PageNode
-from impact_rig.page import server
 from impact_rig.page.states import NO_HAMMER
 
 
@@ -55,19 +54,19 @@ def test_a_stop_is_confirmed_while_messages_keep_the_page_busy(harness, start_pr
         busy.join()
 
 
-def test_an_answer_that_comes_too_late_ends_nothing(harness, start_process, monkeypatch):
+def test_an_answer_that_comes_too_late_ends_nothing(harness, start_process):
     hammer = start_process("hammer")
     hammer.wait_for("active")
     page = harness.add(PageNode, port=0)
     harness.wait_until(lambda: page._status.hammer is not NO_HAMMER)
-    monkeypatch.setattr(server, "ANSWER_TIMEOUT", 0.2)
+    page._server.patience = 0.2
     hammer.process.send_signal(signal.SIGSTOP)
     try:
         assert act(page._server, "stop")["message"] == "the rig did not answer to 'stop'"
     finally:
         hammer.process.send_signal(signal.SIGCONT)
     harness.wait_until(lambda: "STOPPED" in page._server.fragments["say"])
-    monkeypatch.setattr(server, "ANSWER_TIMEOUT", 60.0)
+    page._server.patience = 60.0
     assert act(page._server, "reset")["done"]
 
 

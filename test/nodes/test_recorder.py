@@ -306,10 +306,13 @@ def test_every_record_is_on_the_disk_when_the_recorder_says_so_and_what_it_lacks
     assert ("gaps", "2") in list_values(found)
 
 
-def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder, monkeypatch):
+def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder):
     depth = interfaces.ACCELERATION.qos.depth
-    monkeypatch.setattr("impact_rig.nodes.recorder.QUEUE_DEPTH", depth)
-    states, stored, _ = recorder()
+
+    class Shallow(RecorderNode):
+        queue_depth = depth
+
+    states, stored, _ = recorder(Shallow)
     publisher = connect(harness)
     publish(publisher, make_blocks(1))
     stored.wait_for_count(1)

@@ -75,8 +75,7 @@ def test_a_second_publisher_of_the_hammer_state_disarms(harness):
     harness.wait(handle.cancel_goal_async())
 
 
-def test_a_replay_into_a_rig_of_this_computer_is_refused(harness, ros_domain, monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+def test_a_replay_into_a_rig_of_this_computer_is_refused(harness):
     with claim_node("/bench/accelerometer"):
         node = harness.add(ReplayerNode, namespace="bench", file="absent.mcap")
     assert node.fault.startswith(f"process {os.getpid()} is /bench/accelerometer")

@@ -75,9 +75,8 @@ class PowerCutError(Exception):
 
 
 def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
-    harness, power, tmp_path, ros_domain, monkeypatch
+    harness, power, tmp_path
 ):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     on, off = power
     verdicts = harness.listen(interfaces.IMPACT)
     goal = RunCampaign.Goal(samples=SAMPLES, impacts=IMPACTS)

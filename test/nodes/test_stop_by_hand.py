@@ -51,9 +51,8 @@ def rig(harness, tmp_path):
 
 @pytest.mark.parametrize("service", [interfaces.EMERGENCY_STOP, interfaces.DISARM_HAMMER])
 def test_a_stop_withdraws_the_request_at_once_and_the_hit_is_rejected_by_name(
-    rig, harness, ros_domain, monkeypatch, service
+    rig, harness, service
 ):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
     person, outcomes = Person(), []
     with CampaignClient() as client:
         client.wait_for_rig(60.0)

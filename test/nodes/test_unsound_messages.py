@@ -16,7 +16,6 @@ from impact_rig_msgs.srv import GetResults
 from lifecycle_msgs.srv import GetState
 
 from impact_rig.core.setup import PAPER_SETUP
-from impact_rig.nodes import intake as intake_module
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode
@@ -181,11 +180,11 @@ def test_the_first_unsound_message_of_a_topic_is_named():
     )
 
 
-def test_a_foreign_publisher_is_named_once_whatever_ids_it_uses(monkeypatch):
+def test_a_foreign_publisher_is_named_once_whatever_ids_it_uses():
     listener = Listener(("/bench", "hammer"), ("/", "rosbag2_player"))
     intake = Intake(listener)
     intake.membership.join(Identity(make_id()))
-    monkeypatch.setattr(intake_module, "LOOK_PERIOD", 0.0)
+    intake.look_period = 0.0
     for _ in range(100):
         foreign = msg.HammerState(campaign_id=id_to_msg(make_id()))
         assert intake.take(interfaces.HAMMER_STATE, foreign) is None

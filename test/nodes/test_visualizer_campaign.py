@@ -16,7 +16,7 @@ from impact_rig.devices.virtual.rig import (
     VirtualRig,
     VirtualRigSettings,
 )
-from impact_rig.nodes import interfaces, messages, result_messages, visualizer
+from impact_rig.nodes import interfaces, messages, result_messages
 from impact_rig.nodes.identity import NO_IDENTITY
 from impact_rig.nodes.visualizer import ShownCampaign
 from impact_rig.results.campaign import results_from_session
@@ -140,9 +140,8 @@ def test_traces_are_those_of_the_session(told, campaign):
             assert getattr(shown, name) == pytest.approx(getattr(expected, name), nan_ok=True)
 
 
-def test_an_endless_campaign_keeps_its_newest_hits(told, monkeypatch):
-    monkeypatch.setattr(visualizer, "LARGEST_CAMPAIGN", 3)
-    shown = ShownCampaign(PAPER_SETUP)
+def test_an_endless_campaign_keeps_its_newest_hits(told):
+    shown = ShownCampaign(PAPER_SETUP, largest=3)
     for record in range(1, 6):
         shown.add(replace(told.verdicts[0], record=record))
     assert [hit.record for hit in shown.make_results().hits] == [3, 4, 5]

@@ -60,9 +60,8 @@ def test_a_device_that_is_lost_while_the_hammer_swings_leaves_one_empty_block(
 
 
 def test_a_device_that_goes_while_nothing_is_armed_is_missed_and_comes_back(
-    harness, desk, rig, states, monkeypatch
+    harness, desk, rig, states
 ):
-    monkeypatch.setattr("impact_rig.nodes.accelerometer_source.CHECK_PERIOD", 0.01)
     node = rig()
     desk.unplug()
     state = wait_for_state(states, AcquisitionState.FAULT)
