@@ -261,7 +261,6 @@ def _finish(
         for label, alone in campaign.alone.items()
     )
     results = replace(results_from_session(found, faults), files=files)
-    by_hand = ((hit.label, session.overrules.find(hit.label)) for hit in results.hits)
     return TracedCampaign(
         results=results if source.has_scale else drop_scale(results),
         samples=tuple(item for item in samples if item is not None),
@@ -276,5 +275,9 @@ def _finish(
             for recorded in campaign.traces
             if (hit := judged.get(recorded.label)) is not None
         ),
-        overrules=tuple((label, found) for label, found in by_hand if found is not None),
+        overrules=tuple(
+            (hit.label, verdict)
+            for hit in results.hits
+            for verdict in session.overrules.list_verdicts(hit.label)
+        ),
     )

@@ -60,11 +60,16 @@ class Overrules:
             raise ParameterError(f"hit {label} is both accepted and rejected by hand: choose one")
 
     def find(self, label: HitLabel) -> Overrule | None:
-        """Return a person's verdict on a hit; None: there is none."""
+        """Return the verdict that holds of a hit; None: there is none."""
+        return next(reversed(self.list_verdicts(label)), None)
+
+    def list_verdicts(self, label: HitLabel) -> list[Overrule]:
+        """Return the persons' verdicts on a hit; the last one holds."""
+        found = [self.recorded[label.record]] if label.record in self.recorded else []
         for labels, verdict in ((self.accepted, Verdict.ACCEPT), (self.rejected, Verdict.REJECT)):
             if label in labels:
-                return Overrule(label.record, verdict, self.reason, self.who, self.stamp)
-        return self.recorded.get(label.record)
+                found.append(Overrule(label.record, verdict, self.reason, self.who, self.stamp))
+        return found
 
     def add(self, overrule: Overrule) -> "Overrules":
         """Return them with one more; an undo takes that of its hit away."""

@@ -356,7 +356,8 @@ def tabulate_overrules(
             ],
         ),
     ]
-    return list_table(f"Hits on which a person decided: {len(overrules)}", columns)
+    count = len({label for label, _ in overrules})
+    return list_table(f"Hits on which a person decided: {count}", columns)
 
 
 def tabulate_accepted(results: Results) -> list[Table]:

@@ -109,7 +109,16 @@ def test_a_recording_brings_its_rig_file_and_what_a_person_decided(run, folder):
     )
     assert run("report", folder).exit_code == 0
     text = read_text(folder / "report.html")
-    for words in ("Lab 7", "left out by hand", "loose cable", "Ann", "2023-11-14 22:13:20 UTC"):
+    told = ("left out by hand", "loose cable", "Ann", "2023-11-14 22:13:20 UTC")
+    for words in ("Lab 7", *told):
+        assert words in text
+    # Who decides otherwise later takes nothing away.
+    again = folder / "again.html"
+    asked = ("--accept", "2", "--reason", "it was fast", "--who", "Bob", "-o", again)
+    assert run("report", folder, *asked).exit_code == 0
+    text = read_text(again)
+    assert "Hits on which a person decided: 1" in text
+    for words in (*told, "accepted by hand", "it was fast", "Bob"):
         assert words in text
 
 
