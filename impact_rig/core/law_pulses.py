@@ -133,11 +133,12 @@ def _tabulate() -> FloatArray:
     points = [chebyshev.chebpts1(degree + 1) for degree in LIMITS.degrees]
     axes = zip(points, (LIMITS.exponents, LIMITS.losses, LIMITS.losses), strict=True)
     stretched = [_stretch(point, limits) for point, limits in axes]
-    grid = np.meshgrid(np.arange(len(FORMS)), *stretched, indexing="ij")
-    form, *parameters = (axis.ravel() for axis in grid)
+    grid = np.meshgrid(*stretched, indexing="ij")
+    each, loss, pull = (np.tile(axis.ravel(), len(FORMS)) for axis in grid)
+    form = np.repeat(np.arange(len(FORMS)), grid[0].size)
     shape = len(FORMS), points[0].size, -1
     proportional, other, motion = (
-        factor.reshape(shape) for factor in find_losses(*parameters, form)
+        factor.reshape(shape) for factor in find_losses(each, loss, pull, form)
     )
     exponent = stretched[0][:, np.newaxis]
     is_plate = (np.arange(len(FORMS)) == PLATE)[:, np.newaxis, np.newaxis]
