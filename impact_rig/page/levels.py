@@ -19,7 +19,7 @@ ABOVE_NOISE = 10.0
 class InputLevel:
     """Level of one channel while nothing is recorded."""
 
-    # Mean and standard deviation, the medians of short blocks [m/s^2]; a noise of 0: not known.
+    # Median and standard deviation, the medians of short blocks [m/s^2]; a noise of 0: not known.
     zero: float = 0.0
     noise: float = field(default=0.0, metadata=describe("m/s^2"))
     # Largest distance from zero, either sign [m/s^2].
@@ -72,7 +72,8 @@ class LevelMeter:
 
 def _measure(channel: ChannelBlock) -> InputLevel:
     low, high = channel.extremes
-    zero = float(channel.acceleration.mean())  # a median takes ten times as long
+    # Not the mean, which a hit moves; of every 16th point, as fast.
+    zero = float(np.median(channel.acceleration[::16]))
     return InputLevel(
         zero=zero,
         noise=float(channel.acceleration.std()),
