@@ -16,7 +16,7 @@ from impact_rig.core.errors import (
 )
 from impact_rig.core.filtering import Chain
 from impact_rig.core.quantity import INLINE, Comparable, describe
-from impact_rig.core.sensors import STANDARD_GRAVITY, Sensor, SensorResponse
+from impact_rig.core.sensors import CHANNELS, STANDARD_GRAVITY, Sensor, SensorResponse
 
 
 @dataclass(frozen=True)
@@ -232,6 +232,8 @@ class SampleSet:
         return self.find(name).mass + self.accelerometer_mass
 
 
+UNKNOWN_SENSORS = {channel: Sensor(channel) for channel in CHANNELS}
+"""Of channels that no set-up describes."""
 ACCELERATION = 1.0, "m/s^2"
 """An accelerometer's reading at 1 m/s^2, and its unit."""
 
@@ -292,7 +294,7 @@ class RigSetup(Comparable):
     def find_sensor(self, channel: str) -> Sensor:
         """Return what is known of the sensor of a channel."""
         known = (sensor for sensor in self.sensors if sensor.channel == channel)
-        return next(known, Sensor(channel))
+        return next(known, UNKNOWN_SENSORS[channel])
 
     def list_calibration_warnings(self, today: str) -> tuple[str, ...]:
         """Return in one sentence each which sensors were calibrated too long ago, on a day."""
