@@ -31,6 +31,7 @@ from impact_rig.results.table import (
     make_table,
     make_text_column,
     read_column,
+    read_optional,
 )
 
 EXPLANATIONS = {
@@ -365,9 +366,9 @@ def tabulate_accepted(results: Results) -> list[Table]:
     hits = [hit for hit in results.hits if hit.accepted]
     columns = [
         *_make_label_columns(hits),
-        read_column("τp [µs]", hits, "contact_time", 2, is_optional=True),
+        read_optional("τp [µs]", hits, "contact_time", 2),
         _make_hammer_column(hits, results.setup),
-        read_column("Sample peak [m/s²]", hits, "specimen_peak", 1, is_optional=True),
+        read_optional("Sample peak [m/s²]", hits, "specimen_peak", 1),
         *_make_origin_columns(hits),
     ]
     note = "τp: of this hit alone. Peaks: largest value after the low-pass, either sign."
@@ -407,44 +408,25 @@ def _make_hammer_column(hits: Sequence[HitResults], setup: RigSetup) -> Column:
 def tabulate_hits(hits: Sequence[FileResults]) -> Table:
     """Return what was found in every file; those that were rejected are marked."""
     unit = hits[0].measured_unit if hits else ""
+    base = "Above 1 %: time above a hundredth of the peak."
+    left = "leaves: RMS of what the best shape leaves, over the peak."
+    peaks = [hit.measured_peak for hit in hits]
     columns = [
         make_text_column("File", _shorten([hit.origin.file for hit in hits])),
         read_column("τp [µs]", hits, "contact_time", 2, note="±: of the one hit, 95 %."),
         make_text_column(
             "Verdict", ["accepted" if hit.accepted else _list_reasons(hit) for hit in hits]
         ),
-        read_column("w50 [µs]", hits, "half_amplitude_width", 2, is_optional=True),
-        read_column(
-            "Above 1 % [µs]",
-            hits,
-            "base_width",
-            2,
-            is_optional=True,
-            note="Above 1 %: time above a hundredth of the peak.",
-        ),
-        read_column("w10/w50", hits, "width_ratio", 3, is_optional=True),
-        Column(
-            "Best shape",
-            [hit.best_shape or MISSING for hit in hits],
-            is_text=True,
-            is_optional=True,
-        ),
-        read_column(
-            "leaves [%]",
-            hits,
-            "shape_residual_percent",
-            1,
-            is_optional=True,
-            note="leaves: RMS of what the best shape leaves, over the peak.",
-        ),
+        read_optional("w50 [µs]", hits, "half_amplitude_width", 2),
+        read_optional("Above 1 % [µs]", hits, "base_width", 2, base),
+        read_optional("w10/w50", hits, "width_ratio", 3),
+        make_optional("Best shape", [hit.best_shape or MISSING for hit in hits], is_text=True),
+        read_optional("leaves [%]", hits, "shape_residual_percent", 1, left),
         make_optional(
             f"Peak [{show_unit(unit)}]" if unit else "Peak",
-            [
-                f"{hit.measured_peak:.4g}" if math.isfinite(hit.measured_peak) else MISSING
-                for hit in hits
-            ],
+            [f"{peak:.4g}" if math.isfinite(peak) else MISSING for peak in peaks],
         ),
-        Column("Place", [hit.origin.place for hit in hits], is_text=True, is_optional=True),
+        make_optional("Place", [hit.origin.place for hit in hits], is_text=True),
     ]
     wrong = [place for place, hit in enumerate(hits) if not hit.accepted]
     return make_table("Hits", columns, marked=wrong)

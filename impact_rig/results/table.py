@@ -90,9 +90,9 @@ def list_table(
     return [table] if table.rows and len(table.columns) > 1 else []
 
 
-def make_optional(header: str, cells: Sequence[str]) -> Column:
-    """Return a column of numbers that is left out where there is no room."""
-    return Column(header, tuple(cells), is_optional=True)
+def make_optional(header: str, cells: Sequence[str], *, is_text: bool = False) -> Column:
+    """Return a column that is left out where there is no room."""
+    return Column(header, tuple(cells), is_text=is_text, is_optional=True)
 
 
 def make_text_column(header: str, cells: Sequence[str]) -> Column:
@@ -101,13 +101,7 @@ def make_text_column(header: str, cells: Sequence[str]) -> Column:
 
 
 def read_column(
-    header: str,
-    bodies: Sequence[Any],
-    name: str,
-    digits: int,
-    *,
-    is_optional: bool = False,
-    note: str = "",
+    header: str, bodies: Sequence[Any], name: str, digits: int, note: str = ""
 ) -> Column:
     """Return a column of one attribute of every body, a quantity or a number.
 
@@ -120,7 +114,7 @@ def read_column(
     digits : int
         Decimals where there is no uncertainty.
     """
-    column = Column(header, (), is_optional=is_optional, note=note)
+    column = Column(header, (), note=note)
     scale = SCALES[column.unit.strip("[]")]
     cells = (
         format_quantity(value, digits, scale)
@@ -129,3 +123,10 @@ def read_column(
         for value in map(attrgetter(name), bodies)
     )
     return replace(column, cells=tuple(cells))
+
+
+def read_optional(
+    header: str, bodies: Sequence[Any], name: str, digits: int, note: str = ""
+) -> Column:
+    """Return a column as `read_column`, left out where there is no room."""
+    return replace(read_column(header, bodies, name, digits, note), is_optional=True)

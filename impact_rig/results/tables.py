@@ -52,6 +52,7 @@ from impact_rig.results.table import (
     make_table,
     make_text_column,
     read_column,
+    read_optional,
 )
 
 LARGE_SHARE = 0.2
@@ -145,32 +146,21 @@ def _mark(rows: Sequence[_Row], quantity: Measurand) -> list[int]:
 
 def tabulate_contact_times(results: Results) -> Table:
     """Return Table 2, with the pulse's width ratio, hits and spread."""
-    samples = results.samples
+    samples, rejected = results.samples, [item.impacts_rejected for item in results.samples]
     force = "Fmax: largest force on the hammer, its mass times its peak."
     peaks = "Peaks: scatter of the hammer's peaks."
     rise = "Rise: of the hammer's pulse, from a tenth to nine tenths."
     base = "Above 1 %: time that the hammer's pulse is above a hundredth of its peak."
     columns = [
-        read_column("w50 [µs]", samples, "paper.half_amplitude_width", 2, is_optional=True),
-        read_column("Above 1 % [µs]", samples, "paper.base_width", 2, is_optional=True, note=base),
-        read_column("w10/w50", samples, "paper.width_ratio", 3, is_optional=True),
-        read_column("Spread [µs]", samples, "paper.contact_time_spread", 2, is_optional=True),
+        read_optional("w50 [µs]", samples, "paper.half_amplitude_width", 2),
+        read_optional("Above 1 % [µs]", samples, "paper.base_width", 2, note=base),
+        read_optional("w10/w50", samples, "paper.width_ratio", 3),
+        read_optional("Spread [µs]", samples, "paper.contact_time_spread", 2),
         make_optional("Hits", [str(item.impacts_accepted) for item in samples]),
-        *(
-            [make_optional("Rejected", [str(item.impacts_rejected) for item in samples])]
-            if any(item.impacts_rejected for item in samples)
-            else []
-        ),
-        read_column("Fmax [N]", samples, "paper.peak_force", 1, is_optional=True, note=force),
-        read_column(
-            "Peaks [%]",
-            samples,
-            "paper.hammer_peak_spread_percent",
-            2,
-            is_optional=True,
-            note=peaks,
-        ),
-        read_column("Rise [µs]", samples, "paper.rise_time", 1, is_optional=True, note=rise),
+        make_optional("Rejected", [str(count) if any(rejected) else "" for count in rejected]),
+        read_optional("Fmax [N]", samples, "paper.peak_force", 1, note=force),
+        read_optional("Peaks [%]", samples, "paper.hammer_peak_spread_percent", 2, note=peaks),
+        read_optional("Rise [µs]", samples, "paper.rise_time", 1, note=rise),
     ]
     note = (
         "w10/w50: width at a tenth of the peak over that at half of it, which differs between"
@@ -207,8 +197,8 @@ def tabulate_damping(results: Results) -> list[Table]:
         return []
     bodies = (*(sample.paper for sample in results.samples), results.hammer)
     columns = [
-        read_column("ζ", bodies, "damping_ratio", 3, is_optional=True),
-        read_column("Δ", bodies, "log_decrement", 3, is_optional=True),
+        read_optional("ζ", bodies, "damping_ratio", 3),
+        read_optional("Δ", bodies, "log_decrement", 3),
         _make_hit_column(results),
     ]
     caption = "Table 4. Damping coefficient c"
@@ -292,7 +282,7 @@ def tabulate_summary(results: Results) -> list[Table]:
     ]
     by_law = [
         read_column("τ, law [µs]", laws, "duration", 2),
-        read_column("k, law [MN/m]", laws, "equivalent_stiffness", 2, is_optional=True),
+        read_optional("k, law [MN/m]", laws, "equivalent_stiffness", 2),
     ]
     columns += by_law
     marked = [place for item in SAMPLE_MEASURANDS for place in _mark(rows, item)]
@@ -375,11 +365,11 @@ def tabulate_pulse_shapes(samples: Sequence[SampleEstimate]) -> list[Table]:
         ),
         read_column("It leaves [%]", shapes, "best_fit.residual_percent", 2),
         read_column("Versed-sine leaves [%]", versed, "residual_percent", 2),
-        read_column("τp, paper [µs]", known, "paper.contact_time", 2, is_optional=True),
+        read_optional("τp, paper [µs]", known, "paper.contact_time", 2),
         read_column("τp, shape [µs]", shapes, "best_fit.contact_time", 2),
-        read_column("k2, paper [MN/m]", known, "paper.stiffness", 2, is_optional=True),
+        read_optional("k2, paper [MN/m]", known, "paper.stiffness", 2),
         read_column("k2, shape [MN/m]", shapes, "best_fit.stiffness", 2),
-        read_column("Fall/rise", shapes, "fall_over_rise", 3, is_optional=True),
+        read_optional("Fall/rise", shapes, "fall_over_rise", 3),
     ]
     note = (
         "Shapes fitted to the mean hammer pulse. It leaves: RMS of the rest, over the peak. Paper:"
@@ -415,10 +405,7 @@ def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
     )
     columns = [
         make_text_column("Sample", [sample.name for sample in known]),
-        *(
-            read_column(header, laws, name, digits, is_optional=True)
-            for header, name, digits in shown
-        ),
+        *(read_optional(header, laws, name, digits) for header, name, digits in shown),
         make_text_column("Loss", [law.form for law in laws]),
     ]
     note = (
@@ -438,13 +425,13 @@ def tabulate_momenta(samples: Sequence[SampleEstimate]) -> list[Table]:
     checks = [sample.checks for sample in known]
     columns = [
         make_text_column("Sample", [sample.name for sample in known]),
-        read_column("J [mN s]", checks, "impulse", 2, is_optional=True),
+        read_optional("J [mN s]", checks, "impulse", 2),
         read_column("m2Δv2/m1Δv1", checks, "momentum_ratio", 3),
         read_column("m2, traces [g]", checks, "traced_mass", 1),
         read_column("m2, stated [g]", checks, "stated_mass", 1),
-        read_column("v1 [cm/s]", checks, "impact_speed", 2, is_optional=True),
+        read_optional("v1 [cm/s]", checks, "impact_speed", 2),
         read_column("e, by v1", checks, "stated_restitution", 3),
-        read_column("e, both bodies", checks, "separation_restitution", 3, is_optional=True),
+        read_optional("e, both bodies", checks, "separation_restitution", 3),
         make_text_column("Sample is", [HELD.get(item.hold, "") for item in checks]),
     ]
     note = (
@@ -490,13 +477,13 @@ def tabulate_free_decays(samples: Sequence[SampleEstimate]) -> list[Table]:
     decays = [sample.free_decay for sample in known]
     columns = [
         make_text_column("Sample", [sample.name for sample in known]),
-        read_column("c2, paper [N s/m]", known, "paper.damping_coefficient", 1, is_optional=True),
+        read_optional("c2, paper [N s/m]", known, "paper.damping_coefficient", 1),
         read_column("c2, free decay [N s/m]", decays, "damping_coefficient", 1),
-        read_column("ζ, paper", known, "paper.damping_ratio", 3, is_optional=True),
+        read_optional("ζ, paper", known, "paper.damping_ratio", 3),
         read_column("ζ, free decay", decays, "damping_ratio", 3),
-        read_column("f [kHz]", decays, "frequency", 3, is_optional=True),
-        read_column("Periods", decays, "periods", 1, is_optional=True),
-        read_column("R²", decays, "r_squared", 4, is_optional=True),
+        read_optional("f [kHz]", decays, "frequency", 3),
+        read_optional("Periods", decays, "periods", 1),
+        read_optional("R²", decays, "r_squared", 4),
     ]
     note = (
         "Paper: from U1, inside the contact, and U2. Free decay: a damped sinusoid fitted to the"
