@@ -13,6 +13,7 @@ from impact_rig.core.hits import MeanHit
 from impact_rig.core.law_fit import (
     COUNT,
     EXPONENT,
+    GAIN,
     HEIGHT,
     LOSS,
     NEAREST,
@@ -20,6 +21,7 @@ from impact_rig.core.law_fit import (
     PULL,
     SMALL_PART,
     START,
+    STEP,
     TERM,
     TIME,
     FittedLoss,
@@ -29,7 +31,6 @@ from impact_rig.core.law_fit import (
     list_losses,
     weigh_losses,
 )
-from impact_rig.core.law_fit import LIMITS as FITS
 from impact_rig.core.law_pulses import LossForm, compute_pulses, find_places
 from impact_rig.core.momenta import find_odd_hits, name_hits
 from impact_rig.core.pulse_shape import (
@@ -56,21 +57,13 @@ from impact_rig.core.uncertainty import (
     make_rig_numbers,
 )
 
-
-@dataclass(frozen=True)
-class Limits:
-    """Of what is said of a fit; all are our choices."""
-
-    # [-] of the peak that a law may leave beyond the noise, averaged over `smooth`: what leaves
-    # more is another contact, an amplifier or an average with jitter; a sensor rings faster
-    left: float = 0.003
-    smooth: float = 0.25  # [w50]
-    points: float = 6.0  # [-] in w50: a dozen in the contact for six parameters
-    margins: tuple[float, float] = (1.0, 1.5)  # [w50] before and behind a tenth of the peak
-    nearer: float = 1.1  # [-] 10 in BIC of some 50 points, Kass and Raftery 1995
-
-
-LIMITS = Limits()
+FEWEST_POINTS = 6
+"""In w50 [-], our choice: a dozen in the contact for six parameters."""
+MARGINS = (1.0, 1.5)
+"""Before and behind a tenth of the peak [w50], our choice."""
+NEARER = 1.1
+"""How much less a better model leaves [-], our choice: 10 in BIC of some 50 points (Kass and
+Raftery 1995)."""
 
 
 @dataclass(frozen=True)
@@ -237,7 +230,8 @@ class _LawFits:
     def slow(self) -> float:
         """What is left beyond the noise, averaged over some of the pulse, over the peak [-]."""
         time = self.window.time
-        count = round(LIMITS.smooth * (time.size - 1) / (time[-1] - time[0]))
+        # Over a quarter of w50, our choice: a sensor rings faster.
+        count = round(0.25 * (time.size - 1) / (time[-1] - time[0]))
         weights = np.hanning(count + 2)[1:-1]
         left = np.convolve(self.left, weights / weights.sum(), "same")
         return compute_unexplained(float(np.std(left)), self.noise)
@@ -246,12 +240,12 @@ class _LawFits:
 def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
     pulse = measure_pulse(mean.traces[0])
     width, peak = pulse.half_amplitude_width, abs(pulse.peak)
-    if width < LIMITS.points:
+    if width < FEWEST_POINTS:
         raise NotDeterminedError(
             f"{width:.2g} points in the pulse's width at half amplitude do not tell"
-            f" it, {LIMITS.points:g} may; sample faster"
+            f" it, {FEWEST_POINTS} may; sample faster"
         )
-    window = cut_window(mean.traces[0], pulse, chain, LIMITS.margins)
+    window = cut_window(mean.traces[0], pulse, chain, MARGINS)
     correlation = chain.correlate_noise(window.step)
     correlation = correlation[correlation.size // 2 :]
     noise = float(mean.compute_raw_noise()[0]) * math.sqrt(correlation[0]) / peak
@@ -289,7 +283,7 @@ def _guess(losses: Sequence[FittedLoss]) -> FloatArray:
     pulses = compute_pulses(exponent, loss, pull, find_places(item.form for item in losses))
     is_mixed = np.array([item.is_mixed for item in losses])
     # Each of two losses may be negative, as one that stands for a form between them.
-    takes = (pulses.restitution <= 1.0 + FITS.gain) & (pulses.is_passive | ~is_mixed)
+    takes = (pulses.restitution <= 1.0 + GAIN) & (pulses.is_passive | ~is_mixed)
     takes &= [item.fit.is_inside for item in losses]
     # Others only where there is none.
     return np.where(takes, np.where(is_mixed, TERM, 1.0), 1e-30)
@@ -333,7 +327,8 @@ def _find_misfit(
     crushed = CRUSHED if e > 1.0 + 0.01 else ""
     if not fits.is_inside:
         return f"{LIKE_CONTACT}: no fit ends{crushed}"
-    largest = LIMITS.left
+    # What leaves more is another contact, an amplifier or an average with jitter; our choice.
+    largest = 0.003
     largest += 2.0 * max((fits.fit.find_rest(change) for _, change in changes), default=0.0)
     if fits.slow > largest:
         return (
@@ -350,7 +345,7 @@ def _find_doubt(quantities: dict[str, Quantity]) -> str | None:
     """Return why a law that describes the pulse is not given; None: it is."""
     e = quantities["restitution"]
     # Of contacts without loss one in ten exceeds 1 by so much.
-    if e.value - 1.0 > max(1.25 * e.standard, FITS.gain):
+    if e.value - 1.0 > max(1.25 * e.standard, GAIN):
         return (
             f"{LIKE_CONTACT}: e would be {e.value:.3f} ± {e.expanded:.3f}, above 1, and free"
             f" bodies gain no energy{CRUSHED}"
@@ -407,7 +402,7 @@ def _change_sensor(
         if stated and standard:
             response = replace(chain.response, **{name: stated + standard})
             other = replace(chain, response=response)
-            window = cut_window(mean.traces[0], fits.pulse, other, LIMITS.margins)
+            window = cut_window(mean.traces[0], fits.pulse, other, MARGINS)
             residual, _ = evaluate_laws(
                 window,
                 window.measured,
@@ -429,8 +424,8 @@ def _compare_with_versed_sine(fits: _LawFits) -> tuple[bool, bool]:
     left = fits.fit.fitted[part] - fits.window.measured[part]
     ours = math.sqrt(left @ left / (left.size - COUNT))
     # A versed-sine leaves 0.006 of a Hertz contact.
-    is_excluded = versed.residual > max(LIMITS.nearer * ours, 0.003)
-    return ours > LIMITS.nearer * versed.residual, is_excluded
+    is_excluded = versed.residual > max(NEARER * ours, 0.003)
+    return ours > NEARER * versed.residual, is_excluded
 
 
 def _list_sources(
@@ -537,9 +532,7 @@ def _compute_quantities(
 def _find_slopes(each: FloatArray, best: FittedLoss) -> FloatArray:
     """Return the derivatives of the quantities in parameters and masses, shape (11, 9)."""
     point = each.mean(axis=0)
-    steps = FITS.step * np.where(
-        np.isin(np.arange(point.size), (EXPONENT, LOSS, PULL)), 1.0, point
-    )
+    steps = STEP * np.where(np.isin(np.arange(point.size), (EXPONENT, LOSS, PULL)), 1.0, point)
     steps[[START, OFFSET]] = 1.0
     points = np.concatenate((point[np.newaxis], point + np.diag(steps)))
     found = _describe_laws(points, [best] * len(points))

@@ -8,8 +8,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.law_pulses import FORMS, LossForm, compute_pulses, find_places
-from impact_rig.core.law_pulses import LIMITS as TABLES
+from impact_rig.core.law_pulses import (
+    EXPONENTS,
+    FORMS,
+    LOSSES,
+    LossForm,
+    compute_pulses,
+    find_places,
+)
 from impact_rig.core.pulse_shape import Evaluation, PulseWindow, WindowFit, fit_window
 from impact_rig.core.records import FloatArray, make_read_only
 
@@ -20,22 +26,12 @@ ALONE = (LossForm.PROPORTIONAL, LossForm.PLATE)
 """Forms of one term; the others are fitted beside a loss δⁿ δ'."""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Of the fits; all are our choices."""
-
-    useless: float = 10.0  # [-] of what the best form leaves: such a one is none
-    step: float = 1e-4  # [-] of n and B, for derivatives
-    finest: float = 1.0 / 64.0  # [w50] over which the force is averaged
-    starting_exponents: tuple[float, ...] = (0.9, 1.2, 1.5, 1.8, 2.2, 2.8)  # n [-]
-    starting_losses: tuple[float, ...] = (0.01, 0.05, 0.15, 0.35, 0.7)  # [-]
-    starting_pulls: tuple[float, ...] = (0.1, 0.25, 0.5)  # [-]
-    gain: float = 1e-3  # [-] by which e may exceed 1: the fit itself may be wrong by so much
-
-
-LIMITS = Limits()
-
-
+STEP = 1e-4
+"""Of n and B, for derivatives [-], our choice."""
+FINEST = 1.0 / 64.0
+"""Over which the force is averaged [w50], our choice."""
+GAIN = 1e-3
+"""By which e may exceed 1 [-], our choice: the fit itself may be wrong by so much."""
 _SHAPE_TIMES = np.linspace(-1.2, 1.5, 55)
 """Where starts are compared with a window [w50]."""
 
@@ -48,7 +44,7 @@ def _tabulate_starts(exponents: tuple[float, ...]) -> tuple[FloatArray, FloatArr
     """
     places = np.arange(len(FORMS))
     grid = np.meshgrid(
-        places, exponents, LIMITS.starting_losses, LIMITS.starting_pulls, indexing="ij"
+        places, exponents, (0.01, 0.05, 0.15, 0.35, 0.7), (0.1, 0.25, 0.5), indexing="ij"
     )
     forms, exponent, loss, pull = (axis.ravel() for axis in grid)
     pull = np.where(np.isin(forms, find_places(ALONE)), 0.0, pull)
@@ -76,9 +72,8 @@ def _find_starts(window: PulseWindow, exponent: float | None) -> FloatArray:
 
     From a loss that is far off, some searches end at a pulse without loss.
     """
-    starts, shapes = _tabulate_starts(
-        LIMITS.starting_exponents if exponent is None else (exponent,)
-    )
+    exponents = (0.9, 1.2, 1.5, 1.8, 2.2, 2.8) if exponent is None else (exponent,)
+    starts, shapes = _tabulate_starts(exponents)
     measured = np.interp(_SHAPE_TIMES, window.time, window.measured)
     nearest = np.argmin(np.sum((shapes - measured) ** 2, axis=-1), axis=1)
     return np.asarray(starts[np.arange(len(starts)), nearest])
@@ -101,16 +96,16 @@ def evaluate_laws(
     """
     start, time, height, offset, *shape = parameters.T[..., np.newaxis]
     # Of each the pulse itself, and with a little more of both losses and n.
-    more, moved = LIMITS.step, np.eye(4)[1:] * LIMITS.step
+    more, moved = STEP, np.eye(4)[1:] * STEP
     loss, pull, exponent = ((one + more).ravel() for one, more in zip(shape, moved, strict=True))
     pulses = compute_pulses(exponent, loss, pull, np.repeat(forms, 4))
     spacing = window.model_time[1] - window.model_time[0]
-    reach = min(spacing, LIMITS.finest) / 2.0
+    reach = min(spacing, FINEST) / 2.0
     ends = start + time * pulses.duration.reshape(-1, 4)
     part = window.find_part(float(start.min()) - reach, float(ends.max()) + reach)
     shown_time = window.model_time[part]
     # Fine points have their edges in common.
-    last = shown_time[-1:] if spacing <= LIMITS.finest else shown_time
+    last = shown_time[-1:] if spacing <= FINEST else shown_time
     edges = np.concatenate((shown_time - reach, last + reach))
     impulse = pulses.compute_impulse(np.repeat((edges - start) / time, 4, axis=0))
     impulse = impulse.reshape(len(parameters), 4, -1)
@@ -133,11 +128,9 @@ def _find_bounds(forms: Sequence[LossForm], exponent: float | None) -> FloatArra
     # T over w50: no pulse of the family is so wide.
     bounds[0, :, TIME] = 0.05
     for place in (LOSS, PULL):
-        bounds[..., place] = np.array(TABLES.losses)[:, np.newaxis]
+        bounds[..., place] = np.array(LOSSES)[:, np.newaxis]
     bounds[:, [form in ALONE for form in forms], PULL] = 0.0
-    bounds[..., EXPONENT] = (
-        [[limit] for limit in TABLES.exponents] if exponent is None else exponent
-    )
+    bounds[..., EXPONENT] = [[limit] for limit in EXPONENTS] if exponent is None else exponent
     return bounds
 
 
@@ -148,7 +141,8 @@ def fit_forms(window: PulseWindow, exponent: float | None) -> list[WindowFit]:
         lambda parameters, which: evaluate_laws(window, window.measured, parameters, which),
         _find_starts(window, exponent),
         _find_bounds(FORMS, exponent),
-        most=LIMITS.useless,
+        # A form that leaves ten times as much as the best is of no use.
+        most=10.0,
     )
 
 

@@ -25,19 +25,14 @@ class LossForm(Enum):
     PLATE = "waves in a plate"  # Zener 1941: the plate yields at the speed F / Z
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Of the tables."""
-
-    exponents: tuple[float, float] = (0.75, 3.25)  # n [-] our choice: a yielding to a slow contact
-    losses: tuple[float, float] = (-0.1, 1.0)  # see `find_losses`, from e above 1 to 0.3
-    nodes: int = 65  # of a pulse [-] our choice: the force is good to 1e-5 of its peak
-    substeps: int = 2  # of Runge-Kutta's method between two nodes [-] our choice: good to 1e-7
-    # Of Chebyshev's polynomials in n and both losses [-] our choice: good to 1e-5.
-    degrees: tuple[int, int, int] = (8, 14, 7)
-
-
-LIMITS = Limits()
+EXPONENTS = (0.75, 3.25)
+"""Smallest and largest n of the tables [-], our choice: of a yielding and of a slow contact."""
+LOSSES = (-0.1, 1.0)
+"""The same of both losses, see `find_losses`: from e above 1 to 0.3 [-]."""
+NODES = 65
+"""Of a pulse [-], our choice: the force is good to 1e-5 of its peak."""
+DEGREES = (8, 14, 7)
+"""Of Chebyshev's polynomials in n and both losses [-], our choice: good to 1e-5."""
 FORMS = tuple(LossForm)
 PLATE = FORMS.index(LossForm.PLATE)
 LARGEST = 4.0
@@ -87,7 +82,7 @@ def _find_angle(phase: FloatArray | float) -> FloatArray:
     return np.asarray(math.pi * phase**3 * (10.0 - 15.0 * phase + 6.0 * phase**2))
 
 
-_ANGLE = _find_angle(np.linspace(0.0, 1.0, LIMITS.nodes))
+_ANGLE = _find_angle(np.linspace(0.0, 1.0, NODES))
 
 
 def _find_motion(
@@ -130,8 +125,8 @@ def _differentiate(
 @lru_cache(maxsize=1)
 def _tabulate() -> FloatArray:
     """Return Chebyshev's coefficients of ln r and time, shape (forms, degrees, 2 nodes)."""
-    points = [chebyshev.chebpts1(degree + 1) for degree in LIMITS.degrees]
-    axes = zip(points, (LIMITS.exponents, LIMITS.losses, LIMITS.losses), strict=True)
+    points = [chebyshev.chebpts1(degree + 1) for degree in DEGREES]
+    axes = zip(points, (EXPONENTS, LOSSES, LOSSES), strict=True)
     stretched = [_stretch(point, limits) for point, limits in axes]
     grid = np.meshgrid(*stretched, indexing="ij")
     each, loss, pull = (np.tile(axis.ravel(), len(FORMS)) for axis in grid)
@@ -148,8 +143,10 @@ def _tabulate() -> FloatArray:
     ]
     state = np.zeros((2, *proportional.shape))
     found = [state]
-    step = 1.0 / ((LIMITS.nodes - 1) * LIMITS.substeps)
-    for count in range((LIMITS.nodes - 1) * LIMITS.substeps):
+    # Two steps of Runge-Kutta's method between two nodes: good to 1e-7.
+    steps = 2 * (NODES - 1)
+    step = 1.0 / steps
+    for count in range(steps):
         phase, log_radius = count * step, state[0]
         first = _differentiate(phase, log_radius, exponent, terms)
         middle = phase + step / 2.0
@@ -157,15 +154,15 @@ def _tabulate() -> FloatArray:
         third = _differentiate(middle, log_radius + step / 2.0 * second[0], exponent, terms)
         fourth = _differentiate(phase + step, log_radius + step * third[0], exponent, terms)
         state = state + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
-        if (count + 1) % LIMITS.substeps == 0:
+        if count % 2:
             found.append(state)
     # Of each form, n and losses: ln r at all nodes, and time at all nodes.
-    values = np.stack(found).reshape(LIMITS.nodes, 2, -1).transpose(2, 1, 0)
+    values = np.stack(found).reshape(NODES, 2, -1).transpose(2, 1, 0)
     values = values.reshape(len(FORMS), *(point.size for point in points), -1)
-    for axis, (point, degree) in enumerate(zip(points, LIMITS.degrees, strict=True), start=1):
+    for axis, (point, degree) in enumerate(zip(points, DEGREES, strict=True), start=1):
         into = np.linalg.inv(chebyshev.chebvander(point, degree))
         values = np.moveaxis(np.tensordot(into, values, (1, axis)), 0, axis)
-    return make_read_only(np.ascontiguousarray(values.reshape(len(FORMS), -1, 2 * LIMITS.nodes)))
+    return make_read_only(np.ascontiguousarray(values.reshape(len(FORMS), -1, 2 * NODES)))
 
 
 def _stretch(point: FloatArray, limits: tuple[float, float]) -> FloatArray:
@@ -196,7 +193,7 @@ class ScaledPulses:
     @cached_property
     def _end(self) -> tuple[FloatArray, FloatArray]:
         """Time and speed where the contact ends, shape (pulses,)."""
-        rows, top = np.arange(len(self.time)), LIMITS.nodes // 2
+        rows, top = np.arange(len(self.time)), NODES // 2
         pull = self._find_pull(self.compression, self.speed)
         if np.all(pull[:, top:] >= 0.0):
             return self.time[:, -1], self.speed[:, -1]
@@ -232,12 +229,12 @@ class ScaledPulses:
     @property
     def largest_compression(self) -> FloatArray:
         """Where the speed is zero, shape (pulses,)."""
-        return np.asarray(self.compression[:, LIMITS.nodes // 2])
+        return np.asarray(self.compression[:, NODES // 2])
 
     @property
     def is_passive(self) -> NDArray[np.bool_]:
         """Whether both losses together take energy at every depth, shape (pulses,)."""
-        x = self.compression[:, 1 : LIMITS.nodes // 2 + 1]
+        x = self.compression[:, 1 : NODES // 2 + 1]
         loss = self.proportional * x**self.exponent + self.pulling * x**self.power
         return np.asarray(loss.min(axis=1) >= 0.0)
 
@@ -246,7 +243,7 @@ class ScaledPulses:
         rows = np.arange(len(self.time))
         top = np.argmax(self._find_force(self.compression, self.speed), axis=1)
         start = self.time[rows, np.maximum(top - 1, 0), None]
-        stop = self.time[rows, np.minimum(top + 1, LIMITS.nodes - 1), None]
+        stop = self.time[rows, np.minimum(top + 1, NODES - 1), None]
         return np.asarray(self.compute_force(start + FINE * (stop - start)).max(axis=1))
 
     def compute_force(self, time: FloatArray) -> FloatArray:
@@ -285,7 +282,7 @@ class ScaledPulses:
     def _place(self, time: FloatArray) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
         """Return the node before each time, the step behind it, and what part of it has passed."""
         places = [
-            nodes[1:-1].searchsorted(row, side="right") + LIMITS.nodes * number
+            nodes[1:-1].searchsorted(row, side="right") + NODES * number
             for number, (nodes, row) in enumerate(zip(self.time, time, strict=True))
         ]
         place = np.stack(places)
@@ -339,19 +336,19 @@ def compute_pulses(
     Parameters
     ----------
     exponent, loss, pull : ndarray, shape (pulses,)
-        n and both losses, see `find_losses`, within `LIMITS` [-].
+        n and both losses, see `find_losses`, within `EXPONENTS` and `LOSSES` [-].
     forms : ndarray, shape (pulses,)
         Number of the form of each, see `find_places`.
     """
-    weights = _compute_polynomials(exponent, LIMITS.exponents, LIMITS.degrees[0])
-    for part, degree in ((loss, LIMITS.degrees[1]), (pull, LIMITS.degrees[2])):
-        more = _compute_polynomials(part, LIMITS.losses, degree)
+    weights = _compute_polynomials(exponent, EXPONENTS, DEGREES[0])
+    for part, degree in ((loss, DEGREES[1]), (pull, DEGREES[2])):
+        more = _compute_polynomials(part, LOSSES, degree)
         weights = (weights[:, :, None] * more[:, None, :]).reshape(exponent.size, -1)
-    found = np.empty((exponent.size, 2 * LIMITS.nodes))
+    found = np.empty((exponent.size, 2 * NODES))
     for form in set(forms.tolist()):
         rows = forms == form
         found[rows] = weights[rows] @ _tabulate()[form]
-    log_radius, time = found[:, : LIMITS.nodes], found[:, LIMITS.nodes :]
+    log_radius, time = found[:, :NODES], found[:, NODES:]
     x, speed = _find_motion(_ANGLE, log_radius, exponent[:, None])
     proportional, pulling, yielding = find_losses(exponent, loss, pull, forms)
     return ScaledPulses(

@@ -21,8 +21,8 @@ from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import FilteredHit, MeanHit, make_mean, shift_hit, sum_up
 from impact_rig.core.momenta import Hold, find_contact, follow_momentum, restore_levels
-from impact_rig.core.pulse_shape import LIMITS as SHAPE_LIMITS
 from impact_rig.core.pulse_shape import (
+    LARGE_RESIDUAL,
     NO_SHAPE,
     PulseShapeEstimate,
     compute_unexplained,
@@ -120,7 +120,7 @@ def compute_shape_error(
     near = max(nearest, key=abs, default=0.0)
     far = max(durations.values(), key=abs)
     if abs(near) < abs(far):
-        near += (far - near) * min(unexplained / SHAPE_LIMITS.residual, 1.0)
+        near += (far - near) * min(unexplained / LARGE_RESIDUAL, 1.0)
     return near / math.sqrt(3.0), own
 
 

@@ -23,23 +23,18 @@ from impact_rig.core.pulses import (
 from impact_rig.core.quantity import INTERNAL, NOT_NEGATIVE, Comparable, describe
 from impact_rig.core.records import FloatArray, make_read_only
 
-
-@dataclass(frozen=True)
-class Limits:
-    """Of windows, fits and what is said of them; all are our choices."""
-
-    points: int = 8  # [-] in a window, at least: three more than most models have parameters
-    # [w50] of baseline before and behind a tenth of the peak: the slow foot of a versed-sine takes
-    # 0.2, the rest holds the offset; ringing behind the pulse stays out
-    margins: tuple[float, float] = (0.5, 0.1)
-    points_per_width: int = 96  # [-] of the model in w50; every second is compared
-    # [-] of the peak, the same: a versed-sine leaves 0.6 % of a Hertz pulse and makes k 17 % too
-    # low, of a half-sine 3.2 % and 44 %
-    residual: float = 0.005
-    search_damping: float = 1e-3  # [-] of the first step, over the squared length of a derivative
-
-
-LIMITS = Limits()
+FEWEST_POINTS = 8
+"""In a window [-], our choice: three more than most models have parameters."""
+MARGINS = (0.5, 0.1)
+"""Of baseline before and behind a tenth of the peak [w50], our choice: the slow foot of a
+versed-sine takes 0.2, the rest holds the offset; ringing behind the pulse stays out."""
+POINTS_PER_WIDTH = 96
+"""Of the model in w50 [-], our choice; every second is compared."""
+LARGE_RESIDUAL = 0.005
+"""Of a shape, over the peak [-], our choice: a versed-sine leaves 0.6 % of a Hertz pulse and makes
+k 17 % too low, of a half-sine 3.2 % and 44 %."""
+FIRST_DAMPING = 1e-3
+"""Of the first step of a search, over the squared length of a derivative [-], our choice."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +55,7 @@ class PulseWindow:
     def find_pulse(self) -> slice:
         """Return its points without most of its margins."""
         low, high = self.time[np.flatnonzero(self.measured > TENTH_LEVEL)[[0, -1]]]
-        ends = low - LIMITS.margins[0], high + LIMITS.margins[1]
+        ends = low - MARGINS[0], high + MARGINS[1]
         return slice(*np.searchsorted(self.time, ends))
 
     def cut(self, part: slice) -> "PulseWindow":
@@ -86,7 +81,7 @@ def cut_window(
     trace: FloatArray,
     pulse: PulseWidth,
     chain: Chain,
-    margins: tuple[float, float] = LIMITS.margins,
+    margins: tuple[float, float] = MARGINS,
 ) -> PulseWindow:
     """Cut the pulse out of a trace, and prepare what its models go through.
 
@@ -115,14 +110,14 @@ def cut_window(
         raise NotDeterminedError(
             "the trace does not come down to a tenth of the peak on both sides; record more"
         )
-    fine = max(1, int(width / LIMITS.points_per_width))
-    step = fine if width < LIMITS.points_per_width else 2 * fine
+    fine = max(1, int(width / POINTS_PER_WIDTH))
+    step = fine if width < POINTS_PER_WIDTH else 2 * fine
     first = max(0, math.ceil(low - margins[0] * width))
     last = min(upright.size, math.floor(high + margins[1] * width) + 1)
     points = np.arange(first, last, step)
-    if points.size < LIMITS.points:
+    if points.size < FEWEST_POINTS:
         raise NotDeterminedError(
-            f"{points.size} points on the pulse do not tell it, {LIMITS.points} may; sample faster"
+            f"{points.size} points on the pulse do not tell it, {FEWEST_POINTS} may; sample faster"
         )
     chain = chain.count_points(fine)
     if chain.cutoff_frequency > HIGHEST_RELATIVE_CUTOFF:
@@ -257,7 +252,7 @@ def minimise(
     found = np.clip(start, *bounds)
     residual, jacobian = evaluate(found, np.arange(len(found)))
     squares = np.sum(residual**2, axis=-1)
-    damping = np.full(len(found), LIMITS.search_damping)
+    damping = np.full(len(found), FIRST_DAMPING)
     is_found = np.zeros(len(found), dtype=bool)
     # A pulse needs four to seven, noise never ends.
     for _ in range(50):
@@ -289,7 +284,7 @@ def minimise(
         damping[which] = np.where(
             is_better,
             damping[which] / 10.0,
-            10.0 * np.maximum(damping[which], LIMITS.search_damping),
+            10.0 * np.maximum(damping[which], FIRST_DAMPING),
         )
         better, left = which[is_better], left[is_better]
         # A pulse that jumps at touch has a rough minimum: less is a twentieth of noise's effect.
@@ -480,7 +475,7 @@ def estimate_pulse_shape(mean: MeanHit, chain: Chain) -> PulseShapeEstimate:
     )
 
 
-def compute_unexplained(residual: float, noise: float, points: float = LIMITS.points) -> float:
+def compute_unexplained(residual: float, noise: float, points: float = FEWEST_POINTS) -> float:
     """Return what is left of a pulse beyond the noise, both over its peak [-].
 
     Parameters
@@ -496,7 +491,7 @@ def compute_unexplained(residual: float, noise: float, points: float = LIMITS.po
 def _find_warning(
     best: ShapeFit, versed: ShapeFit, noise: float, *, told_apart: bool
 ) -> Note | None:
-    doubtful = max(LIMITS.residual, 3.0 * noise)
+    doubtful = max(LARGE_RESIDUAL, 3.0 * noise)
     if best.residual_percent > 100.0 * doubtful:
         return Note(
             Subject.PULSE_SHAPE,
