@@ -6,14 +6,22 @@ import os
 import re
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.msg import CampaignState
+from rclpy.action import ActionClient
+from std_srvs.srv import Trigger
+from terminal import Terminal
 
 from impact_rig import Number
 from impact_rig.core.errors import ParameterError
+from impact_rig.nodes.interfaces import CAMPAIGN_STATE, PAUSE_CAMPAIGN, RUN_CAMPAIGN
 from impact_rig.testing import score, score_node, scoring
+from impact_rig.testing.harness import Harness
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 STEEL, CONTROL = "steel small", "aluminium large"
@@ -41,8 +49,10 @@ def test_a_node_in_the_rigs_domain_is_scored_against_the_truth(virtual_rig):
     (found,) = score_node(virtual_rig, "/impact", read, samples=[STEEL], impacts=3)
     assert (found.sample, found.hits, found.failed, found.coverage) == (STEEL, 3, 0, 0.0)
     assert found.bias == pytest.approx(0.02, abs=0.003)
-    (deaf,) = score_node(virtual_rig, "/impact", lambda _: None, samples=[STEEL], impacts=1)
-    assert deaf.failed == deaf.hits == 1
+    (deaf,) = score_node(
+        virtual_rig, "/impact", lambda _: None, samples=STEEL, impacts=1, patience=0.1
+    )
+    assert deaf.failed == deaf.hits == 5
 
 
 @pytest.mark.parametrize(
@@ -103,16 +113,71 @@ def test_campaigns_one_after_the_other_warn_of_no_stranger(virtual_rig, capfd):
         virtual_rig.campaign(STEEL, impacts=0)
 
 
-def test_a_package_of_someone_else_has_the_fixture_without_a_line_of_set_up(tmp_path):
-    (text,) = re.findall(r"```python\n(def test_.*?)```", README.read_text("utf-8"), re.DOTALL)
-    (tmp_path / "test_outside.py").write_text(text, "utf-8")
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", tmp_path],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert "1 passed" in done.stdout, done.stdout
+BROKEN = """
+import psutil
+
+def test_that_fails(virtual_rig):
+    virtual_rig.campaign("tin")
+
+def test_after_it(virtual_rig):
+    virtual_rig.campaign("steel small", impacts=1)
+    (recorder,) = (
+        process
+        for process in psutil.process_iter(["cmdline"])
+        if str(virtual_rig.recording) in " ".join(process.info["cmdline"] or [])
+    )
+    recorder.kill()
+
+def test_without_a_recorder(virtual_rig):
+    virtual_rig.campaign("steel small", impacts=1)
+"""
+ENDLESS = """
+def test_that_does_not_end(virtual_rig):
+    print("it begins")
+    virtual_rig.campaign("steel small", impacts=100_000)
+"""
+PYTEST = (sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-rf")
+
+
+def check_that_nothing_is_left(folder):
     processes = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True)
-    assert str(tmp_path) not in processes.stdout
+    assert str(folder) not in processes.stdout
+
+
+def test_each_module_of_someone_else_has_a_rig_of_its_own_whatever_becomes_of_it(tmp_path):
+    """The example of the README runs beside it in another process."""
+    (text,) = re.findall(r"```python\n(def test_.*?)```", README.read_text("utf-8"), re.DOTALL)
+    (tmp_path / "test_readme.py").write_text(text, "utf-8")
+    (tmp_path / "test_broken.py").write_text(BROKEN, "utf-8")
+    words = ["-n", "2", "--dist", "loadfile", f"--basetemp={tmp_path / 'tmp'}", tmp_path]
+    done = subprocess.run(
+        [*PYTEST, *words], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert "2 failed, 2 passed" in done.stdout, done.stdout
+    assert "the campaign is rejected: unknown sample 'tin'" in done.stdout
+    assert "recorder has ended (-9): the rig ends" in done.stdout
+    check_that_nothing_is_left(tmp_path)
+
+
+def test_ctrl_c_in_a_test_ends_its_rig(tmp_path):
+    (tmp_path / "test_endless.py").write_text(ENDLESS, "utf-8")
+    words = ["-s", f"--basetemp={tmp_path / 'tmp'}", tmp_path]
+    with Terminal([*PYTEST, *words], folder=tmp_path) as terminal:
+        terminal.wait_for("it begins")
+        assert terminal.interrupt() == pytest.ExitCode.INTERRUPTED
+    check_that_nothing_is_left(tmp_path)
+
+
+def test_a_campaign_that_a_test_has_left_in_a_pause_is_ended_by_the_next(virtual_rig, tmp_path):
+    with closing(Harness(tmp_path / "no.mcap", virtual_rig.domain)) as harness:
+        client = ActionClient(harness.peer, RunCampaign, RUN_CAMPAIGN)
+        harness.wait_until(client.server_is_ready)
+        states = harness.listen(CAMPAIGN_STATE)
+        client.send_goal_async(RunCampaign.Goal(samples=[STEEL], impacts=1000))
+        states.wait(lambda got: got[-1].impact > 1)
+        harness.call(Trigger, PAUSE_CAMPAIGN)
+        states.wait(lambda got: got[-1].state == CampaignState.PAUSED)
+    assert virtual_rig.campaign(STEEL, impacts=1)[STEEL].impacts_accepted == 1
 
 
 def test_the_example_of_scores_is_true():

@@ -142,6 +142,8 @@ class RunningNodes:
                     starting.discard(name)
                 elif code is None:
                     code = ended
+                    if name:
+                        self._print("rig", f"{name} has ended ({ended}): the rig ends")
                     self._send(signal.SIGTERM)
                     killer.start()
         finally:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
 from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import HammerRelease
 from impact_rig_msgs.srv import ConfirmSample
@@ -131,6 +132,15 @@ class CampaignClient(RigClient):
         self._action.destroy()
         super().leave()
 
+    def spin_until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Take messages as every client does; `check` may end that."""
+
+        def is_true() -> bool:
+            self._check()
+            return condition()
+
+        return super().spin_until(is_true, timeout)
+
     def wait_for_rig(self, timeout: float) -> None:
         """Wait so many seconds until campaign node and accelerometers answer.
 
@@ -141,7 +151,6 @@ class CampaignClient(RigClient):
         """
 
         def is_ready() -> bool:
-            self._check()
             return self._action.server_is_ready() and self._status.acquisition is not None
 
         if not self.spin_until(is_ready, timeout):
@@ -270,7 +279,6 @@ class CampaignClient(RigClient):
             )
 
     def _check_rig(self) -> None:
-        self._check()
         rest = self._node.count_publishers(interfaces.ACQUISITION_STATE.name)
         if not self._action.server_is_ready() and not rest:
             raise DeviceError("the campaign node has gone: see the rig's log")
@@ -285,6 +293,20 @@ class CampaignClient(RigClient):
                 lambda: result.done() or not self._action.server_is_ready(), CANCEL_TIMEOUT
             )
         self._sent.clear()
+
+    def end_others(self, timeout: float) -> None:
+        """End the campaign of another client, if one runs, within so many seconds.
+
+        Raises
+        ------
+        DeviceError
+            If the campaign node does not answer.
+        """
+        name = f"{interfaces.RUN_CAMPAIGN}/_action"
+        stopped = self.call(CancelGoal, f"{name}/cancel_goal", CancelGoal.Request(), timeout)
+        for goal in stopped.goals_canceling:
+            kind = RunCampaign.Impl.GetResultService
+            self.call(kind, f"{name}/get_result", kind.Request(goal_id=goal.goal_id), timeout)
 
     def _on_liveliness(self, status: Any) -> None:
         """Show that the campaign node gives no sign of life."""

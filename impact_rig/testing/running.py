@@ -24,6 +24,8 @@ from impact_rig.results.traces import TracedCampaign
 
 START_TIMEOUT = 90.0
 """In which the nodes start [s]: two or three, more on a busy computer."""
+END_TIMEOUT = 20.0
+"""In which a campaign ends that a test before has left [s]."""
 ATTEMPTS = 50
 """Rejected hits in a row that end a campaign, our choice: with faults half the hits are bad."""
 QUICK = {"hammer": {"swing_time": 0.01}, "accelerometer": {"trigger_timeout": 0.1}}
@@ -47,6 +49,8 @@ class RunningRig:
     def campaign(self, samples: str | Sequence[str] = (), impacts: int = 2) -> Results:
         """Run a campaign to its end, and return what the rig found.
 
+        One that a test before has left running or paused is ended first.
+
         Parameters
         ----------
         samples : str or sequence of str
@@ -66,6 +70,7 @@ class RunningRig:
         goal = CampaignGoal(samples=names, impacts=impacts, attempts_per_impact=ATTEMPTS)
         with CampaignClient(check=self.check) as client:
             client.wait_for_rig(START_TIMEOUT)
+            client.end_others(END_TIMEOUT)
             outcome = client.run(goal, _Nobody(), longest_pause=10.0)
         if not outcome.success:
             raise RigError(f"the campaign did not succeed: {outcome.message}")
