@@ -133,9 +133,10 @@ def judge_hit(
         found.append(Finding(Reason.TRUNCATED, str(error)))
         return JudgedHit(record.label, tuple(found), record.stamp)
     pulse, peaks = hit.pulse, np.abs(hit.traces).max(axis=1).tolist()
-    if not overloaded and not shows_plateau(record):
-        # What comes after a flat top may tilt it.
-        found += check_tops(hit.traces) or (check_tops(filtered.traces) if zeros else [])
+    # What comes after a flat top may tilt it.
+    flat = check_tops(hit.traces) or (check_tops(filtered.traces) if zeros else [])
+    if flat and not overloaded and not shows_plateau(record):
+        found += flat
     found += check_strength(record, peaks, settings, overloaded=overloaded)
     course = check_pulse(hit.traces[0], pulse, float(hit.noise[0]), record.sampling_rate, settings)
     seen = {item.reason for item in course if not item.is_harmless}
