@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from impact_rig.core.records import HitLabel
-from impact_rig.page.traces import COLUMNS, pack_traces
+from impact_rig.page.traces import COLUMNS, integrate_hammer, pack_traces
 from impact_rig.results.traces import AlignedHit, JudgedTraces
 
 RATE = 2.5e6
@@ -51,3 +51,18 @@ def test_a_hit_without_a_contact_time_has_one_picture():
     header = unpack(pack_traces(JudgedTraces(hit, False, float("nan"), ())))
     assert [view["name"] for view in header["views"]] == ["whole"]
     assert header["views"][0]["columns"] == 10
+    # A flat trace has some height, too.
+    assert header["channels"][0]["range"] == [1.0, 2.0]
+
+
+def test_the_hammers_change_of_speed_is_the_area_of_its_contact_alone():
+    time = np.arange(-2000, 3000) / RATE
+    trace = np.where(np.abs(time) < 100e-6, -800.0 * np.cos(np.pi * time / 200e-6) ** 2, 0.0)
+    trace[np.abs(time) > 300e-6] = 40.0
+    hit = AlignedHit(HitLabel("steel"), RATE, float(time[0]), trace[np.newaxis])
+    judged = JudgedTraces(hit, True, 200e-6, (2e3,))
+    assert integrate_hammer(judged) == pytest.approx(800.0 * 200e-6 / 2.0, rel=1e-3)
+    assert np.isnan(integrate_hammer(JudgedTraces(hit, False, float("nan"), ())))
+    # A level lies on the side to which the pulse goes.
+    header = unpack(pack_traces(judged, [("least peak", 50.0)]))
+    assert header["channels"][0]["lines"] == [{"name": "least peak", "value": -50.0}]
