@@ -104,7 +104,7 @@ def test_a_time_that_rolled_over_is_said_first(run, tmp_path, time):
 
 
 def test_recordings_of_other_systems_are_shown_topic_by_topic(run, tmp_path):
-    outcome = run("info", write_notes(tmp_path / "other.mcap", library="somebody else"))
+    outcome = run("info", write_notes(tmp_path / "other.mcap", library="another program"))
     assert outcome.exit_code == 0
     assert outcome.stdout.splitlines()[0] == "sound: 5 messages, no hit"
     assert "/chatter" in outcome.stdout

@@ -127,6 +127,16 @@ def test_speed_and_momenta_are_those_of_two_free_bodies():
     assert dict(make_view(status).numbers)["impact speed"] == "81.5 mm/s"
 
 
+def test_a_sample_of_another_mass_is_asked_about():
+    stated = PAPER_SETUP.samples.get_moving_mass("steel small")
+    hit = replace(GOOD, sample_mass=1.3 * stated)
+    odd = replace(hit, findings=(Finding(Reason.OTHER_SAMPLE, "heavy"),))
+    told = f"Mass by the traces {1300 * stated:.1f} g, stated {1000 * stated:.1f} g."
+    views = [make_view(make_status(hits=(it,))) for it in (GOOD, hit, odd)]
+    assert [view.mass for view in views] == ["", told, f"{told} Is this steel small?"]
+    assert [view.mass_differs for view in views] == [False, False, True]
+
+
 def test_the_monitor_holds_the_largest_peaks_and_suggests_by_them():
     status = make_status(replace(RUNNING, state=Step.ENDED))
     for peak in (5.0, 612.0, 6.0):

@@ -90,7 +90,7 @@ def _make_results_section(
     """Return the first page: the conclusion, one table, what needs attention."""
     judged = judge_values(results, stated.limits)
     left_out = len(results.rejections)
-    # Where nobody says how the items were taken, the laboratory did not take them (7.8.2.2).
+    # If their sampling is not stated, the laboratory did not take the items (7.8.2.2).
     received = "" if stated.get("report", "sampling") else ", as received"
     accepted = format_count(len(results.hits) - left_out, "hit")
     parts: list[Part] = [
