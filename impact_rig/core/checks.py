@@ -12,16 +12,12 @@ from impact_rig.core.hits import JudgedHit, MeanHit
 from impact_rig.core.momenta import (
     Hold,
     Passage,
-    find_contact,
-    find_odd_hits,
+    check_hits,
+    follow_mean,
     follow_momentum,
-    name_hits,
-    restore_levels,
     weigh_sample,
 )
-from impact_rig.core.pulse_width import measure_pulse
-from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
-from impact_rig.core.records import FloatArray
+from impact_rig.core.quantity import INTERNAL, UNKNOWN, Comparable, Conformity, Quantity, describe
 from impact_rig.core.sensors import CHANNELS
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.tail import ZERO_AFTER
@@ -88,37 +84,38 @@ NO_CHECKS = Checks()
 
 def check_momenta(mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str) -> Checks:
     """Integrate both traces of a sample's hits; hold them against masses and impact speed."""
-    chains, rate = setup.find_chains(mean.sampling_rate), mean.sampling_rate
     stated = setup.samples.get_moving_mass(sample)
-    contact = find_contact(mean.traces[0], measure_pulse(mean.traces[0]), chains[0])
-    if contact is None:
+    found = follow_mean(mean, setup.find_chains(mean.sampling_rate))
+    if found is None:
         note = "not determined, since the record does not hold all of the pulse"
         return Checks(stated_mass=stated, notes=(Note(Subject.MOMENTA, note),))
-    restored = restore_levels(mean, chains)
-    whole = follow_momentum(restored.traces, contact, rate)
-    each = [follow_momentum(cut, contact, rate) for cut in restored.cut_hits()]
+    restored, contact, whole = found
+    each = [follow_momentum(cut, contact, mean.sampling_rate) for cut in restored.cut_hits()]
     ratios = np.array([item.sample_change / item.hammer_change for item in each])
     course = follow_series(mean, ratios)
     # Momenta need no width.
     trending = rig.follow(replace(course, width_standard=0.0))
     reading = _Reading(setup, trending, mean, sample)
-    found = reading.state(whole, each, _find_zero_parts(restored, contact))
-    notes = rig.notes + _describe_check(found, setup, sample)
-    found = replace(found, warnings=found.warnings + course.warnings, notes=notes)
-    if whole.hold is Hold.SPRING:
-        note = (
-            "the sample is held, after the contact a spring brings it to rest: they do"
-            " not balance, and e by v1 is that of free bodies"
-        )
-        return replace(found, notes=(*notes, Note(Subject.MOMENTA, note)))
-    if whole.hold is Hold.UNCLEAR:
-        note = (
-            f"after the contact the sample moves on at {whole.persistence:.2f} of the"
-            " velocity of a free one, neither 0 as on a spring nor 1: its mass is not told, nor"
-            " whether the gains are right"
-        )
-        return replace(found, notes=(*notes, Note(Subject.MOMENTA, note)))
-    return replace(found, warnings=(*found.warnings, *_check_hits(mean, ratios)))
+    checks = reading.state(whole, each, _find_zero_parts(restored, contact))
+    checks = replace(checks, warnings=checks.warnings + course.warnings, notes=rig.notes)
+    checks = _judge_chain(checks, setup, sample)
+    told = {
+        Hold.SPRING: "the sample is held, after the contact a spring brings it to rest: they do"
+        " not balance, and e by v1 is that of free bodies",
+        Hold.UNCLEAR: f"after the contact the sample moves on at {whole.persistence:.2f} of the"
+        " velocity of a free one, neither 0 as on a spring nor 1: its mass is not told, nor"
+        " whether the gains are right",
+    }.get(whole.hold)
+    if told is not None:
+        return replace(checks, notes=(*checks.notes, Note(Subject.MOMENTA, told)))
+    odd = check_hits(
+        mean,
+        ratios / np.median(ratios),
+        BALANCED,
+        "the momenta of {} balance otherwise than the others': a gain that changed, a trace that"
+        " is clipped or does not come back to zero, or a sample that was held",
+    )
+    return replace(checks, warnings=checks.warnings + odd)
 
 
 def _find_zero_parts(mean: MeanHit, contact: slice) -> tuple[float, ...]:
@@ -248,30 +245,34 @@ def check_chain(traced: float, stated: float) -> tuple[Finding, ...]:
     """Return what a hit on a free rigid mass has against the chain, by both masses [kg]."""
     if abs(traced - stated) <= CHAIN_TOLERANCE * stated:
         return ()
-    text = f"the free mass of {stated * 1e3:.4g} g, accelerometer included,"
+    moves = "cannot be weighed by these traces"
     if math.isfinite(traced):
-        text = (
-            f"{text} moves as {traced * 1e3:.4g} g would, {100.0 * (traced / stated - 1.0):+.1f}"
+        moves = (
+            f"moves as {traced * 1e3:.4g} g would, {100.0 * (traced / stated - 1.0):+.1f} %: more"
+            f" than the {100.0 * CHAIN_TOLERANCE:g} % of ISO 7626-1"
         )
-        text = f"{text} %: more than the {100.0 * CHAIN_TOLERANCE:g} % of ISO 7626-1"
-    else:
-        text = f"{text} cannot be weighed by these traces"
-    advice = "see to sensitivities, masses, mounts and cables"
-    return (Finding(Reason.OPERATIONAL_CHECK, f"{text}; {advice}"),)
+    text = f"the free mass of {stated * 1e3:.4g} g, accelerometer included, {moves}; see to"
+    text += " sensitivities, masses, mounts and cables"
+    return (Finding(Reason.OPERATIONAL_CHECK, text),)
 
 
-def _describe_check(checks: Checks, setup: RigSetup, sample: str) -> tuple[Note, ...]:
-    """Return what the operational check found, for the free rigid mass that it is made on."""
+def _judge_chain(checks: Checks, setup: RigSetup, sample: str) -> Checks:
+    """Add what the operational check states, if the sample is its free rigid mass."""
     traced, stated = checks.traced_mass, checks.stated_mass
     if sample != setup.samples.check_sample or not traced.is_known:
-        return ()
+        return checks
+    reach = CHAIN_TOLERANCE * stated
+    conformity = traced.judge(stated - reach, stated + reach)
     text = (
-        f"the free mass of {stated * 1e3:.4g} g moves as"
-        f" {traced.value * 1e3:.4g} ± {traced.expanded * 1e3:.2g} g would,"
-        f" {100.0 * (traced.value / stated - 1.0):+.2f} %: within the"
-        f" {100.0 * CHAIN_TOLERANCE:g} % of ISO 7626-1"
+        f"{conformity.value}: the free mass of {stated * 1e3:.4g} g moves as"
+        f" {traced.value * 1e3:.4g} ± {np.nan_to_num(traced.expanded) * 1e3:.2g} g would,"
+        f" {100.0 * (traced.value / stated - 1.0):+.2f} %, where ISO 7626-1 allows"
+        f" {100.0 * CHAIN_TOLERANCE:g} %"
     )
-    return (Note(Subject.OPERATIONAL_CHECK, text),)
+    if conformity is Conformity.PASSED:
+        return replace(checks, notes=(*checks.notes, Note(Subject.OPERATIONAL_CHECK, text)))
+    text += "; the whole ± must lie within it: state sensitivity_uncertainty, strike more hits"
+    return replace(checks, warnings=(*checks.warnings, Note(Subject.OPERATIONAL_CHECK, text)))
 
 
 def check_mass(traced: Quantity, stated: float) -> Note | None:
@@ -296,20 +297,6 @@ def ask_for_sample(traced: float, stated: float) -> str:
         f" {stated * 1e3:.3g} g are stated: is it the one that was asked for, and are masses and"
         " sensitivities right"
     )
-
-
-def _check_hits(mean: MeanHit, ratios: FloatArray) -> tuple[Note, ...]:
-    """Warn of hits whose momentum ratio is not that of the others."""
-    if not np.all(np.isfinite(ratios)):
-        return ()
-    odd = find_odd_hits(mean, ratios / np.median(ratios), BALANCED)
-    if not odd:
-        return ()
-    told = (
-        f"the momenta of {name_hits(odd)} balance otherwise than the others': a gain that changed,"
-        " a trace that is clipped or does not come back to zero, or a sample that was held"
-    )
-    return (Note(Subject.HITS, told),)
 
 
 SLIPS = {

@@ -299,15 +299,16 @@ def check_window(mean: MeanHit, channel: int, cutoff_frequency: float) -> None:
     NotDeterminedError
         If it does.
     """
-    step = 1
-    if cutoff_frequency > 0.0:
-        step = max(1, int(mean.sampling_rate / (5.0 * cutoff_frequency)))
+    guard, step = _find_guard(mean.sampling_rate, cutoff_frequency)
     trace = mean.traces[channel]
     # Fourth differences leave noise, and little of what rings; what the low-pass smears before the
-    # contact stays out.
+    # contact, and makes of the record's end, stays out.
     before, end = (
         float(np.diff(part[::step], 4).std()) if part.size > 5 * step else 0.0
-        for part in (trace[: mean.baseline_points // 2], trace[-trace.size // 4 :])
+        for part in (
+            trace[: mean.baseline_points // 2],
+            trace[-trace.size // 4 : trace.size - guard],
+        )
     )
     # Filtered noise of a short baseline is known to a sixth or so.
     if end < 0.35 * before > 1e-9 * float(np.abs(trace).max()):
@@ -345,14 +346,19 @@ def _fit_halves(measured: FloatArray, solution: FloatArray, white: float) -> tup
     return tuple(ratios) if apart > 2.0 * (errors[0] + errors[1]) else ()
 
 
+def _find_guard(sampling_rate: float, cutoff_frequency: float) -> tuple[int, int]:
+    """Return how many points a low-pass smears, and how many one of its output stands for."""
+    if not cutoff_frequency:
+        return 0, 1
+    points = sampling_rate / cutoff_frequency
+    # After five time constants less than 1 % of a step is smeared; what folds back into the pass
+    # band has been damped to a hundredth and less.
+    return math.ceil(points), max(1, int(points / 5.0))
+
+
 def _find_tail(mean: MeanHit, contact_end: float, cutoff_frequency: float) -> slice:
     rate = mean.sampling_rate
-    guard, step = 0, 1
-    if cutoff_frequency > 0.0:
-        # After five time constants the low-pass smears less than 1 % of a step.
-        guard = math.ceil(1.0 / cutoff_frequency * rate)
-        # What folds back into the pass band has been damped to a hundredth and less.
-        step = max(1, int(rate / (5.0 * cutoff_frequency)))
+    guard, step = _find_guard(rate, cutoff_frequency)
     first = mean.origin + math.ceil(contact_end * rate) + guard
     last = mean.traces.shape[1] - guard
     points = max(0, math.ceil((last - first) / step))

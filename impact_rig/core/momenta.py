@@ -10,8 +10,9 @@ import scipy
 from impact_rig.core.damping import fit_amplitudes
 from impact_rig.core.detection import SPREAD_OF_MEDIAN
 from impact_rig.core.filtering import Chain, restore_level
+from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import FilteredHit, MeanHit
-from impact_rig.core.pulse_width import TENTH_LEVEL, PulseWidth, find_crossing
+from impact_rig.core.pulse_width import TENTH_LEVEL, PulseWidth, find_crossing, measure_pulse
 from impact_rig.core.records import FloatArray
 
 FEWEST_HITS = 5
@@ -29,14 +30,6 @@ class Hold(Enum):
     SPRING = "spring"  # a spring to the ground
     UNCLEAR = "unclear"  # neither, as on a base that moves itself
     UNKNOWN = "unknown"  # the record ends too early
-
-
-def restore_levels(mean: MeanHit, chains: tuple[Chain, Chain]) -> MeanHit:
-    """Return a mean hit without what the sensors' low corners took from it."""
-    if not any(chain.response.low_corner for chain in chains):
-        return mean
-    hits = tuple(replace(hit, traces=restore_traces(hit.traces, chains)) for hit in mean.hits)
-    return replace(mean, traces=restore_traces(mean.traces, chains), hits=hits)
 
 
 def restore_traces(traces: FloatArray, chains: tuple[Chain, Chain]) -> FloatArray:
@@ -89,6 +82,11 @@ class Passage:
     def persistence(self) -> float:
         """Part of J / m2 at which the sample moves on in the end [-], m2 by `mass_ratio`."""
         return self.settled * self.mass_ratio / self.hammer_change
+
+    @property
+    def lost(self) -> float:
+        """Part of J that a support has taken by the end of the contact [-], whatever the gains."""
+        return 1.0 - self.sample_change * self.mass_ratio / self.hammer_change
 
     @property
     def hold(self) -> Hold:
@@ -147,6 +145,22 @@ def follow_momentum(traces: FloatArray, contact: slice, sampling_rate: float) ->
     return Passage(hammer_change, up * float(inside[-1]), settled, mass_ratio)
 
 
+def follow_mean(
+    mean: MeanHit, chains: tuple[Chain, Chain]
+) -> tuple[MeanHit, slice, Passage] | None:
+    """Follow a mean hit's momentum; return its restored levels and its contact, too.
+
+    None: the record does not hold all of the pulse.
+    """
+    contact = find_contact(mean.traces[0], measure_pulse(mean.traces[0]), chains[0])
+    if contact is None:
+        return None
+    if any(chain.response.low_corner for chain in chains):
+        hits = tuple(replace(hit, traces=restore_traces(hit.traces, chains)) for hit in mean.hits)
+        mean = replace(mean, traces=restore_traces(mean.traces, chains), hits=hits)
+    return mean, contact, follow_momentum(mean.traces, contact, mean.sampling_rate)
+
+
 def find_settled_velocity(
     trace: FloatArray, tail: slice, decay: FloatArray, sampling_rate: float
 ) -> float:
@@ -177,8 +191,8 @@ def weigh_sample(hit: FilteredHit, chains: tuple[Chain, Chain]) -> float:
     return passage.weigh(passage.hold)
 
 
-def find_odd_hits(mean: MeanHit, values: FloatArray, least: float) -> list[str]:
-    """Return the hits whose value differs from the others', each as impact and attempt.
+def check_hits(mean: MeanHit, values: FloatArray, least: float, told: str) -> tuple[Note, ...]:
+    """Warn of hits whose value differs from the others'.
 
     Parameters
     ----------
@@ -186,15 +200,16 @@ def find_odd_hits(mean: MeanHit, values: FloatArray, least: float) -> list[str]:
         One for each of those that show the scatter.
     least : float
         Difference from the median that is nothing odd.
+    told : str
+        What is odd, with {} for the hits.
     """
-    if values.size < FEWEST_HITS:
-        return []
+    if values.size < FEWEST_HITS or not np.all(np.isfinite(values)):
+        return ()
     away = np.abs(values - np.median(values))
     odd = away > max(6.0 * SPREAD_OF_MEDIAN * float(np.median(away)), least)
     labels = [mean.hits[place].label for place in np.flatnonzero(odd)]
-    return [f"{label.impact}.{label.attempt}" for label in labels if label is not None]
-
-
-def name_hits(hits: list[str]) -> str:
-    """Return "hit 3.1", or "hits 3.1 and 4.1"."""
-    return f"hit{'s' if len(hits) > 1 else ''} {' and '.join(hits)}"
+    hits = [f"{label.impact}.{label.attempt}" for label in labels if label is not None]
+    if not hits:
+        return ()
+    named = f"hit{'s' if len(hits) > 1 else ''} {' and '.join(hits)}"
+    return (Note(Subject.HITS, told.format(named)),)

@@ -20,7 +20,7 @@ from impact_rig.core.equations import (
 from impact_rig.core.errors import NotDeterminedError, RigError
 from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import FilteredHit, MeanHit, make_mean, shift_hit, sum_up
-from impact_rig.core.momenta import Hold, find_contact, follow_momentum, restore_levels
+from impact_rig.core.momenta import Hold, follow_mean
 from impact_rig.core.pulse_shape import (
     LARGE_RESIDUAL,
     NO_SHAPE,
@@ -346,13 +346,8 @@ def _check_spring(mean: MeanHit, setup: RigSetup) -> None:
     NotDeterminedError
         If it does.
     """
-    chains = setup.find_chains(mean.sampling_rate)
-    contact = find_contact(mean.traces[0], measure_pulse(mean.traces[0]), chains[0])
-    if contact is None:
-        return
-    restored = restore_levels(mean, chains)
-    hold = follow_momentum(restored.traces, contact, mean.sampling_rate).hold
-    if hold is Hold.FREE:
+    found = follow_mean(mean, setup.find_chains(mean.sampling_rate))
+    if found is not None and found[-1].hold is Hold.FREE:
         raise NotDeterminedError(
             "no log decrement, since the sample moves on after the contact as a free body does:"
             " what rings is its sensor's mount or an inner mode, or waves go to and fro in it"

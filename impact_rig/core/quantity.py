@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
+from enum import Enum
 from functools import cache
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
@@ -145,6 +146,14 @@ class BudgetLine:
     share: float = field(metadata=describe(least=0.0, most=1.0))
 
 
+class Conformity(Enum):
+    """Conformity of a value that has limits."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    UNDECIDED = "undecided"
+
+
 @dataclass(frozen=True)
 class Quantity(Comparable):
     """A value with its uncertainty by the GUM; NaN: not determined, see the notes."""
@@ -188,6 +197,15 @@ class Quantity(Comparable):
             return self.expanded
         width = self.value - self.lower if other < self.value else self.upper - self.value
         return math.inf if math.isnan(width) else width
+
+    def judge(self, low: float, high: float) -> Conformity:
+        """Return what is stated beside two limits, with the expanded uncertainty as guard band."""
+        least, most = self.lower, self.upper
+        if math.isnan(most) and math.isfinite(least):
+            most = math.inf
+        if low <= least and most <= high:
+            return Conformity.PASSED
+        return Conformity.FAILED if most < low or least > high else Conformity.UNDECIDED
 
 
 UNKNOWN = Quantity()

@@ -12,13 +12,10 @@ from impact_rig.core.findings import Note, Subject
 from impact_rig.core.hits import MeanHit
 from impact_rig.core.momenta import (
     Hold,
-    find_contact,
     find_settled_velocity,
-    follow_momentum,
-    restore_levels,
+    follow_mean,
 )
 from impact_rig.core.paper_method import DAMPING_COEFFICIENT, NAN, STIFFNESS
-from impact_rig.core.pulse_width import measure_pulse
 from impact_rig.core.quantity import (
     INTERNAL,
     NOT_NEGATIVE,
@@ -153,34 +150,28 @@ def _find_hold(mean: MeanHit, setup: RigSetup, decay: FreeDecay) -> tuple[Hold, 
     A body on a spring to the ground comes to rest; a sensor's mount and an inner mode ring about
     the velocity at which the body moves on.
     """
-    chains, rate = setup.find_chains(mean.sampling_rate), mean.sampling_rate
-    contact = find_contact(mean.traces[0], measure_pulse(mean.traces[0]), chains[0])
-    if contact is None:
+    rate = mean.sampling_rate
+    found = follow_mean(mean, setup.find_chains(rate))
+    if found is None:
         return Hold.UNKNOWN, NAN
-    traces = restore_levels(mean, chains).traces
-    passage = follow_momentum(traces, contact, rate)
+    restored, _, passage = found
     point = decay.tail.step / rate
     ringing = point * np.array([decay.decay_rate, decay.angular_frequency])
-    settled = find_settled_velocity(traces[1], decay.tail, ringing, rate)
+    settled = find_settled_velocity(restored.traces[1], decay.tail, ringing, rate)
     passage = replace(passage, settled=settled)
     return passage.hold, passage.persistence
 
 
 def _explain_hold(hold: Hold, persistence: float, frequency: float) -> tuple[Note, ...]:
-    rings = f"what rings at {frequency * 1e-3:.4g} kHz"
-    if hold is Hold.FREE:
-        told = (
-            f"{rings} does so about the velocity at which the sample moves on, as the mount of a"
-            " sensor or an inner mode does: it has a frequency and ζ, but no k and no c"
-        )
-    elif hold is Hold.UNCLEAR:
-        told = (
-            f"{rings} does so about {persistence:.2f} of the velocity of a free sample, neither 0"
-            " as on a spring nor 1 as free: it has a frequency and ζ, but no k and no c"
-        )
-    else:
+    if hold not in {Hold.FREE, Hold.UNCLEAR}:
         return ()
-    return (Note(Subject.FREE_DECAY, told),)
+    velocity = "the velocity at which the sample moves on, as a mount or an inner mode does"
+    if hold is Hold.UNCLEAR:
+        velocity = (
+            f"{persistence:.2f} of the velocity of a free sample, neither 0 as on a spring nor 1"
+        )
+    told = f"what rings at {frequency * 1e-3:.4g} kHz does so about {velocity}: it has a frequency"
+    return (Note(Subject.FREE_DECAY, f"{told} and ζ, but no k and no c"),)
 
 
 def find_shared_ringing(decays: Mapping[str, FreeDecayEstimate], setup: RigSetup) -> float | None:

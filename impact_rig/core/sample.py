@@ -22,7 +22,7 @@ from impact_rig.core.model import Body, ImpactModel, ModelVariant
 from impact_rig.core.paper_estimate import MOMENT, NO_NUMBERS, PaperEstimate
 from impact_rig.core.paper_method import NAN, BodyEstimate, HammerPulse, look_at_pulse
 from impact_rig.core.pulse_shape import NO_SHAPE, PulseShapeEstimate
-from impact_rig.core.pulse_width import measure_pulse
+from impact_rig.core.pulse_width import find_base, measure_pulse
 from impact_rig.core.quantity import INLINE, INTERNAL, NOT_NEGATIVE, Comparable
 from impact_rig.core.ringing import (
     NO_DECAY,
@@ -79,10 +79,15 @@ def estimate_traces(name: str, mean: MeanHit, setup: RigSetup) -> TraceEstimates
     SignalError
         If the hammer's mean trace has no whole pulse.
     """
-    width = measure_pulse(mean.traces[0]).half_amplitude_width / mean.sampling_rate
+    shape, rate = measure_pulse(mean.traces[0]), mean.sampling_rate
     pulse = look_at_pulse(mean, setup, name)
-    # A pulse that falls half as long again as it rises ends a twentieth later than tau_p says.
-    contact_end = max(0.55 * setup.analysis.pulse_factor * width, pulse.law.separation)
+    contact_end = max(
+        # A pulse that falls half as long again as it rises ends a twentieth later than tau_p says.
+        0.55 * setup.analysis.pulse_factor * shape.half_amplitude_width / rate,
+        pulse.law.separation,
+        # Without a law a long foot is still the contact; what stays above 1 % is no foot.
+        float(np.nan_to_num(find_base(mean.traces[0], shape)[1] - shape.middle)) / rate,
+    )
     notes = pulse.notes + (() if pulse.law.is_known else pulse.law.notes)
     decay = NO_DECAY
     if mean.traces.shape[0] > 1:

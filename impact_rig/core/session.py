@@ -238,20 +238,16 @@ class Session:
         fits take as long as all else together, and `estimate_sample` repeats them. Before the
         first time there is no uncertainty.
         """
-        parts = self._find_parts(name)
-        if parts is None:
-            return self._report_nothing(name)
-        return parts.assemble(self.setup.for_series(name))
+        return self._assemble(name, self._find_parts(name))
 
     def estimate_sample(self, name: str) -> SampleEstimate:
         """Return the same with what stands beside it."""
-        parts = self._find_all_parts(name)
-        if parts is None:
-            return self._report_nothing(name)
-        return parts.assemble(self.setup.for_series(name))
+        return self._assemble(name, self._find_all_parts(name))
 
-    def _report_nothing(self, name: str) -> SampleEstimate:
-        """Return the estimate of a sample without an accepted hit."""
+    def _assemble(self, name: str, parts: SampleParts | None) -> SampleEstimate:
+        """Return the estimate of a sample; without an accepted hit it has no parts."""
+        if parts is not None:
+            return parts.assemble(self.setup.for_series(name))
         count = len(self._series[name])
         note = Note(Subject.HITS, f"0 of {count} accepted")
         return SampleEstimate(name, 0, count, notes=(note,))
@@ -325,7 +321,7 @@ class Session:
                     report(len(parts))
             known = [part for name in self.names if (part := parts[name]) is not None]
             found = {each.name: each for each in assemble_samples(known, self.setup)}
-            samples = tuple(found.get(name) or self._report_nothing(name) for name in self.names)
+            samples = tuple(found.get(name) or self._assemble(name, None) for name in self.names)
             self._estimated = samples
         selections = [series.select() for series in self._series.values()]
         return SessionResults(

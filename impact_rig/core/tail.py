@@ -167,6 +167,9 @@ class _Tail:
         """Return the simplest cause that leaves no more than all together; None: none is sure."""
         terms = self._make_terms()
         rows, measured = self._average(terms), self._average(self.trace[np.newaxis])[0]
+        after = measured[LIMITS.baseline_parts :]
+        if float(after[1:] @ after[:-1]) < 0.0:
+            return None  # it swings from part to part, as no level does: a body that rings
         fits = _fit_models(rows, measured, models)
         full = fits[-1]
         # Hum and an integrated baseline leave a fiftieth of the level, our choice.

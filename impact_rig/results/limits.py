@@ -1,11 +1,9 @@
 """Whether results keep the limits of their samples, by a decision rule that is named."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 
-from impact_rig.core.quantity import Quantity
+from impact_rig.core.quantity import Conformity, Quantity
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import SAMPLE_MEASURANDS, Measurand, format_number
 from impact_rig.results.references import shows_scatter
@@ -19,14 +17,6 @@ DECISION_RULE = (
     " probability of 2.5 % at most for each limit. Undecided: a limit lies in it (conditional pass"
     " or conditional fail), or the value is not known or of one hit."
 )
-
-
-class Conformity(Enum):
-    """Conformity of a value that has limits."""
-
-    PASSED = "passed"
-    FAILED = "failed"
-    UNDECIDED = "undecided"
 
 
 @dataclass(frozen=True)
@@ -43,15 +33,9 @@ class JudgedValue:
     @property
     def conformity(self) -> Conformity:
         """What is stated, with the expanded uncertainty as guard band."""
-        least, most = self.found.lower, self.found.upper
         if not self.has_scatter:
             return Conformity.UNDECIDED
-        if math.isnan(most) and math.isfinite(least):
-            most = math.inf
-        if self.low <= least and most <= self.high:
-            return Conformity.PASSED
-        is_outside = most < self.low or least > self.high
-        return Conformity.FAILED if is_outside else Conformity.UNDECIDED
+        return self.found.judge(self.low, self.high)
 
 
 def judge_values(results: Results, limits: Mapping[str, Limits]) -> list[JudgedValue]:

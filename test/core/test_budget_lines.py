@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from study.laboratories import Laboratory, read, run_series
 
+from impact_rig.core.findings import Subject, join_findings
 from impact_rig.core.quantity import Quantity
 
 QUIET = Laboratory(
@@ -88,7 +89,7 @@ def test_a_line_is_needed(lab, name, source):
     ],
 )
 def test_what_is_assumed_and_what_changes_is_named(lab, told):
-    assert told in run_series(lab)[2]
+    assert told in join_findings(run_series(lab)[2])
 
 
 @pytest.mark.parametrize(
@@ -97,7 +98,7 @@ def test_what_is_assumed_and_what_changes_is_named(lab, told):
 )
 def test_two_groups_of_strength_are_named(exponent, kind):
     lab = replace(QUIET, exponent=exponent, speeds=(0.9, 1.1), losses=((1.5, 0.05),))
-    said = run_series(lab)[2]
+    said = join_findings(run_series(lab)[2])
     assert "two groups of strength: 5 hits, and 5 that are 1." in said
     assert kind in said
     assert "trend" not in said
@@ -106,5 +107,4 @@ def test_two_groups_of_strength_are_named(exponent, kind):
 def test_a_steady_series_has_neither_trend_nor_groups():
     for seed in range(5):
         _, _, said = run_series(replace(QUIET, scatter=0.02, noise=5e-4, seed=seed))
-        assert "trend" not in said
-        assert "groups" not in said
+        assert not {Subject.TREND, Subject.GROUPS} & {note.about for note in said}

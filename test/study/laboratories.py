@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.signal import butter, cont2discrete, lfilter
 
+from impact_rig.core.findings import Finding, Note, Reason, Subject
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import Block, ChannelBlock, HitLabel
 from impact_rig.core.sample import SampleEstimate
@@ -44,24 +45,28 @@ class Cause(Enum):
     CRUSHED = "a contact of no law"
 
 
-NAMED: dict[Cause, tuple[str, ...]] = {
-    Cause.LAW: ("contact law leaves", "resonance", "pulse is no", "loud", "steps"),
-    Cause.GAIN: ("momenta do not balance", "impact speed is", "is it the one that was asked for"),
-    Cause.RINGING: ("moves on", "momenta do not balance"),
-    Cause.FRICTION: ("damping depends on", "window", "explains only", "one damped oscillation"),
-    Cause.UNSTATED: ("momenta do not balance", "impact speed is"),
-    Cause.SERIES: (
-        "trend",
-        "groups",
-        "inconsistent",
-        "impact speed is",
-        "momenta do not balance",
-        "balance otherwise",
-    ),
-    Cause.CORNER: ("corner", "contact law leaves"),
-    Cause.CRUSHED: ("contact law leaves", "pulse is no", "impact speed is", "crushed", "versed"),
+NAMED: dict[Cause, set[Subject | Reason]] = {
+    Cause.LAW: {Subject.SENSOR, Subject.PULSE_SHAPE, Subject.CONVERTER, Subject.SCATTER},
+    Cause.GAIN: {Subject.MOMENTA, Subject.IMPACT_SPEED, Subject.MASS},
+    Cause.RINGING: {Subject.FREE_DECAY, Subject.MOMENTA},
+    Cause.FRICTION: {Subject.FREE_DECAY},
+    Cause.UNSTATED: {Subject.MOMENTA, Subject.IMPACT_SPEED},
+    Cause.SERIES: {
+        Subject.TREND,
+        Subject.GROUPS,
+        Subject.HITS,
+        Subject.IMPACT_SPEED,
+        Subject.MOMENTA,
+        Reason.INCONSISTENT,
+    },
+    Cause.CORNER: {Subject.CONTACT_LAW},
+    Cause.CRUSHED: {Subject.CONTACT_LAW, Subject.PULSE_SHAPE, Subject.IMPACT_SPEED},
 }
-"""Words of warnings and notes that name a cause."""
+"""What a warning, a note or a rejection is about that names a cause."""
+OF_GAINS = {Subject.MOMENTA, Subject.MASS}
+"""What tells of gains: it names nothing that goes by the pulse's shape alone."""
+SHAPED = {"duration", "restitution", "exponent", "equivalent_stiffness"}
+"""Figures of the law that go by the pulse's shape alone."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +237,7 @@ class Truth:
     absent: frozenset[str] = frozenset()  # what has no true value, and so may not be given
 
 
-def run_series(lab: Laboratory) -> tuple[SampleEstimate, Truth, str]:
+def run_series(lab: Laboratory) -> tuple[SampleEstimate, Truth, list[Note | Finding]]:
     """Strike a series; return what is estimated, what is true, and all that is said."""
     random = np.random.default_rng(lab.seed)
     stated = lab.sample * lab.stated_sample
@@ -261,9 +266,9 @@ def run_series(lab: Laboratory) -> tuple[SampleEstimate, Truth, str]:
             speeds.append(speed)
     results = session.estimate_all()
     (estimate,) = results.samples
-    said = [str(note) for note in (*estimate.warnings, *estimate.notes)]
-    said += [str(item) for hit in results.rejected for item in hit.rejections]
-    return estimate, find_truth(lab, motions, speeds), " ".join(said)
+    said: list[Note | Finding] = [item for hit in results.rejected for item in hit.rejections]
+    said += (*estimate.warnings, *estimate.notes, *estimate.contact_law.notes)
+    return estimate, find_truth(lab, motions, speeds), said
 
 
 def find_truth(lab: Laboratory, motions: Sequence[Motion], speeds: Sequence[float]) -> Truth:
@@ -277,6 +282,8 @@ def find_truth(lab: Laboratory, motions: Sequence[Motion], speeds: Sequence[floa
     figures = {
         "paper.contact_time": mean(durations),
         "contact_law.duration": mean(durations),
+        "contact_law.restitution": mean([motion.restitution for motion in motions]),
+        "contact_law.impact_speed": mean(speeds),
         "paper.peak_force": mean([motion.force for motion in motions]),
         "checks.impulse": mean([motion.impulse for motion in motions]),
         "checks.traced_mass": (lab.sample, lab.sample),
@@ -304,8 +311,6 @@ def find_truth(lab: Laboratory, motions: Sequence[Motion], speeds: Sequence[floa
             for speed, motion in zip(speeds, motions, strict=True)
         ]
         figures |= {
-            "contact_law.restitution": mean([motion.restitution for motion in motions]),
-            "contact_law.impact_speed": mean(speeds),
             "contact_law.peak_force": figures["paper.peak_force"],
             "contact_law.impulse": figures["checks.impulse"],
             "contact_law.energy_loss": mean(energies),
@@ -342,7 +347,7 @@ class Verdict:
     lab: Laboratory
     given: int  # figures with a number
     wrong: dict[str, float]  # figures outside, in half widths
-    named: bool  # a warning or note names the cause
+    named: bool  # of each of them a warning or note names the cause
     has_law: bool
 
     @property
@@ -369,12 +374,18 @@ def judge(cause: Cause, lab: Laboratory) -> Verdict:
     for name in truth.absent:
         if read(estimate, name).is_known:
             wrong[name] = math.inf
-    words = NAMED[cause]
-    if wrong and all(name.startswith("contact_law.") for name in wrong):
-        # By this warning the law's numbers may be farther off than their ±.
-        words += ("contact law leaves",)
-    named = any(word in said for word in words)
+    codes = {item.reason if isinstance(item, Finding) else item.about for item in said}
+    named = all(find_names(cause, name) & codes for name in wrong)
     return Verdict(cause, lab, given, wrong, named, estimate.contact_law.is_known)
+
+
+def find_names(cause: Cause, name: str) -> set[Subject | Reason]:
+    """Return what names a wrong figure."""
+    part, _, attribute = name.partition(".")
+    if part != "contact_law":
+        return NAMED[cause]
+    names = NAMED[cause] | {Subject.CONTACT_LAW}
+    return names - OF_GAINS if attribute in SHAPED else names
 
 
 def read(estimate: SampleEstimate, name: str) -> Quantity:

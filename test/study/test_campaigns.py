@@ -5,7 +5,7 @@ import pytest
 
 from impact_rig.core.setup import PAPER_SETUP
 from study.campaigns import ASKED, draw_truth, run_campaign
-from study.laboratories import Cause, judge_all
+from study.laboratories import Cause, draw_laboratory, judge, judge_all
 from study.selection import FAULTS, SURE, strike_fault, strike_good_hits
 
 
@@ -45,3 +45,23 @@ def test_no_cause_makes_a_wrong_number_with_nothing_said():
     assert [item.cause for item in verdicts] == 2 * list(causes)
     assert all(item.given for item in verdicts)
     assert [item.cause for item in verdicts if item.is_silent] == []
+
+
+@pytest.mark.parametrize(
+    ("cause", "number", "named"),
+    [
+        # The foot of the contact is no part of the free decay.
+        (Cause.RINGING, 34, set()),
+        # A ringing of which half a period is a part of the tail is no droop, and a law of free
+        # bodies tells nothing of one that is held.
+        (Cause.RINGING, 50, set()),
+        # A window of an analyser, behind what the low-pass makes of a record's end.
+        (Cause.FRICTION, 115, {"checks.impulse", "checks.traced_mass"}),
+        # Losses of two forms of which the law knows one.
+        (Cause.GAIN, 65, {"contact_law.restitution", "contact_law.exponent"}),
+    ],
+)
+def test_a_series_whose_number_was_wrong_once(cause, number, named):
+    verdict = judge(cause, draw_laboratory(cause, np.random.default_rng((1, number))))
+    assert set(verdict.wrong) == named
+    assert not verdict.is_silent
