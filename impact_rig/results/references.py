@@ -63,7 +63,9 @@ PLANTS = {
         "Equations (1) and (2) as printed, k and c of the paper."
     ),
     "virtual rig, plant contact": Plant(
-        "A contact law with loss between free bodies: no published values, no damping c.",
+        "A contact law with loss between free bodies: no published values, and since nothing"
+        " rings after the contact no damping c and no free decay.",
+        explained=frozenset({Subject.C1, Subject.C2, Subject.FREE_DECAY}),
         has_expected_values=False,
         has_damping=False,
     ),

@@ -240,12 +240,14 @@ def _list_notes(
     has_damping = plant is None or plant.has_damping
     needed: list[tuple[str, Note]] = []
     others: list[tuple[str, Note]] = []
+    explained = plant.explained if plant is not None else frozenset()
+    of_hammer = [note for note in hammer.notes if note.about not in explained]
     for sample in samples:
         is_complete = sample.paper.stiffness.is_known and (
             sample.paper.damping_coefficient.is_known or not has_damping
         )
         for note in _list_told(sample):
-            if plant is not None and note.about in plant.explained:
+            if note.about in explained:
                 continue
             if not (is_complete or note.about in FURTHER_METHODS):
                 needed.append((sample.name, note))
@@ -255,7 +257,7 @@ def _list_notes(
     effect = 0.0 if hammer.stiffness.is_known else MISSING_RESULT
     return [
         *_merge(needed, samples, MISSING_RESULT),
-        *(Remark(str(note), "hammer", effect) for note in hammer.notes if note not in told),
+        *(Remark(str(note), "hammer", effect) for note in of_hammer if note not in told),
         *_merge(others, samples, 0.0),
     ]
 
