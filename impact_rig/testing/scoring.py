@@ -26,6 +26,8 @@ Estimator = Callable[[Hit], Any]
 """Gets a hit; returns its estimate in SI units with or without its expanded uncertainty."""
 Reader = Callable[[Any], tuple[str, int, int, float, float] | None]
 """Gets a message; returns sample, impact, attempt, estimate and expanded uncertainty."""
+FAR = 100.0
+"""Times the truth, or a part of it, that is taken for another unit, our choice [-]."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ def score(
     Warns
     -----
     UserWarning
-        If the estimator raises errors, of the first.
+        If the estimator raises errors, of the first; if estimates are far from the truth.
 
     Examples
     --------
@@ -116,9 +118,7 @@ def score(
         hits = [rig.strike(name) for _ in range(impacts)]
         found = [(_read_truth(hit.truth, quantity), *_ask(estimator, hit, errors)) for hit in hits]
         scores.append(_compute_score(name, found))
-    if errors:
-        text = f"the estimator raised {format_count(len(errors), 'error')}, first {errors[0]}"
-        warnings.warn(text, stacklevel=2)
+    _warn(scores, errors, "the estimator")
     return Scores(scores)
 
 
@@ -158,7 +158,8 @@ def score_node(
     Warns
     -----
     UserWarning
-        If `read` raises errors, or does not return five things; of the first.
+        If `read` raises errors, or does not return five things; of the first. If estimates are
+        far from the truth.
     """
     from impact_rig.nodes.listener import Listener
 
@@ -170,12 +171,13 @@ def score_node(
         try:
             if (estimate := read(message)) is None:
                 return
-            sample, impact, attempt, value, expanded = estimate
+            sample, impact, attempt, *pair = estimate
+            numbers = _convert(pair)
         except Exception as error:  # noqa: BLE001 - whatever a foreign reader does is its own
             errors.append(f"{type(error).__name__}: {error}")
             return
         with came:
-            found[sample, impact, attempt] = value, expanded
+            found[sample, impact, attempt] = numbers
             came.notify_all()
 
     with closing(Listener(rig.domain)) as listener:
@@ -184,9 +186,6 @@ def score_node(
         hits = [hit.label for hit in results.record.hits]
         with came:
             came.wait_for(lambda: len(found) >= len(hits), patience)
-    if errors:
-        text = f"read raised {format_count(len(errors), 'error')}, first {errors[0]}"
-        warnings.warn(text, stacklevel=2)
     scores = []
     for name in dict.fromkeys(label.sample for label in hits):
         judged = [
@@ -198,14 +197,20 @@ def score_node(
             if label.sample == name
         ]
         scores.append(_compute_score(name, judged))
+    _warn(scores, errors, "read")
     return Scores(scores)
 
 
 def _read_truth(truth: Truth | None, quantity: str) -> float:
-    value = getattr(truth, quantity, math.nan)
-    if not isinstance(value, float) or math.isnan(value):
-        raise ParameterError(f"this plant has no true {quantity!r}")
-    return value
+    known = {
+        name: value
+        for name, value in vars(truth).items()
+        if isinstance(value, float) and math.isfinite(value)
+    }
+    if quantity not in known:
+        names = ", ".join(map(repr, known))
+        raise ParameterError(f"this plant has no true {quantity!r}: it has {names}")
+    return known[quantity]
 
 
 def _compute_score(name: str, hits: Sequence[tuple[float, float, float]]) -> Score:
@@ -234,16 +239,39 @@ def _ask(estimator: Estimator, hit: Hit, errors: list[str]) -> tuple[float, floa
     except Exception as error:  # noqa: BLE001 - whatever a foreign estimator does is its own
         errors.append(f"{type(error).__name__}: {error}, of {hit.sample}/{hit.impact}")
         return math.nan, math.nan
+    try:
+        return _convert(found)
+    except ParameterError as error:
+        place = f"{hit.sample}/{hit.impact}"
+        raise ParameterError(f"the estimator's answer to {place} is {error}") from None
+
+
+def _convert(found: Any) -> tuple[float, float]:
+    """Return what an estimator found as estimate and expanded uncertainty; NaN: there is none."""
     if found is None:
         return math.nan, math.nan
     if isinstance(found, Quantity):
         return found.value, found.expanded
     try:
         value, expanded = found if np.ndim(found) else (found, math.nan)
-        return float(value), float(expanded)
+        if not (isinstance(value, bool) or expanded < 0.0):
+            return float(value), float(expanded)
     except (TypeError, ValueError):
-        shown = " ".join(repr(found).split())
-        raise ParameterError(
-            f"the estimator returned {shown:.80} of {hit.sample}/{hit.impact}: it must be a"
-            " number, or a pair of a number and its expanded uncertainty"
-        ) from None
+        pass
+    shown = " ".join(repr(found).split())
+    raise ParameterError(
+        f"{shown:.80}: it must be a number, or a pair of a number and its expanded uncertainty,"
+        " 0 or more"
+    )
+
+
+def _warn(scores: Sequence[Score], errors: Sequence[str], who: str) -> None:
+    """Warn of errors, and of estimates that are in another unit."""
+    if errors:
+        text = f"{who} raised {format_count(len(errors), 'error')}, first {errors[0]}"
+        warnings.warn(text, stacklevel=3)
+    for item in scores:
+        ratio = item.bias + 1.0
+        if math.isfinite(ratio) and not 1.0 / FAR < abs(ratio) < FAR:
+            text = f"estimates of {item.sample} are {ratio:.2g} times the truth"
+            warnings.warn(f"{text}: see that they are in SI units", stacklevel=3)
