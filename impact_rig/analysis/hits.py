@@ -52,7 +52,7 @@ class Hit:
 
     @property
     def impact(self) -> int:
-        """Of the sample's series, from 1."""
+        """Number in the sample's series, from 1."""
         return self.block.label.impact
 
     @property

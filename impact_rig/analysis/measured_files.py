@@ -38,7 +38,7 @@ from impact_rig.results.numbers import format_count
 
 DEFAULT_NAME = "sample"
 MASSES = ("hammer_mass", "sample_mass", "accelerometer_mass")
-"""Of a file of channels, each with its `_uncertainty`."""
+"""Keys of masses in a file of channels, each with its `_uncertainty`."""
 WINDOW = ("pre_trigger", "record_duration")
 CUT = "a hit is double: if its file holds several hits, --record-duration 20ms makes one of each"
 USELESS = {Reason.NO_PULSE, Reason.NON_FINITE}
@@ -213,7 +213,7 @@ class MeasuredHits:
 
     @property
     def hammer_unit(self) -> str | None:
-        """Of what the hammer's sensor measures; empty: it is not stated."""
+        """Unit that the hammer's sensor measures; empty: it is not stated."""
         return self.hits[0].unit if self.hits else ""
 
     @property

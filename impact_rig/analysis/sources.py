@@ -16,7 +16,7 @@ from impact_rig.results.traces import ReportedCampaign, TracedCampaign
 
 _T = TypeVar("_T")
 RESULTS_SUFFIX = ".json"
-"""Of a results file."""
+"""Suffix of a results file."""
 RESULTS_NAME = "results.json"
 """Name of the results in a run's folder."""
 
@@ -133,7 +133,7 @@ class ByHand:
     reject: Sequence[str] = ()
     reason: str = ""
     who: str = ""
-    stamp: int = 0  # when [ns since the epoch]; 0: not told
+    stamp: int = 0  # when [ns since the epoch]; 0: not given
 
 
 def read_runs(source: RunSource, by_hand: ByHand = ByHand()) -> tuple[ReportedCampaign, ...]:

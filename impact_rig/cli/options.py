@@ -92,7 +92,7 @@ def make_output_option(text: str, metavar: str = "FILE", *, required: bool = Fal
 PLANTS = [plant.value for plant in Plant]
 FAULTS = ", ".join(fault.value for fault in Fault)
 SOURCE_KEYS = ("plant", "seed", "fault_probability")
-"""Of the virtual rig's options; they are keys of the rig file's table [source]."""
+"""Options of the virtual rig; they are keys of the rig file's table [source]."""
 notes_option = click.option(
     "--notes", default="", metavar="TEXT", help="Words to keep in the recording."
 )
@@ -129,7 +129,7 @@ nodes_options = _combine(
         "viewers",
     ),
 )
-"""Of the commands that start the nodes of a rig."""
+"""Options of the commands that start the nodes of a rig."""
 resume_option = click.option(
     "--resume",
     type=click.Path(path_type=Path, file_okay=False, exists=True),
@@ -166,7 +166,7 @@ rig_options = _combine(
     click.option("--namespace", default="", help=option_texts.NAMESPACE.help),
     click.option("--network", is_flag=True, help=option_texts.NETWORK.help),
 )
-"""Of the commands that find a rig."""
+"""Options of the commands that find a rig."""
 recorded_rig_option = click.option(
     "--namespace",
     metavar="NAME",

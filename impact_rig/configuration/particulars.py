@@ -78,7 +78,7 @@ MEASURANDS = {
     "stiffness": ("N/m", "45.29 MN/m"),
     "damping_coefficient": ("N*s/m", "1170 N*s/m"),
 }
-"""Of a sample that values and limits are stated for: unit, and an example."""
+"""Quantities of a sample with stated values and limits: unit, and an example."""
 SAMPLE_KEYS = (
     "name", "material", "mass", "mass_uncertainty", *(entry.key for entry in SAMPLE),
     *(f"{of}_{name}" for of in ("reference", "minimum", "maximum") for name in MEASURANDS),
@@ -87,7 +87,7 @@ FILE_KEYS = (
     "name", "description", "hammer", "digitizer", "analysis", "samples", "sample", "check_mass",
     "source", "holder", "laboratory", "report", "balance",
 )  # fmt: skip
-"""Of a rig file."""
+"""Keys of a rig file."""
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,7 @@ FREQUENCIES = {
     "upper_corner": "50 kHz",
     "upper_corner_uncertainty": "2 kHz",
 }
-"""Of a sensor, with an example each."""
+"""Frequencies of a sensor, with an example each."""
 RESPONSE_KEYS = (*FREQUENCIES, "resonance_damping", "sensitivity_uncertainty")
 """Keys of a sensor in rig files and files of channels."""
 SENSOR_KEYS = ("quantity", "sensitivity", "full_scale", *INSTRUMENT_KEYS, *RESPONSE_KEYS)

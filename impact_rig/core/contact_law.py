@@ -111,7 +111,7 @@ class ContactLaw(Comparable):
     loss: float = math.nan  # [-] of `impact_rig.core.law_pulses`, as `pull`
     pull: float = math.nan
     residual_percent: float = math.nan  # RMS of what the best law leaves, over the peak [%]
-    notes: tuple[Note, ...] = ()  # what is not determined, and why; what is not told apart
+    notes: tuple[Note, ...] = ()  # what is not determined, or not distinguished, and why
     # Of the relative errors of `SCALED`, by sources that no other sample has: masses and clock,
     # which all share, change no exponent; pairs of a source and an array of shape (4, 4).
     own_covariances: tuple[tuple[Source, FloatArray], ...] = field(
@@ -208,7 +208,7 @@ class _LawFits:
 
     @property
     def fit(self) -> WindowFit:
-        """Of the best model to the mean."""
+        """Fit of the best model to the mean."""
         return self.losses[self.best].fit
 
     @property
@@ -218,7 +218,7 @@ class _LawFits:
 
     @property
     def scales(self) -> FloatArray:
-        """Of the parameters: SI units over the window's."""
+        """Scales of the parameters: SI units over the window's."""
         return np.array([1.0, self.unit, abs(self.pulse.peak), 1.0, 1.0, 1.0, 1.0])
 
     @property

@@ -203,7 +203,7 @@ class FreeDecay:
 
     @property
     def frequency(self) -> float:
-        """Of the damped oscillation [Hz]."""
+        """Frequency of the damped oscillation [Hz]."""
         return self.angular_frequency / (2.0 * math.pi)
 
 

@@ -163,7 +163,7 @@ def judge_hit(
 def _correct_zero(
     hit: FilteredHit, settings: AnalysisSettings, responses: Sequence[SensorResponse]
 ) -> tuple[FilteredHit, list[Finding]]:
-    """Take off what the zero is after the impact.
+    """Subtract each sensor's level after the impact.
 
     Returns
     -------

@@ -27,7 +27,7 @@ ALONE = (LossForm.PROPORTIONAL, LossForm.PLATE)
 
 
 STEP = 1e-4
-"""Of n and B, for derivatives [-], our choice."""
+"""Step of n and B for derivatives [-], our choice."""
 FINEST = 1.0 / 64.0
 """Over which the force is averaged [w50], our choice."""
 GAIN = 1e-3

@@ -30,9 +30,9 @@ EXPONENTS = (0.75, 3.25)
 LOSSES = (-0.1, 1.0)
 """The same of both losses, see `find_losses`: from e above 1 to 0.3 [-]."""
 NODES = 65
-"""Of a pulse [-], our choice: the force is good to 1e-5 of its peak."""
+"""Points of a pulse [-], our choice: the force is good to 1e-5 of its peak."""
 DEGREES = (8, 14, 7)
-"""Of Chebyshev's polynomials in n and both losses [-], our choice: good to 1e-5."""
+"""Degrees of Chebyshev's polynomials in n and both losses [-], our choice: good to 1e-5."""
 FORMS = tuple(LossForm)
 PLATE = FORMS.index(LossForm.PLATE)
 LARGEST = 4.0

@@ -180,7 +180,7 @@ def _follow(
 
 
 ORDER = 16
-"""Of the exponential's series [-]: what it leaves out, 1 / 17!, is below 3e-15."""
+"""Order of the exponential's series [-]: the first term left out, 1 / 17!, is below 3e-15."""
 
 
 def _exponentiate(matrix: FloatArray, times: Sequence[float]) -> FloatArray:

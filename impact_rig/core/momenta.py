@@ -180,7 +180,7 @@ def find_settled_velocity(
 
 
 def weigh_sample(hit: FilteredHit, chains: tuple[Chain, Chain]) -> float:
-    """Return m2 / m1 by the traces of one hit [-]; NaN: it cannot be told."""
+    """Return m2 / m1 by the traces of one hit [-]; NaN: not determined."""
     if len(hit.traces) == 1:
         return math.nan
     traces = restore_traces(hit.traces, chains)

@@ -25,8 +25,8 @@ class Overrule:
     record: int  # the arming that the hit belongs to
     verdict: Verdict
     reason: str = ""  # in the person's words
-    who: str = ""  # empty: not told
-    # When it was taken [ns since the epoch]; 0: not told.
+    who: str = ""  # empty: not given
+    # When it was taken [ns since the epoch]; 0: not given.
     stamp: int = field(default=0, compare=False, metadata=INTERNAL)
 
     @property
@@ -49,8 +49,8 @@ class Overrules:
     accepted: frozenset[HitLabel] = frozenset()
     rejected: frozenset[HitLabel] = frozenset()
     reason: str = ""  # for these, in the words of the person
-    who: str = ""  # that person; empty: not told
-    stamp: int = 0  # when they were decided [ns since the epoch]; 0: not told
+    who: str = ""  # that person; empty: not given
+    stamp: int = 0  # when they were decided [ns since the epoch]; 0: not given
     # The newest of each hit of a campaign, by record.
     recorded: Mapping[int, Overrule] = field(default_factory=dict)
 

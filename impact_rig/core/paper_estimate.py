@@ -82,7 +82,7 @@ class PaperEstimate(Comparable):
 
 
 NO_NUMBERS = PaperEstimate()
-"""Of a sample without an accepted hit."""
+"""Estimate of a sample without an accepted hit."""
 
 
 def estimate_paper(

@@ -58,7 +58,7 @@ from impact_rig.core.uncertainty import (
 )
 
 DAMPING = (Subject.C1, Subject.C2)
-"""Of hammer and sample, for what is said about them."""
+"""Subjects of notes on the damping of hammer and sample."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class HammerPulse:
 
 
 UNSEEN = HammerPulse(NO_SHAPE, NO_LAW)
-"""Of a pulse that is not looked at yet: its estimates have no uncertainty."""
+"""Placeholder until the pulse's shape is fitted; estimates with it have no uncertainty."""
 
 
 def look_at_pulse(mean: MeanHit, setup: RigSetup, sample: str) -> HammerPulse:

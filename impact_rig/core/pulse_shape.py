@@ -26,15 +26,15 @@ from impact_rig.core.records import FloatArray, make_read_only
 FEWEST_POINTS = 8
 """In a window [-], our choice: three more than most models have parameters."""
 MARGINS = (0.5, 0.1)
-"""Of baseline before and behind a tenth of the peak [w50], our choice: the slow foot of a
+"""Baseline before and behind a tenth of the peak [w50], our choice: the slow foot of a
 versed-sine takes 0.2, the rest holds the offset; ringing behind the pulse stays out."""
 POINTS_PER_WIDTH = 96
-"""Of the model in w50 [-], our choice; every second is compared."""
+"""Points of the model in w50 [-], our choice; every second is compared."""
 LARGE_RESIDUAL = 0.005
 """Of a shape, over the peak [-], our choice: a versed-sine leaves 0.6 % of a Hertz pulse and makes
 k 17 % too low, of a half-sine 3.2 % and 44 %."""
 FIRST_DAMPING = 1e-3
-"""Of the first step of a search, over the squared length of a derivative [-], our choice."""
+"""Damping of a search's first step, over a derivative's squared length [-], our choice."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from impact_rig.core.quantity import Comparable, describe
 MEASURED, SIMULATED, IMPORTED = "measured", "simulated", "imported"
 UNKNOWN_KIND, MIXED = "unknown", "mixed"
 KINDS = (MEASURED, SIMULATED, IMPORTED, UNKNOWN_KIND, MIXED)
-"""Of several hits that are not of one kind the origin is mixed."""
+"""Kinds of origins; hits of several kinds are mixed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Origin:
 
 
 UNSTATED = Origin()
-"""Of what says nothing of its origin."""
+"""Origin of data without a stated one."""
 
 
 def join_origins(origins: Iterable[Origin]) -> Origin:
@@ -96,7 +96,7 @@ class HitLabel:
 
 
 NOT_ARMED = HitLabel("", record=0, impact=0, attempt=0)
-"""Of a segment of a running stream that belongs to no arming."""
+"""Label of a segment of a running stream that belongs to no arming."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ class MeasuredSpeed(Comparable):
 
 
 NO_SPEED = MeasuredSpeed()
-"""Of what was not measured."""
+"""Speed that was not measured."""
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ class Block:
 
     @property
     def channels(self) -> tuple[ChannelBlock, ...]:
-        """Of the hammer, then of the sample where it was measured."""
+        """Channels of the hammer and, where it was measured, of the sample."""
         return (self.hammer, self.specimen) if self.has_specimen else (self.hammer,)
 
     @property

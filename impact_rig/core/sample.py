@@ -36,7 +36,7 @@ from impact_rig.core.setup import RigSetup
 from impact_rig.core.uncertainty import make_rig_numbers
 
 NEAR_LOW_PASS = 2.0
-"""Of a resonance, in cutoff frequencies [-]; at twice the cutoff a sixteenth is left."""
+"""Lowest harmless resonance [cutoff frequencies]; at twice the cutoff a sixteenth is left."""
 
 
 def check_sensors(setup: RigSetup, contact_time: float) -> tuple[Note, ...]:

@@ -110,7 +110,7 @@ _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 
 DEFAULT_RESONANCE_DAMPING = 0.02
-"""Of a mounted accelerometer's resonance where its sheet states none [-], our choice."""
+"""Damping of a mounted accelerometer's resonance without a stated one [-], our choice."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class SensorResponse(Comparable):
 
 
 FLAT = SensorResponse()
-"""Of a sensor of which nothing is known."""
+"""Response of a sensor without a stated one."""
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,7 @@ def _compute_medians(figures: FloatArray) -> FloatArray:
 
 
 DOUBTS = (Reason.RINGING, Reason.UNSTEADY_ZERO)
-"""Findings that are not corrected: they cannot be told from what is harmless."""
+"""Findings that are not corrected: they look like harmless ones."""
 LEFT_AS_IT_IS = (Reason.SMOOTHED, Reason.TRUNCATED)
 """Findings that are worth a warning and are not corrected."""
 
@@ -193,7 +193,7 @@ class HitSeries:
         return float(np.std(times, ddof=1)) if len(times) > 1 else math.nan
 
     def describe_findings(self) -> tuple[tuple[Note, ...], tuple[Note, ...]]:
-        """Return what was corrected in the hits in the mean, and what could not be told."""
+        """Return the corrections of the hits in the mean, and the doubts about them."""
         kept = self._list_kept()
         found: dict[Reason, dict[int, str]] = {}
         for place in kept:

@@ -233,7 +233,7 @@ class SampleSet:
 
 
 UNKNOWN_SENSORS = {channel: Sensor(channel) for channel in CHANNELS}
-"""Of channels that no set-up describes."""
+"""Sensors of channels that no set-up describes."""
 ACCELERATION = 1.0, "m/s^2"
 """An accelerometer's reading at 1 m/s^2, and its unit."""
 
@@ -302,7 +302,7 @@ class RigSetup(Comparable):
 
     @property
     def responses(self) -> tuple[SensorResponse, SensorResponse]:
-        """Of both channels' sensors."""
+        """Responses of both channels' sensors."""
         return self.find_sensor("hammer").response, self.find_sensor("specimen").response
 
     def find_chains(self, sampling_rate: float) -> tuple[Chain, Chain]:

@@ -20,7 +20,7 @@ HERTZ_SPEED_EXPONENTS = {"duration": -1.0 / 5.0, "peak_force": 6.0 / 5.0}
 SPRING_SPEED_EXPONENTS = {"duration": 0.0, "peak_force": 1.0}
 
 Covariances = Sequence[tuple[Source, FloatArray]]
-"""Of the relative errors of speed and result, shape (2, 2), by source."""
+"""Covariances of the relative errors of speed and result, shape (2, 2), by source."""
 
 
 @dataclass(frozen=True)

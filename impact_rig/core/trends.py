@@ -26,7 +26,7 @@ class Course:
 
 
 STEADY = Course()
-"""Of a series that shows neither trend nor groups."""
+"""Course of a series with neither trend nor groups."""
 
 
 def follow_series(mean: MeanHit, ratios: FloatArray | None = None) -> Course:

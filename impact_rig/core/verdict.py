@@ -16,7 +16,7 @@ from impact_rig.core.records import ChannelBlock, FloatArray, Record
 from impact_rig.core.setup import AnalysisSettings
 
 SHOWS_NOTHING = frozenset({Reason.NO_TRIGGER, Reason.DEAD_CHANNEL, Reason.NO_PULSE})
-"""Of hits that will not become better by striking again and again."""
+"""Reasons of hits that will not become better by striking again and again."""
 SHARE_NO_MEAN = frozenset({Reason.OTHER_KIND, Reason.POLARITY})
 """Reasons that a person cannot overrule: a mean of both kinds would describe neither."""
 
@@ -316,7 +316,7 @@ def find_second_pulse(
         # A softer hit lasts longer (Hertz).
         shortest = 0.0 if is_cut else 0.5 * width
         found = SecondPulse(height / abs(pulse.peak), delay)
-        # A wave swings by 1 to the other side, a contact by 0.
+        # A wave undershoots by its own height, a contact not at all.
         if _find_swing(upright, pulse, index) >= 0.5 * height:
             doubtful = doubtful or replace(found, reason=Reason.RINGING)
         elif fall - rise < shortest:

@@ -47,7 +47,7 @@ class SignalFormat:
     step: int  # [ticks], of the domain, from point to point
     dtype: np.dtype[Any]
     unit: str  # as the device writes it
-    limit: float  # largest value, either sign [unit]; 0: not told
+    limit: float  # largest value, either sign [unit]; 0: not given
 
 
 def read_format(signal: Any) -> SignalFormat:

@@ -88,7 +88,7 @@ class MeasuredHit:
 
     @property
     def duration(self) -> float:
-        """Of the hit [s]."""
+        """Duration of the hit [s]."""
         return self.block.hammer.output.size / self.block.sampling_rate
 
 

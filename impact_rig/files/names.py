@@ -13,7 +13,7 @@ CAPITAL = re.compile(r"(?<=[a-zäöü])(?=[A-ZÄÖÜ])")
 WORD = re.compile(r"[^\W\d_]+")
 """Where a new word begins in `AccHammer1`, and the words themselves: `Acc`, `Hammer`."""
 HAMMER_WORDS = {"tip", "excitation", "exc", "impactor", "striker", "anregung"}
-"""Of the hammer's channel, in small letters; so are all words with `hammer` in them."""
+"""Words for the hammer's channel, in small letters; so are all with `hammer` in them."""
 SAMPLE_WORDS = {"specimen", "sample", "response", "resp", "target", "probe", "antwort"}
 FORCE_WORDS = {"force", "kraft", "load", "loadcell", "f"}
 ACCELERATION_WORDS = {
@@ -23,7 +23,7 @@ OTHER_WORDS = {
     "temp", "temperature", "temperatur", "pressure", "druck", "displacement", "velocity",
     "position", "weg", "trigger", "trig", "tacho", "rpm", "status", "strain",
 }  # fmt: skip
-"""Of what is neither hammer nor sample."""
+"""Words for channels of neither hammer nor sample."""
 
 
 class Kind(Enum):

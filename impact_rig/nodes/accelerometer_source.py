@@ -53,7 +53,7 @@ class OpenSource:
 
     @property
     def origin(self) -> Origin:
-        """Of blocks without one: where no hammer strikes, nothing was measured."""
+        """Origin of blocks without one: where no hammer strikes, nothing was measured."""
         is_simulated = self.acquisition.is_simulated or self.hammerless is not None
         return Origin(SIMULATED if is_simulated else MEASURED, self.acquisition.identity)
 

@@ -34,7 +34,7 @@ class CampaignFeed:
 
     @property
     def campaign_id(self) -> bytes:
-        """Of the campaign under way; zero: no set-up has come."""
+        """Id of the campaign under way; zero: no set-up has come."""
         return NO_ID if self._campaign_id is None else self._campaign_id
 
     def on_setup(self, received: Received[RigSetup]) -> None:

@@ -90,7 +90,7 @@ FIELDS = [
     for name in CampaignState.get_fields_and_field_types()
     if name not in ("header", "campaign_id")
 ]
-"""Of the state, those that are not the same for all messages."""
+"""Fields of the state that differ from message to message."""
 
 
 class ArmingError(DeviceError):

@@ -198,7 +198,7 @@ class GuardedHammer:
         self._change(state=HammerPlace.HELD, message=message)
 
     def confirm_held(self) -> str | None:
-        """Take a person's word that the hammer is back; return why that is refused, if it is."""
+        """Confirm that the hammer is back; return why that is refused, if it is."""
         if self._holder is None or self._fault:
             return self._describe_fault()
         if self._condition.state is HammerPlace.SWINGING:

@@ -87,7 +87,7 @@ class Intake:
         callback: Callable[[Received[Any]], None],
         on_liveliness: Callable[[Any], None] | None = None,
     ) -> Any:
-        """Let the node be called back with each message of a topic that counts.
+        """Subscribe to a topic: the callback gets each message that counts.
 
         `on_liveliness` gets the number of publishers that are alive and silent, when it changes.
         """

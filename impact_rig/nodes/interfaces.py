@@ -164,7 +164,7 @@ INPUT_LEVELS = Topic(
     make_qos(10, latched=False),
     _by("page.levels", "InputLevels"),
 )
-"""Of the input monitor, and of a running stream."""
+"""Levels of the input monitor, and of a running stream."""
 RECORDER_STATE = Topic("recorder/state", RecorderState, _LATEST, _state("RecorderStatus"), LEASE)
 CAMPAIGN_STATE = Topic(
     "campaign/state", CampaignState, _LATEST, _inward("campaign_from_msg"), LEASE
@@ -176,7 +176,7 @@ NOTE = Topic("note", String, make_qos(10, latched=False))
 DIAGNOSTICS = Topic(
     "/diagnostics", DiagnosticArray, QoSProfile(depth=64), _inward("health_from_msg")
 )
-"""Of every node, once a second: one topic for all namespaces, as everywhere in ROS 2."""
+"""Health of every node, once a second: one topic for all namespaces, as everywhere in ROS 2."""
 REPLAYER_STATE = Topic("replayer/state", ReplayerState, _LATEST)
 
 RECORDED_TOPICS = (

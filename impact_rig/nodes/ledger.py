@@ -69,7 +69,7 @@ class Ledger:
         return self._judge_stored(key)
 
     def add_stored(self, message: RecordStored) -> tuple[JudgedHit, ...]:
-        """Take the word that a record is stored; return the hits that are judged now."""
+        """Note that a record is stored; return the hits that are judged now."""
         key = find_key(message)
         if key in self._known or not message.blocks:
             return ()

@@ -43,7 +43,7 @@ class ManagedNode(ParameterNode):
         """Close what `configure` opened."""
 
     def on_changed(self) -> None:
-        """Let others know the state that a transition has led to."""
+        """Publish the state after a transition."""
 
     def report_fault(self, text: str) -> None:
         """Log an error, once while it stays the same; the next good transition ends it."""

@@ -281,7 +281,7 @@ class PageNode(RigNode):
         return {"overrule": overrule_to_msg(overrule, identity, stamp)}
 
     def _write_down(self, form: Form, what: str) -> None:
-        """Let the recording know what was done at the page, and by whom."""
+        """Publish an act and its person as a note for the recording."""
         self._notes.publish(String(data=f"at the page{form.signature}: {what}"))
 
     def _note(self, form: Form) -> "Future[Answer]":

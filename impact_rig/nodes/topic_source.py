@@ -21,7 +21,7 @@ from impact_rig.nodes.listener import DISCOVERY_TIME, Listener
 from impact_rig.recordings.message_numbers import find_stamp, make_reader
 
 BLOCK_TIME = 0.01
-"""Of points that are passed on together [s], our choice: often there is one in a message."""
+"""Duration of points that are passed on together [s], our choice: a message often has one."""
 NO_INSTRUMENTS = ("diagnostic_msgs", "impact_rig_msgs", "lifecycle_msgs", "rcl_interfaces")
 """Packages whose messages hold no samples."""
 
@@ -243,7 +243,7 @@ def _make_inputs(channels: Sequence[SourceChannel]) -> list[_Input]:
 
 
 def _make_scale(channel: SourceChannel, stated: str) -> ChannelScale:
-    """Return the scale of numbers in a unit; of volts, by the sensor."""
+    """Return the scale of numbers in a unit; for volts, by the sensor."""
     options = channel.options
     unit = normalize_unit(options.take_text("unit", stated, "m/s^2"))
     if not unit:

@@ -32,9 +32,9 @@ MACROS = ("act", "note", "strength", "numbers")
 HEARTBEAT = 1.0
 """How often each page hears that the server is there [s]; after three of them it greys."""
 LONGEST_FORM = 20_000
-"""Of one act [bytes]."""
+"""Largest form of an act [bytes]."""
 LONGEST_FIELD = 1000
-"""Of what a person writes [characters], as the templates have it."""
+"""Longest text of a person [characters], as in the templates."""
 KEPT_TRACES = 10
 """How many traces of a sample a page gets that opens late, and draws at each hit [-]."""
 TOKEN = "token"  # noqa: S105 - the name of a cookie

@@ -75,7 +75,7 @@ class CampaignStatus:
 
     @property
     def progress(self) -> SampleProgress:
-        """Of the sample under test."""
+        """Progress of the sample under test."""
         none = SampleProgress(self.sample)
         return next((item for item in self.counts if item.sample == self.sample), none)
 

@@ -11,7 +11,7 @@ from impact_rig.core.records import FloatArray
 from impact_rig.results.traces import AlignedHit, Float32Array, JudgedTraces
 
 COLUMNS = 700
-"""Of pixels in a picture [-]: a wall screen shows no more in its middle."""
+"""Columns of pixels in a picture [-]: a wall screen shows no more in its middle."""
 MARGIN = 1.5
 """Extent of the second picture before and after the middle of the pulse [contact times]."""
 NAMES = ("hammer", "sample")

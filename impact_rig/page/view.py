@@ -17,7 +17,7 @@ from impact_rig.results.tables import tabulate_summary
 LONGEST_LIST = 100
 """Most hits that are listed, the newest [-]."""
 MOST_MARKS = 40
-"""Of the hits of a sample [-]."""
+"""Most marks for the hits of a sample [-]."""
 INPUT_COLUMNS = ("zero", "noise", "largest", "range", "range that suits")
 ADVICE = {
     Reason.NO_TRIGGER: "nothing was recorded: strike harder, or lower the trigger level",

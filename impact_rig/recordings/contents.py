@@ -117,7 +117,7 @@ class Contents:
 
     @property
     def size(self) -> int:
-        """Of all files [byte]."""
+        """Size of all files [byte]."""
         return sum(scan.size for scan in self.scans)
 
     @property
@@ -139,13 +139,13 @@ class Contents:
 
     @property
     def start_time(self) -> int:
-        """Of the first message, nanoseconds since the epoch; 0: there is none."""
+        """Time of the first message, nanoseconds since the epoch; 0: there is none."""
         times = (topic.start_time for topic in self.topics.values() if topic.messages)
         return min(times, default=0)
 
     @property
     def end_time(self) -> int:
-        """Of the last message, nanoseconds since the epoch; 0: there is none."""
+        """Time of the last message, nanoseconds since the epoch; 0: there is none."""
         times = (topic.end_time for topic in self.topics.values() if topic.messages)
         return max(times, default=0)
 

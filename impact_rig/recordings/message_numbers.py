@@ -15,7 +15,7 @@ LONGEST_LIST = 36
 """Longest array whose numbers are channels side by side [-]: the largest matrix of ROS's own
 messages, a covariance of 6 x 6. A longer one holds points that follow each other."""
 LARGEST_WHOLE = 2**53
-"""Of whole numbers that float64 keeps exactly."""
+"""Largest whole number up to which float64 is exact."""
 UNITS = {
     ("sensor_msgs/msg/Imu", "linear_acceleration"): "m/s^2",
     ("sensor_msgs/msg/Imu", "angular_velocity"): "rad/s",
@@ -28,7 +28,7 @@ UNITS = {
 STAMPS = ("stamp", "timestamp")
 """Fields that hold when a message was taken."""
 SECONDS, PARTS = ("sec", "seconds"), ("nanosec", "nsec", "nanos")
-"""Of a time in messages of ROS, Foxglove and Google."""
+"""Fields of a time in messages of ROS, Foxglove and Google."""
 
 
 def list_numbers(

@@ -45,7 +45,7 @@ VIRTUAL_IMPACT_TYPE = PACKAGE + "VirtualImpact"
 """Types that tell the rig's topics in a recording, whatever they were remapped to."""
 NANOSECONDS = 1_000_000_000
 NO_ID = bytes(16)
-"""Of no campaign, and of what was recorded before there were ids: an id like another."""
+"""Id of no campaign, and of recordings from before there were ids: an id like another."""
 
 RENAMED = {"BudgetLine": "UncertaintyContribution"}
 """Records in lists whose messages have other names."""
@@ -54,7 +54,7 @@ PLAIN = (float, int, str, bool)
 MessageMaker = Callable[[str], Any]
 """Returns a message of the rig, by the name of its type."""
 NO_LISTS: MessageMaker = dict[str, Any]().__getitem__
-"""Of records without lists of records."""
+"""Maker for records without lists of records."""
 _T = TypeVar("_T")
 
 
@@ -259,7 +259,7 @@ def setup_to_msg(setup: RigSetup, make: MessageMaker) -> Any:
 
 
 def fill_block(message: Any, block: Block) -> None:
-    """Let an `AccelerationBlock` or `StreamBlock` hold another block.
+    """Write a block into an `AccelerationBlock` or `StreamBlock`.
 
     Its channels keep their memory if that is as long: to get some costs more than to copy a block
     into it.

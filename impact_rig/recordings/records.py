@@ -14,9 +14,9 @@ HEALTH_RECORD = "impact_rig/health"
 RECOVERY_RECORD = "impact_rig/recovery"
 """Metadata record about the source of a recovered recording, and its losses."""
 Encoding = tuple[str, str]
-"""Of the messages of a topic, and of the schema that describes them."""
+"""Encodings of a topic's messages, and of the schema that describes them."""
 ROS: Encoding = ("cdr", "ros2msg")
-"""Of ROS 2."""
+"""Encodings of ROS 2."""
 
 
 class Channel(NamedTuple):

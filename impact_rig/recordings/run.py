@@ -117,13 +117,13 @@ class Run:
 
     @cached_property
     def namespaces(self) -> tuple[str, ...]:
-        """Of all rigs in its files, by their set-ups and blocks."""
+        """Namespaces of all rigs in its files, by their set-ups and blocks."""
         channels = [channel for scan in self.scans for channel in scan.read_channels()]
         return list_namespaces(channels)
 
     @cached_property
     def namespace(self) -> str:
-        """Of its rig, "/" for none."""
+        """Namespace of its rig, "/" for none."""
         return choose_namespace(self.path, self.namespaces, self.wanted)
 
     @cached_property
@@ -284,7 +284,7 @@ _USUAL_NAMES = {
     BLOCK_TYPE: "acceleration",
     STREAM_TYPE: "acceleration/stream",
 }
-"""Of the topics that tell a rig, by their types; one that was remapped lies in its namespace."""
+"""Topics that show a rig, by their types; one that was remapped lies in its namespace."""
 
 
 def list_namespaces(channels: Collection[Channel]) -> tuple[str, ...]:

@@ -46,7 +46,7 @@ from impact_rig.recordings.unpacking import (
 MAGIC = b"\x89MCAP0\r\n"
 """First and last bytes of every file."""
 PROFILES = ("ros2", "")
-"""Of recordings of ROS 2; tools that merge or filter leave it empty."""
+"""Profiles of recordings of ROS 2; tools that merge or filter leave it empty."""
 MAX_NAME = 512
 """Longest name of a topic or a type [characters], our choice: DDS takes 255."""
 MAX_DAMAGES = 1000

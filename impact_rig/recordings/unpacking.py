@@ -33,7 +33,7 @@ PARSE_ERRORS = (McapError, struct.error, ValueError, OverflowError, MemoryError)
 """What the library raises on bytes that make no sense."""
 _ENGINE_ERRORS = (zstandard.ZstdError, RuntimeError, OverflowError, MemoryError)
 _CHUNK_HEAD = 32
-"""Of a chunk's content up to the name of its compression [byte]."""
+"""Size of a chunk's content up to the name of its compression [byte]."""
 _SMALL: dict[int, tuple[Any, str]] = {
     Opcode.HEADER: (records.Header, "the header"),
     Opcode.SCHEMA: (records.Schema, "the description of a type"),

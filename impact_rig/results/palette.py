@@ -22,7 +22,7 @@ SPECIMEN_MODEL = VERMILION
 CONTACT = GREEN
 
 SERIES: tuple[Colour, ...] = (BLUE, VERMILION, GREEN, PURPLE, GREY)
-"""Of lines and points on white or black ground: contrast 3:1 (WCAG 2.2, 1.4.11)."""
+"""Colours of lines and points on white or black ground: contrast 3:1 (WCAG 2.2, 1.4.11)."""
 
 
 def format_hex(colour: Colour) -> str:

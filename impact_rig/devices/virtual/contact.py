@@ -24,7 +24,7 @@ from impact_rig.core.setup import RigSetup
 HERTZ_EXPONENT = 1.5
 TIP_RADIUS = 10e-3  # [m], of the hammer's tip: 212 us on the control sample, as in the paper
 CHECK_MATERIAL = "steel"
-"""Of a check mass that states none."""
+"""Material of a check mass without a stated one."""
 TIP_MATERIAL = "aluminium"
 LONGEST_CONTACT = 100.0  # in the contact's unit of time; at e = 0.05 it takes 26
 RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-10, 1e-12  # the force is good to 1e-8 of its peak

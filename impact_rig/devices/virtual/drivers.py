@@ -45,7 +45,7 @@ KEYS = (
     *QUANTITIES, *NUMBERS, "noise", "bits", "plant", "seed", "fault_probability", "faults",
     "scheduled_faults",
 )  # fmt: skip
-"""Of the table [source]."""
+"""Keys of the table [source]."""
 TRIGGER_LEVEL = 0.02  # part of the hammer's full scale
 
 

@@ -12,7 +12,7 @@ from impact_rig.core.setup import RigSetup
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig
 
 BLOCK_POINTS = 1000
-"""Of a block: a fault loses one of several."""
+"""Points of a block: a fault loses one of several blocks."""
 
 
 def make_truth(hit: VirtualHit) -> Truth:

@@ -24,7 +24,7 @@ from impact_rig.files.times import TIME_UNITS, Axis, find_axis, is_clock, read_c
 UNIT_NAMES = {"unit", "units", "unit string", "quantity.label"}
 """Names of arrays that say in what unit others are, in small letters, underscores as blanks."""
 DIMENSIONS = 3
-"""Of the largest array that is taken for channels side by side: hits, channels and time."""
+"""Most axes of an array of channels side by side: hits, channels and time."""
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ OTHER_WAYS = {
 }
 """How to make a file that is read out of one that is not."""
 SHOWN_LETTERS = 200
-"""Of a library's complaint, our choice."""
+"""Longest excerpt of a library's complaint, our choice."""
 
 
 def read_measurement(path: Path) -> Measurement:

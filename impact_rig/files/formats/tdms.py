@@ -34,7 +34,7 @@ ODD_REST = "Data size "
 EPOCH = 2_082_844_800
 """Seconds from 1904, which these files count from, to 1970."""
 FRACTION_BITS = 64
-"""Of a second, in their times."""
+"""Bits of a fraction of a second in their times."""
 
 
 def read_tdms(path: Path) -> Measurement:

@@ -48,7 +48,7 @@ MUCH = 1 << 24
 ENOUGH_LINES = 100
 """Written alike they are the table, our choice: more than instruments put above it."""
 SHOWN_LETTERS = 40
-"""Of a cell that is no number, in a message; our choice."""
+"""Longest excerpt in a message of a cell that is no number, our choice."""
 COMMENT_MARKS = ("#", "%", "//")
 """Beginnings of lines that are no numbers."""
 BLANKS_AND_MARKS = " \t#%/"

@@ -15,7 +15,7 @@ BYTE_ORDERS = {b"RIFF": "<", b"RIFX": ">", b"RF64": "<"}
 CHUNK_HEADER = 8
 """Name and size of a chunk [byte]."""
 CUE_COUNT, CUE_SIZE, CUE_POINT = 4, 24, 20
-"""Of a chunk of cues: its count, the size of each, and where in each its point stands [byte]."""
+"""In a chunk of cues: size of the count, size of each cue, place of its point in it [byte]."""
 
 
 def read_wav(path: Path) -> Measurement:

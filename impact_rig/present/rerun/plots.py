@@ -234,7 +234,7 @@ MEASURED = {entities.HAMMER: HAMMER, entities.SPECIMEN: SPECIMEN}
 CALCULATED = {entities.HAMMER: HAMMER_MODEL, entities.SPECIMEN: SPECIMEN_MODEL}
 """Colours of models, by body."""
 HIT_OPACITY = 90
-"""Of one hit among many, of 255; ten over each other are nearly solid."""
+"""Opacity of one hit among many, of 255; ten over each other are nearly solid."""
 HIT_WIDTH = 1.0
 """Line width of one hit among many [points]."""
 MEAN_WIDTH = 3.5
@@ -253,7 +253,7 @@ EDGE = 1e-9
 MOMENT = 0.2e-3
 """Length of the line whose name is a sentence [s]: as a contact, since hidden it has room too."""
 THINNING = 2
-"""Of means and models, which are smooth, every second point is drawn, and the peaks."""
+"""Means and models are smooth: every second point is drawn, and the peaks."""
 
 
 def draw_aligned_hits(plots: PlotLog, hits: Sequence[AlignedHit]) -> None:
