@@ -26,8 +26,8 @@ TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 HERE = ("LOCALHOST", "OFF")
 SOCKET_BUFFER = 4_000_000
-"""Buffer of sockets between computers [bytes]: 200 ms of both channels at 2.5 MS/s. One block fills
-the 0.2 MB that Linux gives by default."""
+"""Buffer of sockets between computers [bytes]: 200 ms of both channels at 2.5 MS/s. One block
+fills the 0.2 MB that Linux gives by default."""
 
 
 def make_network_variables(environment: Mapping[str, str], *, network: bool) -> dict[str, str]:
