@@ -6,6 +6,8 @@ from impact_rig.configuration.processes import use_one_thread
 use_one_thread()  # before numpy is imported, which reads it once
 
 import gc
+import math
+import os
 import re
 import signal
 import sys
@@ -98,6 +100,12 @@ def strike() -> Strike:
 def results() -> Results:
     """Return the paper's campaign with two hits each."""
     return strike_samples()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers():
+    """Return how many tests run at once: half of their time they wait for nodes and programs."""
+    return math.ceil(1.5 * len(os.sched_getaffinity(0)))
 
 
 def pytest_collection_finish():

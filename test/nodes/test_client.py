@@ -48,7 +48,17 @@ def test_every_word_does_what_it_says_or_is_refused_with_the_reason(client, harn
     assert client.ask("confirm") == "held"
 
 
-def test_ctrl_c_while_a_message_is_taken_ends_the_wait_and_leaves_the_client_usable(client):
+@pytest.fixture
+def ctrl_c():
+    """Let Ctrl-C interrupt, also where who runs the tests is deaf to it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_while_a_message_is_taken_ends_the_wait_and_leaves_the_client_usable(
+    ctrl_c, client
+):
     states = []
 
     def interrupt(message):
