@@ -97,6 +97,17 @@ def adapt_qos(publishers: Iterable[TopicEndpointInfo], depth: int) -> QoSProfile
     )
 
 
+OWN_TYPES = (
+    "impact_rig_msgs/",
+    "action_msgs/",
+    "diagnostic_msgs/",
+    "lifecycle_msgs/",
+    "rcl_interfaces/",
+    "rosgraph_msgs/",
+)
+"""Types of topics that the rig's nodes publish, and every node of ROS 2."""
+
+
 class Listener(BackgroundNode):
     """A node that listens to what others publish.
 
@@ -139,11 +150,14 @@ class Listener(BackgroundNode):
             time.sleep(0.01)  # the graph is asked, it tells nothing by itself
         publishers = self.node.get_publishers_info_by_topic(topic)
         if len(publishers) != 1:
-            there = ", ".join(sorted(self.list_topics())) or "none"
+            found = sorted(self.list_topics().items())
+            there = ", ".join(
+                f"{name} ({of})" for name, of in found if not of.startswith(OWN_TYPES)
+            )
             names = ", ".join(item.node_name for item in publishers)
             raise DeviceError(
                 f"{len(publishers)} nodes publish on {topic} ({names}): one must" if publishers
-                else f"no node publishes on {topic}: start it first; topics are {there}"
+                else f"no node publishes on {topic}: start it first; foreign topics are {there or 'none'}"
             )  # fmt: skip
         message_type, qos = import_type(publishers[0].topic_type), adapt_qos(publishers, DEPTH)
         qos.durability = DurabilityPolicy.VOLATILE  # earlier messages are not wanted
