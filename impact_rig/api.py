@@ -443,7 +443,7 @@ class VirtualRig:
 
 
 def compare(first: Results | Run, second: Results | Run) -> Comparison:
-    """Return what changed from one run to another, and whether beyond its uncertainty.
+    """Return the changes from one run to another, and whether they exceed their uncertainty.
 
     A value changed where |En| is above 1 (ISO 13528, 9.7); `print` shows all.
 

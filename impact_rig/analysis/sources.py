@@ -36,7 +36,7 @@ class RunSource:
 
     @property
     def title(self) -> str:
-        """What to call it: the folder of a run, else the file."""
+        """Its name: the folder of a run, else the file."""
         if self.run is not None:
             return self.run.title
         is_run = self.results.name == RESULTS_NAME

@@ -103,7 +103,7 @@ class CampaignView:
         self._print(Text(f"STOP: do not release the hammer: {reason}", ALARM))
 
     def stay(self, text: str) -> None:
-        """Return why the program goes on though the campaign is over."""
+        """Show why the program goes on though the campaign is over."""
         self._progress.stop()
         self._print(text)
 

@@ -180,7 +180,7 @@ def _write_results(output: Path, results: Sequence[Results]) -> str:
 
 
 def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> list[Group]:
-    """Return what is exported, hit by hit, then mean by mean."""
+    """Return the exported content, hit by hit, then mean by mean."""
     hits = [(campaign, hit) for campaign in campaigns for hit in campaign.list_hits()]
     wanted = {find_label(name, [hit.block.label for _, hit in hits]) for name in task.hits}
     known = {name for campaign in campaigns for name in campaign.session.names}

@@ -167,7 +167,7 @@ def describe_verdict(contents: Contents) -> str:
 
 
 def contents_to_json(contents: Contents) -> dict[str, Any]:
-    """Return what a recording holds as plain values."""
+    """Return a recording's content as plain values."""
     return {
         "path": str(contents.run.path),
         "sound": contents.is_sound,

@@ -60,7 +60,7 @@ def make_provenance(contents: Contents) -> Provenance:
 
 
 def find_particulars(contents: Contents | None, rig_file: Path | None) -> Particulars:
-    """Return what a person states: by the rig file that is named, then by the recording's."""
+    """Return a person's statements: by the named rig file, then by the recording's."""
     named = read_toml_file(rig_file, "rig file", read_particulars) if rig_file else NOTHING_STATED
     for item in contents.attachments if contents is not None else ():
         if item.name.endswith(".toml"):

@@ -119,7 +119,7 @@ def check_momenta(mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str) 
 
 
 def _find_zero_parts(mean: MeanHit, contact: slice) -> tuple[float, ...]:
-    """Return what the zeros' uncertainties make of both changes of velocity [-]."""
+    """Return the uncertainties of both changes of velocity by those of the zeros [-]."""
     sums = np.abs(mean.traces[:, contact].sum(axis=1)) / mean.traces[:, contact].shape[1]
     sums = np.where(sums > 0.0, sums, math.inf)
     return tuple((mean.zero_uncertainty[: sums.size] / sums).tolist())

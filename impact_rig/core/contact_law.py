@@ -135,7 +135,7 @@ _QUANTITIES = tuple(item.name for item in fields(ContactLaw) if item.type is Qua
 LIKE_CONTACT = "no law of contact describes the pulse"
 CRUSHED = "; the pulse falls faster than it rises, as of a body that is crushed"
 SCALED = ("impact_speed", "duration", "peak_force", "restitution")
-"""What goes with the impact speed, itself first."""
+"""Results that depend on the impact speed, itself first."""
 
 
 def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
@@ -228,13 +228,13 @@ class _LawFits:
 
     @property
     def unexplained(self) -> float:
-        """What is left beyond the noise, over the peak [-]."""
+        """Residual beyond the noise, over the peak [-]."""
         points = self.left.size / float(2.0 * self.correlation @ self.correlation - 1.0)
         return compute_unexplained(self.residual, self.noise, points)
 
     @property
     def slow(self) -> float:
-        """What is left beyond the noise, averaged over some of the pulse, over the peak [-]."""
+        """Residual beyond the noise, averaged over some of the pulse, over the peak [-]."""
         time = self.window.time
         # Over a quarter of w50, our choice: a sensor rings faster.
         count = round(0.25 * (time.size - 1) / (time[-1] - time[0]))
@@ -375,7 +375,7 @@ def _find_doubt(quantities: dict[str, Quantity]) -> str | None:
 
 
 def _ask_for_response(chain: Chain) -> str:
-    """Return what is not stated of the hammer's sensor and would help; empty: all is stated."""
+    """Return which properties of the hammer's sensor should be stated; empty: all are."""
     names = ("resonance", "upper_corner")
     unstated = [name for name in names if not getattr(chain.response, name)]
     if not unstated:
@@ -406,7 +406,7 @@ def look_at_law(mean: MeanHit, setup: RigSetup, sample: str) -> ContactLaw:
 def _change_sensor(
     mean: MeanHit, fits: _LawFits, sensor: Sensor, chain: Chain
 ) -> list[tuple[str, FloatArray]]:
-    """Return what a standard uncertainty of the hammer's sensor does to the fitted trace."""
+    """Return the change of the fitted trace by a standard uncertainty of the hammer's sensor."""
     changes = []
     for name in ("resonance", "low_corner", "upper_corner"):
         stated, standard = getattr(chain.response, name), getattr(sensor, f"{name}_uncertainty")
@@ -442,7 +442,7 @@ def _compare_with_versed_sine(fits: _LawFits) -> tuple[bool, bool]:
 def _list_sources(
     mean: MeanHit, fits: _LawFits, changes: Sequence[tuple[str, FloatArray]]
 ) -> list[tuple[Source, FloatArray]]:
-    """Return what may be wrong with the fit: sources, and covariances of the parameters.
+    """Return the fit's sources of error, and covariances of the parameters.
 
     Those of the hits' scatter are none: it is in what each hit gives.
     """

@@ -122,7 +122,7 @@ def low_pass(traces: FloatArray, cutoff_frequency: float, sampling_rate: float) 
 
 @lru_cache(maxsize=8)
 def _compute_gain(relative_cutoff: float, count: int) -> FloatArray:
-    """Return what the low-pass leaves of each frequency of a cosine transform, shape (count,)."""
+    """Return the low-pass's gain at each frequency of a cosine transform, shape (count,)."""
     # Two passes of order n have -3 dB where one has -1.5 dB: at (sqrt(2) - 1)^(1 / 2n).
     one_pass = relative_cutoff / (np.sqrt(2.0) - 1.0) ** (1.0 / 4.0)
     frequency = np.arange(count) / (2.0 * count)
@@ -132,7 +132,7 @@ def _compute_gain(relative_cutoff: float, count: int) -> FloatArray:
 
 
 def respond(traces: FloatArray, response: SensorResponse, sampling_rate: float) -> FloatArray:
-    """Return what a sensor shows of accelerations that were zero before their first point.
+    """Return a sensor's answer to accelerations that were zero before their first point.
 
     Parameters
     ----------

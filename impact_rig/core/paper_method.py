@@ -279,7 +279,7 @@ def _read_decrements(mean: MeanHit, channel: int, peaks: LogDecrement) -> list[f
 def _make_decrement_errors(
     trace: FloatArray, peaks: LogDecrement, quality: TraceQuality
 ) -> UncertainNumber:
-    """Return what is wrong with Delta in all hits alike [-]."""
+    """Return the errors of Delta that all hits share [-]."""
     step = compute_quantisation_error(quality.resolution, quality.dither)
     quantisation = step * math.hypot(1.0 / peaks.first_peak, 1.0 / peaks.second_peak)
     start = (quality.baseline_points - 1) / 2.0

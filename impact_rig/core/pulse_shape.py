@@ -1,4 +1,4 @@
-"""Which shape a pulse has."""
+"""Shape of a pulse."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -191,7 +191,7 @@ class WindowFit:
         return excess > 2.0 * chance
 
     def project(self, changes: FloatArray) -> FloatArray:
-        """Return what changes of the trace, shape (n, ...), do to the parameters."""
+        """Return the change of the parameters by changes of the trace, shape (n, ...)."""
         return np.asarray(self._inverse @ changes)
 
     def find_rest(self, change: FloatArray) -> float:
@@ -199,7 +199,7 @@ class WindowFit:
         return float(np.std(change - self.jacobian.T @ self.project(change)))
 
     def compute_covariance(self, correlation: FloatArray) -> FloatArray:
-        """Return what noise of variance 1 does to the parameters, shape (p, p).
+        """Return the covariance of the parameters by noise of variance 1, shape (p, p).
 
         Parameters
         ----------
@@ -476,7 +476,7 @@ def estimate_pulse_shape(mean: MeanHit, chain: Chain) -> PulseShapeEstimate:
 
 
 def compute_unexplained(residual: float, noise: float, points: float = FEWEST_POINTS) -> float:
-    """Return what is left of a pulse beyond the noise, both over its peak [-].
+    """Return the residual of a pulse beyond the noise, both over its peak [-].
 
     Parameters
     ----------

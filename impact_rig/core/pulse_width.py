@@ -283,7 +283,7 @@ def compute_trend(trace: FloatArray, quality: TraceQuality) -> float:
 
 
 def compute_quantisation_error(resolution: float, dither: float) -> float:
-    """Return what quantisation leaves in a reading's mean, root mean square over one step.
+    """Return the error of a reading's mean by quantisation, root mean square over one step.
 
     Without noise the error is a saw-tooth of q / sqrt(12). Noise of standard deviation s before
     the converter takes exp(-2 pi^2 k^2 s^2 / q^2) off the k-th harmonic of the saw-tooth, whose

@@ -20,7 +20,7 @@ class Comparable:
     """
 
     def __init_subclass__(cls) -> None:
-        """Return what `dataclass` leaves alone where it stands in the class itself."""
+        """Set the methods that `dataclass` keeps if the class itself has them."""
         cls.__eq__ = Comparable.__eq__  # type: ignore[method-assign]
         cls.__hash__ = Comparable.__hash__  # type: ignore[method-assign]
 
@@ -36,7 +36,7 @@ class Comparable:
 
 
 def _list_values(record: Any) -> tuple[Any, ...]:
-    """Return what is compared of a dataclass, with None for NaN."""
+    """Return the compared values of a dataclass, with None for NaN."""
     values = (getattr(record, item.name) for item in fields(record) if item.compare)
     return tuple(None if value != value else value for value in values)  # noqa: PLR0124 - NaN
 
@@ -107,7 +107,7 @@ _PLAIN = Description()
 
 
 def read_description(item: "Field[Any]") -> Description:
-    """Return what is said of a field of a dataclass."""
+    """Return the description of a dataclass's field."""
     found: Description = item.metadata.get(_KEY, _PLAIN)
     return found
 

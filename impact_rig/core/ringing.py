@@ -117,7 +117,7 @@ def estimate_decay(
 
 
 def _list_errors(decay: FreeDecay) -> list[tuple[str, FloatArray]]:
-    """Return what is wrong with a and omega in all hits alike."""
+    """Return the errors of a and omega that all hits share."""
     errors = [("what the free decay leaves", decay.covariance)]
     if decay.halves:
         natural = math.hypot(decay.decay_rate, decay.angular_frequency)

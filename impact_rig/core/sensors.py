@@ -247,12 +247,12 @@ class Sensor(Comparable):
         return self.full_scale * compute_scale(self.unit, moving_mass) if self.full_scale else 0.0
 
     def describe_age(self, today: str) -> str | None:
-        """Return what is wrong with the age of its calibration on a day, year-month-day."""
+        """Return a warning of its calibration's age on a day, year-month-day."""
         name = f"{self.channel} sensor {self.serial_number}".rstrip()
         return describe_calibration_age(name, self.calibration_date, today)
 
     def describe(self) -> str:
-        """Return what is known of the sensor, in a few words."""
+        """Return the sensor's properties in a few words."""
         known = [self.quantity]
         if not math.isnan(self.sensitivity):
             known.append(f"{self.sensitivity * 1e3:.6g} mV per {self.unit}")
@@ -299,7 +299,7 @@ def _check_response(name: str, response: SensorResponse) -> None:
 
 
 def describe_calibration_age(name: str, day: str, today: str, due: str = "") -> str | None:
-    """Return what is wrong with the age of an instrument's calibration; all days year-month-day.
+    """Return a warning of the age of an instrument's calibration; all days year-month-day.
 
     A day that is written in another way, or not known, says nothing.
     """

@@ -253,7 +253,7 @@ class Session:
         return SampleEstimate(name, 0, count, notes=(note,))
 
     def _find_parts(self, name: str) -> SampleParts | None:
-        """Return what the paper's method and the series say; None: no hit was accepted."""
+        """Return the numbers by the paper's method and the series; None: no hit was accepted."""
         series, mean = self._series[name], self.compute_mean(name)
         if mean is None:
             return None
@@ -299,7 +299,7 @@ class Session:
         return replace(parts, traces=self._traces[name][1])
 
     def _get_pulse(self, name: str) -> HammerPulse:
-        """Return what was last found in the pulse of a sample: of this mean, or an older one."""
+        """Return the newest fit of a sample's pulse: of this mean, or an older one."""
         return self._traces[name][1].pulse if name in self._traces else UNSEEN
 
     def estimate_all(self, report: Callable[[int], None] | None = None) -> SessionResults:

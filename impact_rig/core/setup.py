@@ -292,7 +292,7 @@ class RigSetup(Comparable):
         check_not_negative("clock uncertainty", self.clock_uncertainty, "of the sampling rate")
 
     def find_sensor(self, channel: str) -> Sensor:
-        """Return what is known of the sensor of a channel."""
+        """Return the sensor of a channel."""
         known = (sensor for sensor in self.sensors if sensor.channel == channel)
         return next(known, UNKNOWN_SENSORS[channel])
 
@@ -306,14 +306,14 @@ class RigSetup(Comparable):
         return self.find_sensor("hammer").response, self.find_sensor("specimen").response
 
     def find_chains(self, sampling_rate: float) -> tuple[Chain, Chain]:
-        """Return what both channels do to a motion that is sampled at a rate [Hz]."""
+        """Return both channels' responses to a motion that is sampled at a rate [Hz]."""
         cutoff = self.analysis.cutoff_frequency
         hammer, sample = self.responses
         return Chain(sampling_rate, cutoff, hammer), Chain(sampling_rate, cutoff, sample)
 
     @property
     def hammer_reading(self) -> tuple[float, str]:
-        """What the hammer's sensor measures at 1 m/s^2, and in which unit: N of a force hammer."""
+        """Reading of the hammer's sensor at 1 m/s^2, with its unit: N of a force hammer."""
         if self.find_sensor("hammer").quantity != "force":
             return ACCELERATION
         return (1.0 if math.isnan(self.hammer_mass) else self.hammer_mass), "N"

@@ -40,7 +40,7 @@ class Arming:
 
 @dataclass(frozen=True)
 class Window:
-    """What is to be cut out: the points from `first` up to `last`, for an impact at `pulse`."""
+    """Part to be cut out: the points from `first` up to `last`, for an impact at `pulse`."""
 
     label: HitLabel
     first: int
@@ -239,7 +239,7 @@ class StreamCutter:
         return None
 
     def _cut_off(self, segment: Segment) -> list[Block]:
-        """Return what there is of a hit whose end will not come, and a gap up to its end."""
+        """Return the points of a hit whose end will not come, and a gap up to its end."""
         window, self._window = self._window, None
         if window is None:
             return []

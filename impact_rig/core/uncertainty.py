@@ -147,7 +147,7 @@ def compute_quantity(
 
 
 def list_variances(number: UncertainNumber) -> dict[Source, float]:
-    """Return what each source adds to the variance of a number."""
+    """Return each source's part of a number's variance."""
     parts: dict[Source, list[float]] = {}
     for influence in load_gtc().reporting.budget(number, trim=0.0):
         parts.setdefault(influence.label, []).append(influence.u**2)
@@ -413,7 +413,7 @@ class Known:
 
 
 def derive(formula: Callable[..., Any], *inputs: Known) -> Known:
-    """Return what a formula of floats and uncertain numbers makes of its inputs.
+    """Return the value of a formula of floats and uncertain numbers.
 
     Where the uncertainty of one is not determined, that of the result is not.
     """

@@ -322,7 +322,7 @@ class OpenDaqSource(StreamedSource):
                 return
 
     def _read_formats(self, signals: list[Any], wanted: float) -> list[SignalFormat]:
-        """Return what the signals say; raises `ParameterError` unless it is the rate wanted."""
+        """Return the signals' rate; raises `ParameterError` unless it is the wanted one."""
         deadline = time.monotonic() + SETTLING
         while True:
             formats = [read_format(signal) for signal in signals]

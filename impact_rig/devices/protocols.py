@@ -59,7 +59,7 @@ class SourceChannel(Comparable):
         return self.sensor.compute_scale(self.moving_mass)
 
     def make_scale(self, step: float, input_range: float, rail: float) -> ChannelScale:
-        """Return what numbers mean that are `step` volts each.
+        """Return the scale of numbers that are `step` volts each.
 
         Parameters
         ----------
@@ -159,7 +159,7 @@ class AccelerationSource(Protocol):
 
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
-        """Return what can be found without touching a setting; empty where nothing can be.
+        """Return the devices that can be found without touching a setting.
 
         Raises
         ------
@@ -261,7 +261,7 @@ class HammerHolder(Protocol):
 
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
-        """Return what can be found without touching it; as `AccelerationSource.find_devices`."""
+        """Return the devices that can be found, as `AccelerationSource.find_devices`."""
 
     def configure(self) -> str:
         """Open the device, and hold; return what it is, as far as it tells.
@@ -306,7 +306,7 @@ class AngledHolder(Protocol):
 
 
 def take_energized_state(options: TomlTable, default: HolderState) -> HolderState:
-    """Return what the key `energized` says that an energized magnet or latch does."""
+    """Return the state of the holder when it is energized, by the key `energized`."""
     states = {"releases": HolderState.RELEASED, "holds": HolderState.HOLDING}
     usual = next(name for name, state in states.items() if state is default)
     return states[options.take_choice("energized", tuple(states), usual)]

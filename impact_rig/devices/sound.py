@@ -98,7 +98,7 @@ def list_inputs() -> list[dict[str, Any]]:
 
 
 def describe(error: Exception) -> str:
-    """Return what an error of PortAudio says, in one line."""
+    """Return the text of an error of PortAudio, in one line."""
     return " ".join(str(error.args[0]).split()).rstrip(".")
 
 

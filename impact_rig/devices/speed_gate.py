@@ -117,7 +117,7 @@ class EdgeWatch:
 
 
 def take_speed_gate(source: TomlTable, setup: RigSetup) -> SpeedGate | None:
-    """Return what [source.impact_speed] describes; None: there is no such table.
+    """Return the barrier of [source.impact_speed]; None: there is no such table.
 
     Raises
     ------

@@ -459,7 +459,7 @@ def _choose_unit(path: Path, name: str, channel: MeasuredChannel, use: ChannelUs
 
 
 def _find_missing(name: str, role: str, unit: str, measured: str, mass: float) -> Missing | None:
-    """Return what is missing to make accelerations of a channel; None: nothing."""
+    """Return the missing statement for accelerations of a channel; None: none is missing."""
     if measured in FORCES and math.isnan(mass):
         text = f"{name} is in {unit}, and acceleration is F/m: give the hammer's mass"
         return Missing(text, 'mass = "?"', role, "--hammer-mass 100g")

@@ -36,7 +36,7 @@ ROS 2."""
 PAUSE = NANOSECONDS
 """Between two hits whose times are not known [ns], our choice: rigs are not struck faster."""
 LIBRARY = "impact_rig-import"
-"""What a recording names as its writer: it is a run by itself, whatever it is called."""
+"""Name of the writer in a recording that is a run by itself, whatever its file's name."""
 AROUND_CUE, BEFORE_CUE = 0.1, 0.4
 """A hit lies so near a cue [s], less where cues are nearer; this part before it [-]. Our choice:
 people and recorders mark it that well."""

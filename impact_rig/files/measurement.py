@@ -126,7 +126,7 @@ def keep_values(array: NDArray[Any], what: str) -> RawArray:
 
 
 def describe_channels(channels: Sequence[MeasuredChannel], names: Sequence[str]) -> str:
-    """Return what is known of channels beside their values as JSON, by names in a file."""
+    """Return the channels' properties as JSON, by names in a file."""
     table = [
         {"variable": variable}
         | {name: getattr(channel, name) for name in DESCRIBED}

@@ -17,7 +17,7 @@ from impact_rig.core.sensors import (
 from impact_rig.files.times import SAMPLES, TIME_UNITS, normalize_time_unit
 
 ROLES = ("time", "hammer", "specimen", "skip")
-"""What a column may hold: time [s], the hammer's or the sample's signal, or nothing of use."""
+"""Contents of a column: time [s], the hammer's or the sample's signal, or nothing of use."""
 
 
 @dataclass(frozen=True)

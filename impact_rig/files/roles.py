@@ -1,4 +1,4 @@
-"""Which channel of a file is the hammer's, the sample's, or its time: one rule for all formats.
+"""Roles of a file's channels, hammer, sample or time: one rule for all formats.
 
 What the user says goes first. Else names and units decide: the hammer's channel is called so, or
 is the one force; the sample's is called so, or is the one acceleration beside it. Of two channels

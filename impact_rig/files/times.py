@@ -122,7 +122,7 @@ class Axis(Enum):
 
 
 def find_axis(name: str, unit: str = "") -> Axis | None:
-    """Return what the heading of an axis says that it is; None: it is no heading of an axis."""
+    """Return the kind of axis by its heading; None: it is no heading of an axis."""
     first, *rest = [part.lower() for part in TIME_HEADING.split(name) if part] or [""]
     words = {unit.strip().lower(), first, *rest}
     is_time = name.strip().lower() in TIME_NAMES or (

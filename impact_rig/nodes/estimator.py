@@ -99,7 +99,7 @@ class EstimatorNode(RigNode):
         self._ledger = self._setup = None
 
     def diagnose(self) -> dict[str, Any]:
-        """Return what a record waits for, and the flow of a running stream."""
+        """Return which record waits for the recorder, and the flow of a running stream."""
         waiting = self._ledger.waiting_record if self._ledger else 0
         text = f"the recorder has not said that record {waiting} is stored" if waiting else ""
         figures: dict[str, Any] = {"waiting for": text}

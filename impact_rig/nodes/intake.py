@@ -20,7 +20,7 @@ from impact_rig.recordings.messages import NO_ID, stamp_from_msg
 
 T = TypeVar("T")
 UNSOUND = (RigError, ValueError, OverflowError)
-"""What a conversion raises if a message cannot be meant."""
+"""Errors of a conversion if a message cannot be meant."""
 UNKNOWN = "a node that has gone"
 
 

@@ -157,7 +157,8 @@ class Listener(BackgroundNode):
             names = ", ".join(item.node_name for item in publishers)
             raise DeviceError(
                 f"{len(publishers)} nodes publish on {topic} ({names}): one must" if publishers
-                else f"no node publishes on {topic}: start it first; foreign topics are {there or 'none'}"
+                else f"no node publishes on {topic}: start it first; foreign topics are"
+                f" {there or 'none'}"
             )  # fmt: skip
         message_type, qos = import_type(publishers[0].topic_type), adapt_qos(publishers, DEPTH)
         qos.durability = DurabilityPolicy.VOLATILE  # earlier messages are not wanted

@@ -288,7 +288,7 @@ class _Checked(RequestHandler):
         self.clear_header("Server")
 
     def write_error(self, status_code: int, **_: Any) -> None:
-        """Return what is wrong in one sentence."""
+        """Send the error as one sentence."""
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"{self._reason}\n")
 

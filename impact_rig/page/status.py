@@ -115,7 +115,7 @@ class RigStatus:
         return tuple(nodes)
 
     def list_troubles(self) -> tuple[str, ...]:
-        """Return what is wrong with which nodes; empty: nothing."""
+        """Return the nodes that are not well, each with its reason."""
         nodes = self.list_nodes()
         return tuple(f"{it.name}: {it.message}" for it in nodes if it.level is not Level.OK)
 

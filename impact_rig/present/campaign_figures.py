@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Body:
-    """What Figs. 4 and 6 show of hammer or samples; fields of its parts."""
+    """Fields that Figs. 4 and 6 show of hammer or samples."""
 
     title: str
     peak: str

@@ -23,7 +23,7 @@ class Printed:
     """A few tables: text by `print`, HTML in a notebook."""
 
     def list_tables(self) -> list[Table]:
-        """Return what is printed."""
+        """Return the printed tables."""
         raise NotImplementedError
 
     def __str__(self) -> str:
@@ -57,7 +57,7 @@ class Budget(Printed, tuple[BudgetLine, ...]):
     table: Table
 
     def list_tables(self) -> list[Table]:
-        """Return what is printed."""
+        """Return the printed tables."""
         return [self.table]
 
     __repr__ = Printed.__str__
@@ -198,7 +198,7 @@ class View(Printed):
         return f"{self.name}: {', '.join(known) or NOT_DETERMINED}"
 
     def list_tables(self) -> list[Table]:
-        """Return what is printed."""
+        """Return the printed tables."""
         numbers = self.numbers
         columns = [
             make_text_column("Name", list(numbers)),

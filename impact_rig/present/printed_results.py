@@ -125,7 +125,7 @@ class Results(Printed, Mapping[str, SampleResults]):
         self._warnings = tuple(warnings)
 
     def __getitem__(self, sample: str) -> SampleResults:
-        """Return what was found of a sample; `RigError`, also a `KeyError`, if unknown."""
+        """Return the results of a sample; `RigError`, also a `KeyError`, if unknown."""
         return SampleResults(sample, self._campaign)
 
     def __iter__(self) -> Iterator[str]:
@@ -155,7 +155,7 @@ class Results(Printed, Mapping[str, SampleResults]):
         return [f"{item.about}: {item.text}" if item.about else item.text for item in remarks]
 
     def list_tables(self) -> list[Table]:
-        """Return what is printed."""
+        """Return the printed tables."""
         return tabulate_summary(self.record)
 
     def to_dataframe(self) -> Any:
@@ -189,7 +189,7 @@ class Comparison(Printed):
         self._tables = tables
 
     def list_tables(self) -> list[Table]:
-        """Return what is printed."""
+        """Return the printed tables."""
         return self._tables
 
     @property

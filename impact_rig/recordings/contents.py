@@ -154,7 +154,7 @@ MOST_PLACES = 10
 """How many damaged places are described in words, our choice."""
 A_YEAR = 365 * 86_400 * 1_000_000_000  # [ns]
 LONGEST_RUN = 10 * A_YEAR
-"""What a run does not last [ns], our choice: a time of zero, or one that rolled over, does."""
+"""Longer than any run [ns], our choice: a time of zero, or a rolled over one, is farther off."""
 MOST_NOTES, LONGEST_NOTE = 1000, 1000
 """How many notes, and of each how many characters, are kept, our choice: people type them."""
 MOST_SETUPS = 100

@@ -139,7 +139,7 @@ class RecordedHit(BlockCount):
         return not self.blocks and self.stored_blocks is None and self.is_accepted is None
 
     def judge(self, *, is_whole: bool) -> None:
-        """Return how much of the hit is there; `is_whole`: the recording lacks no message."""
+        """Set how much of the hit is there; `is_whole`: the recording lacks no message."""
         stored, left = self.stored_blocks, self.blocks
         self.state, self.reason = HitState.DAMAGED, ""
         if not left:

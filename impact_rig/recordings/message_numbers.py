@@ -54,7 +54,7 @@ def list_numbers(
 
 
 def make_reader(message: Any, name: str) -> tuple[Callable[[Any], NDArray[Any]], str]:
-    """Return what reads a number out of messages like this one, and the unit that ROS states.
+    """Return a function that reads a number out of messages like this one, and its unit by ROS.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from typing import IO
 from impact_rig.core.errors import FileError
 
 ROOM_FOR_ENDING = 16 << 20
-"""What is left free on the disk [byte], our choice: for the end of the file, and for others."""
+"""Room left free on the disk [byte], our choice: for the end of the file, and for others."""
 ROOM_FOR_INDEX = 0.01
 """Part of the size of the file that is left free beside it, our choice: the index at the end has
 300 byte for a chunk, and a chunk with a hit at least 30 kB."""

@@ -15,7 +15,7 @@ from impact_rig.recordings.scan import Report
 from impact_rig.recordings.writer import RecordingWriter
 
 LIBRARY = f"impact_rig-recover {__version__}"
-"""What the new file says wrote it: its messages may not be numbered without gaps."""
+"""Writer in the new file: its messages may not be numbered without gaps."""
 
 
 def recover_run(run: Run, output: Path, *, report: Report = lambda _: None) -> Contents:

@@ -89,7 +89,7 @@ class Run:
 
     @property
     def title(self) -> str:
-        """What to call it: the folder of a run, else the file."""
+        """Its name: the folder of a run, else the file."""
         first = self.files[0].absolute()
         return first.parent.name if self.is_of_recorder else first.stem
 

@@ -43,12 +43,12 @@ _SCHEMA_ERRORS = (
     TypesysError, LookupError, SyntaxError, RecursionError, ValueError, TypeError,
     AttributeError, AssertionError, MemoryError,
 )  # fmt: skip
-"""What rosbags raises on schemas that make no sense, beside its own error."""
+"""Errors of rosbags on schemas that make no sense, beside its own one."""
 DECODING_ERRORS = (
     SerdeError, LookupError, AssertionError, struct.error, ValueError, OverflowError,
     MemoryError, RecursionError,
 )  # fmt: skip
-"""What it raises on messages that do not fit."""
+"""Its errors on messages that do not fit."""
 
 
 def decode_message(message: RawMessage) -> Any:
@@ -98,7 +98,7 @@ def parse_schema(type_name: str, schema: str) -> Types:
 
 
 class _Reader:
-    """What decodes one type of a store."""
+    """Decoder of one type of a store."""
 
     def __init__(self, name: str, store: Typestore) -> None:
         self.cls, self.fields = store.types[name], store.fielddefs[name][1]
@@ -115,7 +115,7 @@ class _ReadingStore(Typestore):
     """Types that are decoded alone: rosbags makes sixteen more functions of each."""
 
     def get_msgdef(self, typename: str) -> Any:
-        """Return what decodes a type."""
+        """Return the decoder of a type."""
         if typename not in self.cache:
             self.cache[typename] = _Reader(typename, self)  # type: ignore[assignment]
         return self.cache[typename]

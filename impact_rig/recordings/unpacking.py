@@ -16,21 +16,20 @@ MAX_SIZE = 1 << 27
 """Largest record that is taken into memory [byte], our choice: a hundred chunks of our recorder. A
 message in a chunk, and its decoded numbers, take as much again."""
 MAX_RATIO = 1000
-"""What is unpacked over the size of the file [-], our choice: ten times what constant signals
-reach in practice."""
+"""Unpacked size over the size of the file [-], our choice: ten times that of constant signals."""
 FREE_SIZE = 1 << 22
-"""What may be unpacked of any file [byte], our choice: four chunks of our recorder."""
+"""Unpacked size that any file may have [byte], our choice: four chunks of our recorder."""
 MESSAGE_BYTES = 4
 """Least part of a file for each record in its chunks [byte], our choice: the times of messages
 alone take more, however well they are compressed, and an index 16."""
 FREE_RECORDS = 10_000
-"""What the chunks of any file may hold [records], our choice."""
+"""Records that the chunks of any file may hold [-], our choice."""
 FRAME = struct.Struct("<BQ")
 """Kind and length of a record."""
 MESSAGE = struct.Struct("<HIQQ")
 """Channel, sequence, log time and publish time of a message."""
 PARSE_ERRORS = (McapError, struct.error, ValueError, OverflowError, MemoryError)
-"""What the library raises on bytes that make no sense."""
+"""Errors of the library on bytes that make no sense."""
 _ENGINE_ERRORS = (zstandard.ZstdError, RuntimeError, OverflowError, MemoryError)
 _CHUNK_HEAD = 32
 """Size of a chunk's content up to the name of its compression [byte]."""

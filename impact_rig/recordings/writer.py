@@ -14,7 +14,7 @@ from impact_rig.recordings.schemas import MessageDefinition
 DEFAULT_CHUNK_SIZE = 1 << 20
 """Uncompressed size at which a chunk is finished [byte]; what other MCAP writers use."""
 MESSAGE_OVERHEAD = 64
-"""What a message takes beside its own bytes [byte]: 31 in its record, 16 in the chunk's index."""
+"""Overhead of a message [byte]: 31 in its record, 16 in the chunk's index."""
 
 
 class RecordingWriter:

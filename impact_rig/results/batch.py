@@ -97,7 +97,7 @@ def tabulate_batch(campaigns: Sequence[BatchCampaign]) -> list[Table]:
 
 
 def tabulate_changes(first: BatchCampaign, second: BatchCampaign) -> list[Table]:
-    """Return what changed from one run to another, and whether beyond its uncertainty.
+    """Return the changes from one run to another, and whether they exceed their uncertainty.
 
     Empty where the runs have no quantity of a sample in common. A value changed where |En| is
     above 1, ISO 13528, 9.7, with U at 95 %.

@@ -66,7 +66,7 @@ class HitResults(Comparable):
 
     @property
     def label(self) -> HitLabel:
-        """Which hit it is."""
+        """Label of the hit."""
         return HitLabel(self.sample, self.record, self.impact, self.attempt)
 
 

@@ -32,7 +32,7 @@ class JudgedValue:
 
     @property
     def conformity(self) -> Conformity:
-        """What is stated, with the expanded uncertainty as guard band."""
+        """Statement of conformity, with the expanded uncertainty as guard band."""
         if not self.has_scatter:
             return Conformity.UNDECIDED
         return self.found.judge(self.low, self.high)

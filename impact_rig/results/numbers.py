@@ -161,12 +161,12 @@ class Measurand:
         return self.symbol if self.field == "contact_time" else f"{self.symbol}2"
 
     def read(self, body: Any) -> Quantity:
-        """Return what was found of it in a sample or the hammer, by the paper or one method."""
+        """Return its value in a sample or the hammer, by the paper or one method."""
         found: Quantity = getattr(getattr(body, "paper", body), self.field)
         return found
 
     def read_reference(self, reference: Any) -> float:
-        """Return what is expected of it [SI unit]."""
+        """Return its expected value [SI unit]."""
         return float(getattr(reference, self.field))
 
     def format(self, found: Quantity) -> str:

@@ -79,7 +79,7 @@ def find_plant(origin: Origin) -> Plant | None:
 
 
 def find_expected(results: Results, name: str) -> Reference:
-    """Return what is expected of a sample or the hammer: the paper's value, or the set-up's.
+    """Return the expected values of a sample or the hammer: the paper's, or the set-up's.
 
     The hammer's is that of its control sample, which is alike. Nothing is expected where the plant
     has other values, nor at a sample's own release angle: values hold for the rig's impact speed.

@@ -39,7 +39,7 @@ EXPLANATIONS = {
     MIXED: "The list of hits says which is which.",
     UNKNOWN_KIND: "Nothing says whether a hammer struck.",
 }
-"""What else the line says, by kind."""
+"""Explanations in the line, by kind."""
 
 
 def describe_origin(origins: Iterable[Origin]) -> str:
@@ -155,7 +155,7 @@ def select_attention(remarks: Sequence[Remark]) -> list[Remark]:
 
 
 Common = Collection[Note | Check]
-"""What is said of all samples at once."""
+"""Remarks on all samples at once."""
 
 
 def gather_sample_remarks(sample: SampleEstimate, left_out: Common = ()) -> list[Remark]:
@@ -166,7 +166,7 @@ def gather_sample_remarks(sample: SampleEstimate, left_out: Common = ()) -> list
 
 
 def find_common(results: Results) -> set[Note | Check]:
-    """Return what is said of all samples at once, or with their origin."""
+    """Return the remarks on all samples at once, or with their origin."""
     plant = find_plant(results.origin)
     struck = [sample for sample in results.samples if sample.impacts_accepted]
     notes = [_list_own(sample) for sample in struck]
@@ -408,7 +408,7 @@ def _make_hammer_column(hits: Sequence[HitResults], setup: RigSetup) -> Column:
 
 
 def tabulate_hits(hits: Sequence[FileResults]) -> Table:
-    """Return what was found in every file; those that were rejected are marked."""
+    """Return the findings in every file; rejected ones are marked."""
     unit = hits[0].measured_unit if hits else ""
     base = "Above 1 %: time above a hundredth of the peak."
     left = "leaves: RMS of what the best shape leaves, over the peak."

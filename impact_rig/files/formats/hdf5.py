@@ -27,7 +27,7 @@ from impact_rig.files.measurement import ORIGIN, Measurement, make_unique
 START_NAMES = {"start", "start s", "t0", "x0"}
 """Names of attributes, in small letters, underscores as blanks."""
 UNIT_OF_RATE = " unit"
-"""What follows the name of a rate in that of its unit, as `sampling_rate_unit`."""
+"""Ending of the name of a rate's unit, as `sampling_rate_unit`."""
 
 
 def _says_rate(name: str) -> bool:

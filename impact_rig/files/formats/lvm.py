@@ -54,7 +54,7 @@ class Segment:
     rows: list[Line] = field(default_factory=list)  # with a cell for each heading
 
     def get_tag(self, key: str, column: int) -> str:
-        """Return what the header states of a column; empty: nothing."""
+        """Return the header's statement for a column; empty: none."""
         cells = self.tags.get(key, [])
         return cells[column] if column < len(cells) else ""
 

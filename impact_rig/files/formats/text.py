@@ -65,7 +65,7 @@ STATEMENT = re.compile(
 `51,200`, is none."""
 HORIZONTAL, VERTICAL = "horizontal units", "vertical units"
 RATE, START, TIME = "sampling rate [Hz]", "start [s]", "time"
-"""What files written here state above the numbers, since times as printed may not tell."""
+"""Statements above the numbers in files written here, since printed times may be too coarse."""
 STARTS = {START, "start", "t0"}
 NUMBER, WORD, NOTHING = "n", "w", "-"
 """Kinds of cells."""
@@ -620,7 +620,7 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 
 def _collect_statements(above: Sequence[str], style: Style) -> dict[str, list[str]]:
-    """Return what the lines above the numbers state, by names in small letters."""
+    """Return the statements above the numbers, by names in small letters."""
     statements: dict[str, list[str]] = {}
     for line in above:
         if line.startswith(ORIGIN_MARK):

@@ -127,7 +127,7 @@ def _read_origin(line: str) -> str:
 
 
 def _read_clock(path: Path, function: dict[str, Any], points: int) -> tuple[Clock, float]:
-    """Return what the file states of the times, and the start [s]."""
+    """Return the file's clock, and the start [s]."""
     stated = STATED.match(str(function["id5"]))
     if stated is not None:
         return Clock(float(stated[1]), "s"), float(stated[2])

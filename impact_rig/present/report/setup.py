@@ -1,4 +1,4 @@
-"""What was tested and with what: items, instruments, settings, recording, software."""
+"""Items, instruments, settings, recording and software of a test."""
 
 import math
 from collections.abc import Sequence
@@ -228,7 +228,7 @@ def _find_sensors(setup: RigSetup) -> dict[str, Sensor]:
 
 
 def _state_fact(setup: RigSetup, stated: Particulars, table: str, key: str) -> str:
-    """Return what is known of an instrument: what a person states, else what was recorded."""
+    """Return an instrument's properties: as a person states them, else as recorded."""
     sensor = _find_sensors(setup).get(table)
     serial = stated.get(table, "serial_number")
     # What was recorded of another sensor is not true of this one.

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import rerun as rr
 
 SERVER_MEMORY = "512MiB"
-"""What the server keeps for viewers that come late, our choice: 4000 hits."""
+"""Size of the server's memory for viewers that come late, our choice: 4000 hits."""
 FLUSH_TIMEOUT = 0.5  # [s] in which file and viewers take what was logged
 CLOSE_TIMEOUT = 5.0  # [s], below what process managers grant
 WRITE_TIMEOUT = 60.0  # [s] in which a file takes a campaign, on a slow disk

@@ -74,7 +74,7 @@ def format_verdict(hit: HitResults, hammer: tuple[float, str] = ACCELERATION) ->
 
 
 def format_now(status: RigStatus) -> str:
-    """Return what the rig does and asks for now as Markdown, and how far its campaign has come."""
+    """Return the rig's state, its request to a person and the campaign's progress as Markdown."""
     sentence, hammer, wanted = make_sentence(status), status.hammer, status.campaign.impacts
     samples = status.list_samples()
     armed = "armed" if hammer.armed else f"not armed: {hammer.message}"
