@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.task import Future
@@ -21,6 +21,7 @@ from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.rig_node import RigNode
 
 T = TypeVar("T")
+N = TypeVar("N", bound=RigNode)
 PATIENCE = 120.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""
 PACE = 10.0
@@ -110,6 +111,11 @@ class Harness(BackgroundNode):
         self.run(node.autostart)
         return node
 
+    def find(self, kind: type[N]) -> N:
+        """Return the node of a class that runs here."""
+        (node,) = (node for node in self.nodes if isinstance(node, kind))
+        return node
+
     def record(self, namespace: str = "") -> RecorderNode:
         """Start a recorder."""
         node: RecorderNode = self.add(
@@ -169,6 +175,11 @@ class Harness(BackgroundNode):
         while (answer := self.call(kind, name, request)).later:
             time.sleep(0.005)
         return answer
+
+    def settle(self) -> None:
+        """Wait until each node has answered: it has taken what came before."""
+        for node in self.nodes:
+            self.call(GetState, f"{node.get_name()}/get_state")
 
     def change_state(self, node: str, *transitions: str) -> None:
         """Lead a node through transitions, as `ros2 lifecycle set` does."""

@@ -58,6 +58,12 @@ def begin(harness, client, **goal) -> tuple[Any, Any]:
     return handle, feedback
 
 
+def cancel(harness, handle) -> Any:
+    """Cancel a campaign; return what it answers."""
+    harness.wait(handle.cancel_goal_async())
+    return harness.wait(handle.get_result_async())
+
+
 class Onlooker:
     """Sees how far a campaign is; there is nothing to do for a person."""
 

@@ -19,7 +19,7 @@ from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.identity import id_to_msg, make_id
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 
-from .campaigns import begin, run, start_rig
+from .campaigns import begin, cancel, run, start_rig
 
 
 @pytest.fixture
@@ -174,8 +174,7 @@ def test_no_node_of_a_running_campaign_joins_another(harness):
     before = feedback.messages[-1].impact
     feedback.wait(lambda got: got[-1].impact > before)
     assert not any(item.message for item in feedback.messages if item.impact)
-    harness.wait(handle.cancel_goal_async())
-    assert harness.wait(handle.get_result_async()).result.accepted
+    assert cancel(harness, handle).result.accepted
     # It is over: another may begin.
     assert harness.call(JoinCampaign, interfaces.make_join_name("recorder"), foreign).success
 
@@ -216,5 +215,5 @@ def test_who_resumes_a_campaign_that_runs_takes_it_over(harness):
 
 
 def find_campaign(harness):
-    (node,) = (node for node in harness.nodes if isinstance(node, CampaignNode))
+    node = harness.find(CampaignNode)
     return node._campaign

@@ -19,7 +19,7 @@ from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.ledger import Ledger
 
-from .campaigns import Onlooker, begin, start_rig
+from .campaigns import Onlooker, begin, cancel, start_rig
 
 STRIKING, PAUSED = CampaignState.STRIKING, CampaignState.PAUSED
 WAITING_FOR_HAMMER = CampaignState.WAITING_FOR_HAMMER
@@ -56,20 +56,10 @@ def wait_for_more_hits(feedback):
     feedback.wait(lambda got: got[-1].impact > before)
 
 
-def cancel(harness, handle):
-    harness.wait(handle.cancel_goal_async())
-    return harness.wait(handle.get_result_async())
-
-
 def check_that_no_hit_is_double_or_missing(result):
     hits = [*result.accepted, *result.rejected]
     assert len({hit.record for hit in hits}) == len(hits)
     assert [hit.impact for hit in result.accepted] == list(range(1, len(result.accepted) + 1))
-
-
-def find_node(harness, kind):
-    (node,) = (node for node in harness.nodes if isinstance(node, kind))
-    return node
 
 
 def arm(harness):
@@ -139,7 +129,7 @@ def test_where_nobody_is_there_a_silent_estimator_ends_it_while_its_process_live
 def test_a_device_that_was_lost_and_is_back_is_used_again_once_a_person_has_armed(harness):
     handle, feedback = strike_on(harness, hammer=FOR_GOOD, **FOR_GOOD)
     for kind in (HammerNode, AccelerometerNode):
-        node = find_node(harness, kind)
+        node = harness.find(kind)
         harness.run(lambda node=node: node.lose_device(DeviceError("its cable was pulled")))
         wait_for_state(feedback, PAUSED, "its cable was pulled")
         harness.run(node.autostart)
@@ -151,9 +141,9 @@ def test_a_device_that_was_lost_and_is_back_is_used_again_once_a_person_has_arme
 
 def test_a_node_that_was_deactivated_and_is_active_again_is_used_again(harness):
     handle, feedback = strike_on(harness)
-    find_node(harness, CampaignNode).answer_timeout = 1.0
+    harness.find(CampaignNode).answer_timeout = 1.0
     for kind in (EstimatorNode, AccelerometerNode, HammerNode):
-        node = find_node(harness, kind)
+        node = harness.find(kind)
         harness.run(node.trigger_deactivate)
         wait_for_state(feedback, PAUSED, f"the {node.get_name()} node is not active")
         harness.run(node.trigger_activate)
@@ -185,7 +175,7 @@ def test_a_person_pauses_a_campaign_and_resumes_it(harness):
     assert (state.task, state.sample) == (CampaignState.RESUME, "steel small")
 
     harness.call(Trigger, interfaces.EMERGENCY_STOP)
-    campaign = find_node(harness, CampaignNode)
+    campaign = harness.find(CampaignNode)
     wait_for_cause(harness, campaign, HammerState.EMERGENCY_STOP)
     assert "emergency stop lasts" in resume(harness).message
     harness.call(Trigger, interfaces.RESET_HAMMER)
@@ -237,7 +227,7 @@ def test_a_record_that_is_not_stored_is_waited_for(harness, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(Ledger, "add_stored", lambda _, message: held.append(message) or ())
         wait_for_state(feedback, PAUSED, "the recorder has not stored record")
-    estimator = find_node(harness, EstimatorNode)
+    estimator = harness.find(EstimatorNode)
     harness.run(lambda: [estimator._on_stored(Received(message, message)) for message in held])
     wait_for_more_hits(feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)

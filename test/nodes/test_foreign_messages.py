@@ -34,8 +34,7 @@ def test_one_campaign_after_the_other_has_no_foreign_message_and_no_loss(harness
     for _ in range(3):
         assert run(harness, client, samples=["steel small"], impacts=2).result.success
     assert not list_warnings(harness)
-    (recorder,) = (node for node in harness.nodes if isinstance(node, RecorderNode))
-    harness.run(recorder.close)
+    harness.run(harness.find(RecorderNode).close)
     assert read_health(harness.recording)["messages_lost"] == "0"
     states = Scan(harness.recording).read_messages(lambda it: it.topic == "/hammer/state")
     campaigns = {bytes(raw.data)[16:32] for raw in states}
@@ -98,8 +97,7 @@ def test_the_client_of_a_campaign_believes_nobody_else(harness, identity):
     assert outcome.success
     assert operator.releases == []
     assert {fault for hit in outcome.results.hits for fault in hit.injected_faults} == set()
-    (recorder,) = (node for node in harness.nodes if isinstance(node, RecorderNode))
-    harness.run(recorder.close)
+    harness.run(harness.find(RecorderNode).close)
     sent = {serialize_message(message) for _, message in foreign}
     assert not sent & {bytes(raw.data) for raw in Scan(harness.recording).read_messages()}
     assert read_health(harness.recording)["messages_lost"] == "0"

@@ -8,11 +8,14 @@ from rclpy.serialization import serialize_message
 
 from impact_rig.configuration.node_claim import claim_node
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.accelerometer import AccelerometerNode
+from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.identity import Identity, make_id
+from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.recordings.scan import Scan
 
-from .campaigns import begin, start_rig
+from .campaigns import begin, cancel, start_rig
 from .replays import make_hits
 
 THEIRS = Identity(make_id(), make_id())
@@ -46,17 +49,15 @@ def test_a_live_campaign_and_its_recording_hold_its_own_hits_alone(harness, offe
     players, played = play(harness, make_hits({"brass small": 3}), offer)
     # Not seen on /rosout: of two nodes of one name in a process it carries only one, and the last
     # test's nodes are there until they are collected.
-    for name in ("estimator", "recorder", "accelerometer"):
-        (node,) = (node for node in harness.nodes if node.get_name() == name)
+    for kind in (EstimatorNode, RecorderNode, AccelerometerNode):
+        node = harness.find(kind)
         harness.wait_until(lambda node=node: node.intake.foreign == {"/peer"})
     seen = feedback.messages[-1].impact
     feedback.wait(lambda messages: messages[-1].impact > seen + 2)
     for player in players:
         harness.run(lambda player=player: harness.peer.destroy_publisher(player))
-    harness.wait(handle.cancel_goal_async())
-    result = harness.wait(handle.get_result_async()).result
-    (recorder,) = (node for node in harness.nodes if node.get_name() == "recorder")
-    harness.run(recorder.close)
+    result = cancel(harness, handle).result
+    harness.run(harness.find(RecorderNode).close)
     assert {hit.sample for hit in impacts.messages} == {"steel small"}
     judged = sorted([*result.accepted, *result.rejected], key=lambda hit: hit.impact)
     assert [hit.impact for hit in judged] == [*range(1, len(judged) + 1)]

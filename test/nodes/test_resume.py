@@ -16,7 +16,7 @@ from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import results_to_json
 from impact_rig.results.wire import format_json
 
-from .campaigns import Onlooker, begin, start_rig
+from .campaigns import Onlooker, begin, cancel, start_rig
 
 SAMPLES = ["steel small", "brass small"]
 IMPACTS = 6
@@ -35,8 +35,7 @@ def test_a_cancelled_campaign_goes_on_on_the_same_rig(harness):
     setups, states = map(harness.listen, (interfaces.SETUP, interfaces.HAMMER_STATE))
     handle, feedback = begin(harness, client, samples=SAMPLES, impacts=IMPACTS)
     feedback.wait(lambda got: got[-1].impact >= 2)
-    harness.wait(handle.cancel_goal_async())
-    answer = harness.wait(handle.get_result_async())
+    answer = cancel(harness, handle)
     assert answer.status == GoalStatus.STATUS_CANCELED
     states.wait(lambda got: not got[-1].armed)
     first = answer.result

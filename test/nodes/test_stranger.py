@@ -5,23 +5,16 @@ The longer version is part `foreign` of the bench.
 
 import pytest
 from bench.stranger import TOPICS, Stranger
-from lifecycle_msgs.srv import GetState
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.visualizer import VisualizerNode
 from impact_rig.recordings.scan import Scan
 
-from .campaigns import begin, start_rig
+from .campaigns import begin, cancel, start_rig
 from .test_foreign_messages import read_health
 
 COUNT = 150
-
-
-def answer(harness):
-    """Wait until each node has answered: what came before has been taken."""
-    for node in harness.nodes:
-        harness.call(GetState, f"{node.get_name()}/get_state")
 
 
 @pytest.mark.parametrize("with_ids", [False, True], ids=["other ids", "ids read from the wire"])
@@ -34,20 +27,19 @@ def test_a_stranger_ends_no_node_and_nothing_of_it_is_recorded(harness, tmp_path
     topics = [topic for topic in TOPICS if topic is not interfaces.HAMMER_STATE]
     stranger = harness.run(lambda: Stranger(harness.peer, 7, topics))
     harness.wait_until(lambda: any(stranger.identity.campaign_id))
-    for _ in range(COUNT):
+    for number in range(COUNT):
         harness.run(lambda: stranger.publish(with_ids=with_ids))
         if not with_ids:
             harness.run(stranger.ask)
-            answer(harness)
-    answer(harness)
+            if number % 5 == 0:
+                harness.settle()
+    harness.settle()
     assert all(node.is_active for node in harness.nodes)
     if not with_ids:
         seen = feedback.messages[-1].impact
         feedback.wait(lambda messages: messages[-1].impact > seen + 1)
-    harness.wait(handle.cancel_goal_async())
-    result = harness.wait(handle.get_result_async()).result
-    (recorder,) = (node for node in harness.nodes if isinstance(node, RecorderNode))
-    harness.run(recorder.close)
+    result = cancel(harness, handle).result
+    harness.run(harness.find(RecorderNode).close)
     messages = Scan(harness.recording).read_messages()
     if not with_ids:
         assert {hit.sample for hit in (*result.accepted, *result.rejected)} == {"steel small"}
