@@ -289,7 +289,10 @@ class CampaignNode(RigNode):
             calls = "hammer/reset and then hammer/arm" if is_stop else "hammer/arm"
             is_paused = hammer.disarmed_by is Disarming.OPERATOR and campaign.paused_for
             why = campaign.paused_for if is_paused else hammer.message
-            raise ArmingError(f"the hammer is not armed ({why}): to go on, call {calls}")
+            raise ArmingError(
+                f"the hammer is not armed ({why}): to go on, a person who sees that it can strike"
+                f" nobody calls {calls}"
+            )
         if time.monotonic() - campaign.stumbled_at > interfaces.LEASE:
             # It was on show for so long that the campaign stands: as in a pause.
             raise DeviceError(campaign.state.message)

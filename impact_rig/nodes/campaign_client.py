@@ -21,6 +21,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError, RigError
+from impact_rig.devices.virtual.choices import IDENTITY
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import START_ONE, RigClient
 from impact_rig.nodes.findings import hit_results_from_msg
@@ -109,6 +110,8 @@ class CampaignClient(RigClient):
         self._result = Future()
         self._gone_since = math.inf
         self._paused_since = math.inf
+        self._is_unattended = False
+        self._is_own_pause = False  # for what was missing; no person wants it
         self._operator: Operator | None = None
         # Only a hammer that says it is disarmed holds an operator back.
         self._status = RigStatus(hammer=HammerStatus(armed=True))
@@ -193,7 +196,8 @@ class CampaignClient(RigClient):
         Parameters
         ----------
         longest_pause : float
-            After so long a pause [s] the campaign is cancelled, since it is unattended.
+            After so long a pause [s] the campaign is cancelled, since it is unattended. Where no
+            hammer strikes anything, such a campaign arms again once what was missing is back.
 
         Raises
         ------
@@ -210,6 +214,7 @@ class CampaignClient(RigClient):
         self._status.begin(None)
         self._status.recorder = RecorderStatus()
         self._operator, self._paused_since = operator, math.inf
+        self._is_unattended, self._is_own_pause = longest_pause < math.inf, False
         pause: str | None = None  # for which the campaign was cancelled
         self._sent.clear()
         self._duties.clear()
@@ -336,8 +341,10 @@ class CampaignClient(RigClient):
             return
         if campaign.state is Step.PAUSED:
             self._paused_since = min(self._paused_since, time.monotonic())
+            self._is_own_pause &= campaign.task is Task.ARM
+            self._is_own_pause |= campaign.task is Task.NOTHING
         elif not campaign.is_looking:
-            self._paused_since = math.inf
+            self._paused_since, self._is_own_pause = math.inf, False
         self._operator.follow(self._status)
         if campaign.state is not Step.STRIKING:
             self._is_to_let_go = False
@@ -347,6 +354,15 @@ class CampaignClient(RigClient):
             self._duties.append(self._mount)
         elif campaign.task is Task.PUT_BACK:
             self._duties.append(self._put_back)
+        elif campaign.task is Task.ARM and self._is_own_pause:
+            self._duties.append(self._arm)
+
+    def _arm(self, _: Operator) -> None:
+        """Go on for a person who is not there, where no hammer can strike one who is."""
+        is_virtual = self.is_hammerless and self._status.hammer.holder == IDENTITY
+        if self._is_unattended and is_virtual and not self._status.hammer.is_stopped:
+            with contextlib.suppress(DeviceError):
+                self.call(Trigger, interfaces.ARM_HAMMER, Trigger.Request(), SERVICE_TIMEOUT)
 
     def _mount(self, operator: Operator) -> None:
         sample = self._status.campaign.sample
@@ -372,6 +388,7 @@ class CampaignClient(RigClient):
 
     def _on_state(self, received: Received[Any]) -> None:
         self._status.keep(received.value)
+        self._is_own_pause &= not self._status.hammer.is_stopped
         self._hold_back()
 
     def _hold_back(self) -> None:

@@ -10,6 +10,7 @@ from impact_rig_msgs.srv import GetResults, JoinCampaign
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError
+from impact_rig.devices.virtual.choices import IDENTITY
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode
@@ -18,6 +19,7 @@ from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.ledger import Ledger
+from impact_rig.page.states import Step
 
 from .campaigns import Onlooker, begin, cancel, start_rig
 
@@ -124,6 +126,36 @@ def test_where_nobody_is_there_a_silent_estimator_ends_it_while_its_process_live
             client.run(goal, Onlooker(stop), longest_pause=1.0)
         still = harness.peer.create_client(GetResults, interfaces.GET_RESULTS)
         harness.wait_until(still.service_is_ready)
+
+
+@pytest.mark.parametrize("holder", [IDENTITY, "a real one"])
+def test_where_nobody_is_there_an_estimator_that_was_only_late_ends_it_at_a_real_hammer_alone(
+    harness, start_process, holder
+):
+    estimator = start_process("estimator")
+    harness.add(AccelerometerNode, trigger_timeout=0.2)
+    harness.add(HammerNode, swing_time=0.001)._holder = holder
+    harness.record()
+    harness.add(CampaignNode, **SOON).answer_timeout = 1.0
+    harness.wait_until(harness.peer.create_client(JoinCampaign, JOIN_ESTIMATOR).service_is_ready)
+    reasons = []
+
+    def be_late(rig):
+        if rig.campaign.progress.accepted == 1 and not reasons:
+            estimator.process.send_signal(signal.SIGSTOP)
+        if rig.campaign.state is Step.PAUSED and not reasons:
+            reasons.append(rig.campaign.message)
+            estimator.process.send_signal(signal.SIGCONT)
+
+    goal = RunCampaign.Goal(samples=["steel small"], impacts=3)
+    with CampaignClient() as client:
+        client.wait_for_rig(START_PATIENCE)
+        outcome = client.run(
+            goal, Onlooker(be_late), longest_pause=20.0 if holder == IDENTITY else 3.0
+        )
+    assert reasons
+    assert outcome.success is (holder == IDENTITY), outcome.message
+    assert outcome.success or "a person who sees that it can strike nobody" in outcome.message
 
 
 def test_a_device_that_was_lost_and_is_back_is_used_again_once_a_person_has_armed(harness):
