@@ -90,17 +90,22 @@ def report_batch(campaigns: Sequence[BatchCampaign], *, as_json: bool) -> None:
         print_batch(make_console(), campaigns)
 
 
-def report_trend(campaigns: Sequence[BatchCampaign], *, as_json: bool, page: Path | None) -> None:
+def report_trend(
+    campaigns: Sequence[BatchCampaign], *, as_json: bool, errors: Sequence[str], page: Path | None
+) -> None:
     """Print the control samples of campaigns, and write them to a page.
 
     Raises
     ------
-    ParameterError
-        If there is none.
+    RigError
+        If there is none, with the errors of runs that could not be read.
     """
-    points = gather_trend(campaigns)
+    points, left_out = gather_trend(campaigns)
+    for told in left_out:
+        print_warning(f"left out of the trend: {told}")
     if not points:
-        raise ParameterError("no run has an accepted hit on its control sample: there is no trend")
+        none = "no run has an accepted hit on its control sample: there is no trend"
+        raise_errors([*errors, none])
     if as_json:
         print_json([to_json(point) for point in points])
     else:
@@ -108,7 +113,9 @@ def report_trend(campaigns: Sequence[BatchCampaign], *, as_json: bool, page: Pat
             print_table(make_console(), table)
     if page is not None:
         with write_new_file(page) as part:
-            part.write_text(render_page(make_trend_page(points)), encoding="utf-8")
+            part.write_text(
+                render_page(make_trend_page(points, (*left_out, *errors))), encoding="utf-8"
+            )
 
 
 def run(
@@ -158,7 +165,8 @@ def run(
         settings = make_recorded_settings(measured)
         campaigns, failed = analyze_runs(runs, settings, workers, scheduler)
         errors += failed
-        report = partial(report_trend, page=output) if trend or output else report_batch
+        follow_control = partial(report_trend, errors=errors, page=output)
+        report = follow_control if trend or output else report_batch
         report(campaigns, as_json=as_json)
     elif runs:
         (run,) = runs

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def make_trend_page(points: Sequence[TrendPoint]) -> Document:
-    """Return the page: a table and a figure for each control sample."""
+def make_trend_page(points: Sequence[TrendPoint], left_out: Sequence[str]) -> Document:
+    """Return the page: a table and a figure for each control sample, and which runs have none."""
     samples = dict.fromkeys(point.sample for point in points)
     origins = dict.fromkeys(point.origin for point in points)
     sections = [
@@ -30,7 +30,12 @@ def make_trend_page(points: Sequence[TrendPoint]) -> Document:
         number="",
         banner=f"Origin: {', '.join(origins)}.",
         is_warning=any(kind not in (MEASURED, IMPORTED) for kind in origins),
-        facts=(("Runs", str(len(points))), ("From", points[0].began), ("To", points[-1].began)),
+        facts=(
+            ("Runs", str(len(points))),
+            ("From", points[0].began),
+            ("To", points[-1].began),
+            *[("Left out", told) for told in left_out],
+        ),
         sections=tuple(sections),
     )
 

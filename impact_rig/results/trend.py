@@ -35,15 +35,20 @@ class TrendPoint(Comparable):
     check_deviation: float = field(default=math.nan, metadata=describe(least=-1.0))
 
 
-def gather_trend(campaigns: Sequence[BatchCampaign]) -> tuple[TrendPoint, ...]:
-    """Return the control sample of each campaign that struck it, in the order of time."""
+def gather_trend(
+    campaigns: Sequence[BatchCampaign],
+) -> tuple[tuple[TrendPoint, ...], tuple[str, ...]]:
+    """Return the control sample of each campaign in the order of time; why others have none."""
     names = shorten_paths([campaign.recording for campaign in campaigns])
-    points = []
+    points, left_out = [], []
     for name, campaign in sorted(zip(names, campaigns, strict=True), key=lambda it: it[1].began):
         results = campaign.results
         samples, estimates = results.setup.samples, {it.name: it for it in results.samples}
         control = estimates.get(samples.control_sample)
         if control is None or not control.impacts_accepted:
+            wanted = samples.control_sample
+            why = f"no accepted hit on {wanted}" if wanted else "it has no control sample"
+            left_out.append(f"{name}: {why}")
             continue
         began = datetime.fromtimestamp(campaign.began / 1e9, UTC)
         deviation = math.nan
@@ -60,7 +65,7 @@ def gather_trend(campaigns: Sequence[BatchCampaign]) -> tuple[TrendPoint, ...]:
                 deviation,
             )
         )
-    return tuple(points)
+    return tuple(points), tuple(left_out)
 
 
 def tabulate_trend(points: Sequence[TrendPoint]) -> list[Table]:

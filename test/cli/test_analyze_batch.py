@@ -75,9 +75,13 @@ def test_the_control_sample_is_followed_from_run_to_run(run, folders, runs, tmp_
     told = run("analyze", *folders, "--trend").stdout
     assert f"Control sample from run to run: {CONTROL_SAMPLE}" in told
     assert "it takes 5" in told
-    page = tmp_path / "trend.html"
-    assert run("analyze", *folders, "-o", page).exit_code == 0
+    page, broken = tmp_path / "trend.html", tmp_path / "broken.mcap"
+    broken.write_bytes(b"nothing")
+    outcome = run("analyze", *folders, broken, "-o", page)
+    assert outcome.exit_code == 2
+    assert f"error: {broken}" in outcome.stderr
     text = page.read_text("utf-8")
+    assert str(broken) in text
     assert text.count("data:image/svg+xml;base64,") == 2
     assert "Origin: simulated." in text
 

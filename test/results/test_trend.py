@@ -34,7 +34,7 @@ def make_run(day: int, time: float, *, checked: float | None = None, accepted: i
 
 
 def test_runs_are_in_the_order_of_time_with_their_differences_and_checks():
-    points = gather_trend([make_run(3, 212.0, checked=154.53), make_run(1, 210.0)])
+    points, _ = gather_trend([make_run(3, 212.0, checked=154.53), make_run(1, 210.0)])
     assert [point.began for point in points] == ["1970-01-02 00:00", "1970-01-04 00:00"]
     (table,) = tabulate_trend(points)
     assert table.caption == f"Control sample from run to run: {CONTROL_SAMPLE}"
@@ -51,9 +51,18 @@ def test_runs_are_in_the_order_of_time_with_their_differences_and_checks():
 def test_a_control_sample_that_drifts_is_told_from_one_that_scatters(drift, told):
     scatter = (0.1, -0.2, 0.15, -0.1, 0.05, 0.0)
     runs = [make_run(day, 212.0 + drift * day + part) for day, part in enumerate(scatter)]
-    (table,) = tabulate_trend(gather_trend(runs))
+    (table,) = tabulate_trend(gather_trend(runs)[0])
     assert told in table.notes[0]
 
 
-def test_a_run_without_a_hit_on_its_control_sample_is_left_out():
-    assert gather_trend([make_run(1, 210.0, accepted=0)]) == ()
+def test_a_run_without_a_hit_on_its_control_sample_is_left_out_and_named():
+    none, missed = make_run(1, 210.0), make_run(2, 210.0, accepted=0)
+    samples = replace(PAPER_SETUP.samples, control_sample="")
+    setup = replace(PAPER_SETUP, samples=samples)
+    none = replace(none, results=replace(none.results, setup=setup))
+    points, left_out = gather_trend([none, missed, make_run(3, 210.0)])
+    assert [point.run for point in points] == ["day3"]
+    assert left_out == (
+        "day1: it has no control sample",
+        f"day2: no accepted hit on {CONTROL_SAMPLE}",
+    )
