@@ -111,7 +111,7 @@ def _leave_at_interrupt() -> None:
 
 
 @contextlib.contextmanager
-def connect_to_workers(address: str) -> "Iterator[Client]":
+def connect_to_workers(address: str, timeout: float = CONNECT_TIMEOUT) -> "Iterator[Client]":
     """Use a cluster that is already there.
 
     Raises
@@ -122,7 +122,7 @@ def connect_to_workers(address: str) -> "Iterator[Client]":
     from distributed import Client
 
     try:
-        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+        client = Client(address, timeout=timeout, set_as_default=False)
     except (OSError, ValueError) as error:
         raise RigError(
             f"no Dask scheduler answers at {address!r}: {error}; give the address that it"

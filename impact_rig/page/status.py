@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from statistics import fmean, stdev
 from typing import TYPE_CHECKING
@@ -57,6 +58,7 @@ class RigStatus:
     held: tuple[InputLevel, ...] = ()
     notes: deque[str] = field(default_factory=lambda: deque(maxlen=MOST_NOTES))
     is_trial: bool = False  # the hits of the campaign do not count
+    clock: Callable[[], float] = time.monotonic  # [s]
     stopped_by: str = ""  # who pressed STOP at a page last; empty: it is not known
     hits: dict[int, HitResults] = field(default_factory=dict)  # by record, in order of arrival
     estimates: dict[str, SampleEstimate] = field(default_factory=dict)
@@ -101,14 +103,14 @@ class RigStatus:
             for node in nodes
             if node.name.startswith(prefix) and "/" not in node.name.removeprefix(prefix)
         ]
-        self._health |= {node.name: (node, time.monotonic()) for node in own}
+        self._health |= {node.name: (node, self.clock()) for node in own}
         return bool(own)
 
     def list_nodes(self) -> tuple[NodeHealth, ...]:
         """Return the newest diagnostics, by the names of the nodes."""
         nodes = []
         for _, (node, came) in sorted(self._health.items()):
-            silence = time.monotonic() - came
+            silence = self.clock() - came
             message = f"silent for {silence:.0f} s; last: {node.message}"
             is_silent = silence >= SILENCE
             nodes.append(replace(node, level=Level.STALE, message=message) if is_silent else node)

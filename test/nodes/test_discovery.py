@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shutil
 import socket
 import struct
 import subprocess
@@ -145,14 +146,17 @@ def test_a_domain_in_which_nodes_run_is_not_given():
     context.try_shutdown()
 
 
-def test_without_shared_memory_to_spare_no_node_is_made(monkeypatch, tmp_path):
+def test_without_shared_memory_to_spare_no_node_is_made():
     # Fast DDS maps a file there, and would die by a signal when it writes to it.
-    monkeypatch.setattr(discovery, "SHARED_MEMORY", tmp_path)
-    with offer_profile():
-        pass
-    monkeypatch.setattr(discovery, "LEAST_SHARED_MEMORY", 2**63)
-    with (
-        pytest.raises(DeviceError, match=rf"{tmp_path} has .* MB free, .* needs"),
-        offer_profile(),
-    ):
-        pass
+    script = (
+        "mount -t tmpfs -o size=1m tmpfs /dev/shm || exit 77\n"
+        f"exec {sys.executable} -m impact_rig.nodes hammer"
+    )
+    words = ["unshare", "--mount", "sh", "-c", script]
+    if os.geteuid() or shutil.which("unshare") is None:
+        pytest.skip("a small /dev/shm needs root and unshare")
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60.0, check=False)
+    if done.returncode == 77:
+        pytest.skip(f"a small /dev/shm cannot be made: {done.stderr}")
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: /dev/shm has 1.0 MB free, and a process of the rig need")

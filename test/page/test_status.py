@@ -1,24 +1,12 @@
 """State of a rig, kept for every display."""
 
-from types import SimpleNamespace
-
-import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from impact_rig.nodes.interfaces import DIAGNOSTICS
-from impact_rig.page import status
 from impact_rig.page.states import Level
 from impact_rig.page.status import SILENCE, RigStatus
 
 OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
-
-
-@pytest.fixture
-def clock(monkeypatch):
-    """Return a clock that moves when its `now` is set."""
-    clock = SimpleNamespace(now=100.0)
-    monkeypatch.setattr(status, "time", SimpleNamespace(monotonic=lambda: clock.now))
-    return clock
 
 
 def say(name, message="active", level=OK, **values):
@@ -28,7 +16,7 @@ def say(name, message="active", level=OK, **values):
     return DIAGNOSTICS.convert(DiagnosticArray(status=[status]))
 
 
-def test_the_last_word_of_each_node_is_kept(clock):
+def test_the_last_word_of_each_node_is_kept():
     health = RigStatus("/lab/rig1")
     assert health.add_health(say("/lab/rig1/recorder", gaps="0"))
     assert health.add_health(say("/lab/rig1/hammer"))
@@ -45,10 +33,11 @@ def test_the_last_word_of_each_node_is_kept(clock):
     assert len(health.list_nodes()) == 2
 
 
-def test_a_node_that_says_nothing_any_more_is_marked(clock):
-    health = RigStatus("/")
+def test_a_node_that_says_nothing_any_more_is_marked():
+    now = 100.0
+    health = RigStatus("/", clock=lambda: now)
     health.add_health(say("/hammer", "armed"))
-    clock.now += SILENCE + 1.0
+    now += SILENCE + 1.0
     health.add_health(say("/recorder"))
 
     hammer, recorder = health.list_nodes()
