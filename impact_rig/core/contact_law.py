@@ -154,17 +154,16 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     masses = make_rig_numbers(setup, sample).follow(follow_series(mean))
     exponent = setup.analysis.contact_exponent or None
     chain = setup.find_chains(mean.sampling_rate)[0]
+    without = ContactLaw(warnings=_check_pulses(mean))
+    reason = _find_support(mean, setup, sample)
+    if reason is not None:
+        return replace(without, notes=(Note(Subject.CONTACT_LAW, reason),))
     fits = _fit_law(mean, chain, exponent)
-    # A hundredth of the peak more than the others leave.
-    odd = "the pulse of {} is of another contact than the others': look at it"
-    warnings = check_hits(mean, fits.leaves, 0.01, odd)
-    without = ContactLaw(residual_percent=100.0 * fits.residual, warnings=warnings)
+    without = replace(without, residual_percent=100.0 * fits.residual)
     changes = _change_sensor(mean, fits, setup.find_sensor("hammer"), chain)
     is_worse, excludes_versed_sine = _compare_with_versed_sine(fits)
     help_needed = _ask_for_response(chain)
-    reason = _find_support(mean, setup, sample) or _find_misfit(
-        fits, changes, help_needed, is_worse=is_worse
-    )
+    reason = _find_misfit(fits, changes, help_needed, is_worse=is_worse)
     if reason is not None:
         return replace(without, notes=(Note(Subject.CONTACT_LAW, reason),))
     scatter = Source(f"scatter of the hits on {sample}", max(len(fits.points) - 1.0, 1.0))
@@ -201,7 +200,6 @@ class _LawFits:
     losses: list[FittedLoss]  # of the mean
     best: int  # of the losses
     points: FloatArray  # (k, 7), parameters of the hits whose fit ended
-    leaves: FloatArray  # (hits,), RMS of what the best model leaves of each hit
     left: FloatArray  # (n,), what the best model leaves of all hits together, over the peak
     chances: FloatArray  # (losses,), how probable each is by what it leaves
     is_inside: bool  # of most hits a fit ended
@@ -274,7 +272,6 @@ def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
         losses=losses,
         best=best,
         points=np.array(inside or [fit.parameters for fit in hits]),
-        leaves=np.array([fit.residual for fit in hits]),
         left=pooled,
         chances=weigh_losses(pooled + left - left[best], before, noise, correlation),
         is_inside=losses[best].fit.is_inside and 2 * len(inside) > len(hits),
@@ -315,6 +312,21 @@ def _fit_hits(
     return fit_hits(window, measured, best, start, exponent), measured
 
 
+def _check_pulses(mean: MeanHit) -> tuple[Note, ...]:
+    """Warn of hits whose pulse is no mean pulse of another height, width, place and zero."""
+    pulse = measure_pulse(mean.traces[0])
+    reach = pulse.half_amplitude_width
+    part = slice(max(int(pulse.rise - reach), 0), int(pulse.fall + reach) + 1)
+    shape = mean.traces[0, part] / pulse.peak
+    slope = np.gradient(shape)
+    rows = np.stack((shape, slope, slope * np.arange(shape.size), np.ones(shape.size)))
+    hits = np.reshape([hit[0, part] for hit in mean.cut_hits()], (-1, shape.size)) / pulse.peak
+    left = hits - hits @ np.linalg.pinv(rows) @ rows
+    # A hundredth of the peak more than the others leave.
+    told = "the pulse of {} is of another contact than the others': look at it"
+    return check_hits(mean, left.std(axis=1), 0.01, told)
+
+
 def _find_support(mean: MeanHit, setup: RigSetup, sample: str) -> str | None:
     """Say why the bodies are not free within the contact; None: they are, or it is not known."""
     found = follow_mean(mean, setup.find_chains(mean.sampling_rate))
@@ -325,8 +337,8 @@ def _find_support(mean: MeanHit, setup: RigSetup, sample: str) -> str | None:
     if not lost * setup.hammer_mass / (setup.hammer_mass + mass) > LARGEST_LOST:
         return None
     return (
-        f"no law of contact is given: the sample's support takes {lost:.2g} J within the contact,"
-        " and the law is that of two free bodies"
+        f"no law of contact is given: the sample's support takes {lost:.2g} times the impulse"
+        " within the contact, and the law is that of two free bodies"
     )
 
 
