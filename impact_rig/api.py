@@ -4,6 +4,8 @@ Quantities that are given are texts with a unit, like "20 kHz", as in a rig file
 units. What is wrong with any of them raises `RigError`, in one sentence.
 """
 
+from __future__ import annotations
+
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -63,7 +65,14 @@ class _Hits(dict[str, tuple[Hit, ...]]):
 
 
 class Run:
-    """Hits with their set-up: of a recording, of files, of the virtual rig."""
+    """Hits with their set-up: of a recording, of files, of the virtual rig.
+
+    Examples
+    --------
+    >>> run = VirtualRig(seed=7).run(["steel small"], 2)
+    >>> run.hits["steel small"][1]
+    steel small/2.1: 4956 points of hammer and specimen at 2500 kHz, accepted
+    """
 
     def __init__(
         self,
@@ -174,7 +183,7 @@ def open_run(
     campaign : int, optional
         Which one, from 1, where a recording holds several.
     namespace : str, optional
-        Of the rig, where a recording holds several.
+        Of the rig, where a recording holds those of several.
 
     Raises
     ------
@@ -185,7 +194,7 @@ def open_run(
     --------
     >>> open_run("nowhere.mcap")
     Traceback (most recent call last):
-    impact_rig.core.errors.FileError: nowhere.mcap does not exist
+    impact_rig.core.errors.FileError: there is no file nowhere.mcap
     """
     if campaign is not None:
         check_count("campaign", campaign, 1)
@@ -215,12 +224,18 @@ def read_files(
     Raises
     ------
     RigError
-        If no file is a hit, or says what is needed; the sentence says what would.
+        If no file is a hit, or something must be said of them, and by which option.
 
     Warns
     -----
     UserWarning
         Of each file that is left out, why.
+
+    Examples
+    --------
+    >>> read_files("nowhere/*.tdms", hammer_mass="100 g")
+    Traceback (most recent call last):
+    impact_rig.core.errors.FileError: no file is called like nowhere/*.tdms
     """
     # Formats of files take a tenth of a second to load.
     from impact_rig.analysis.measured_files import MeasuredFiles, make_series

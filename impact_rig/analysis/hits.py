@@ -29,6 +29,9 @@ BODIES = ("hammer", "specimen")
 class Hit:
     """One hit as arrays.
 
+    `accepted`: it is in the mean of its sample; None: it is not judged. `truth`: a `Truth`, of a
+    hit of the virtual rig.
+
     Examples
     --------
     >>> import impact_rig as ir

@@ -11,6 +11,7 @@ from impact_rig.core.paper_method import (
     CONTACT_TIME,
     DAMPING_COEFFICIENT,
     DAMPING_RATIO,
+    EQUIVALENT_STIFFNESS,
     NAN,
     STIFFNESS,
     WIDTH,
@@ -58,7 +59,7 @@ class PaperEstimate(Comparable):
     half_amplitude_width: Quantity = field(default=UNKNOWN, metadata=WIDTH)
     base_width: Quantity = field(default=UNKNOWN, metadata=BASE_WIDTH)
     width_ratio: float = field(default=NAN, metadata=describe(least=POSITIVE))  # w10 / w50
-    equivalent_stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)  # k_eq
+    equivalent_stiffness: Quantity = field(default=UNKNOWN, metadata=EQUIVALENT_STIFFNESS)
     stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)  # k2
     damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
     damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)

@@ -356,6 +356,7 @@ def _check_spring(mean: MeanHit, setup: RigSetup) -> None:
 
 NAN = math.nan
 STIFFNESS = describe("N/m", "k", "stiffness", shown="MN/m")
+EQUIVALENT_STIFFNESS = describe("N/m", "k_eq", "equivalent stiffness", shown="MN/m")
 DAMPING_RATIO = describe("", "ζ", "damping ratio", least=0.0)
 DAMPING_COEFFICIENT = describe("N s/m", "c", "damping coefficient")
 CONTACT_TIME = describe("s", "τp", "contact time", shown="µs")

@@ -255,7 +255,7 @@ class Record(Block):
 
 @dataclass(frozen=True)
 class Truth:
-    """Truth of a hit of the virtual rig; NaN: its plant has no such quantity."""
+    """Truth of a hit of the virtual rig, in SI units; NaN: its plant has no such quantity."""
 
     contact_time: float  # [s]; on the plant "contact" from first touch to separation
     peak_force: float  # [N]

@@ -39,8 +39,13 @@ def format_html(table: Table) -> str:
     """Return a table as HTML, its notes below it."""
     rows = [("th", tuple(column.header for column in table.columns))]
     rows += [("td", row) for row in table.rows]
+    sides = ["left" if column.is_text else "right" for column in table.columns]
     lines = (
-        "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) for tag, cells in rows
+        "".join(
+            f'<{tag} style="text-align:{side}">{html.escape(cell)}</{tag}>'
+            for side, cell in zip(sides, cells, strict=True)
+        )
+        for tag, cells in rows
     )
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     notes = "".join(f"<p><small>{html.escape(note)}</small></p>" for note in table.notes)
