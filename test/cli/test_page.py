@@ -10,6 +10,7 @@ import subprocess
 import pytest
 from std_srvs.srv import Trigger
 
+from impact_rig.cli.campaign import UNATTENDED_PAUSE
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
@@ -202,6 +203,31 @@ def test_a_pause_disarms_and_the_campaign_goes_on(page):
     sync_api.expect(page.locator("#hammer")).to_contain_text("no: ")
     page.get_by_role("button", name="Go on").click()
     say(page, "DONE")
+
+
+def test_a_pause_at_the_page_of_a_demo_lasts_longer_than_one_that_nobody_sees(browser, tmp_path):
+    process = start_command(
+        "demo", "--page", "--sample", "steel small", "--impacts", "5000",
+        "--output", tmp_path / "run", stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    page = browser.new_page()
+    try:
+        page.goto(wait_for_line(process, "the page is at "))
+        hits = page.locator("#hits tbody tr")
+        sync_api.expect(hits.first).to_be_visible(timeout=MILLISECONDS)
+        page.keyboard.press("p")
+        say(page, "PAUSED")
+        before = hits.count()
+        page.wait_for_timeout(1000.0 * (UNATTENDED_PAUSE + 2.0))
+        say(page, "PAUSED")
+        assert hits.count() == before
+        page.get_by_role("button", name="Go on").click()
+        sync_api.expect(hits.nth(before)).to_be_visible(timeout=MILLISECONDS)
+    finally:
+        page.close()
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=PATIENCE)
+    assert "impact-rig campaign --resume" in output
 
 
 def test_a_hit_is_rejected_by_hand_struck_again_and_the_verdict_undone(page):
