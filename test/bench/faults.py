@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bench.freezes import measure_freezes
 from bench.measure import Bench, Figure
-from bench.rig_processes import RigProcesses, use_own_domain
+from bench.rig_processes import RigProcesses
 from impact_rig.analysis.analyze import analyze
 from impact_rig.recordings.new_file import choose_free
 from impact_rig.recordings.run import Run
@@ -134,10 +134,7 @@ def measure_faults(bench: Bench) -> Iterator[Figure]:
     for first in range(0, total, A_RIG):
         folder = bench.folder / f"faults{first}"
         folder.mkdir()
-        with (
-            use_own_domain() as environment,
-            RigProcesses(environment, folder / "log.txt") as processes,
-        ):
+        with RigProcesses(folder / "log.txt") as processes:
             rig = FaultyRig(processes, folder)
             for number in range(first, min(first + A_RIG, total)):
                 fault, node = dice.choice([*SIGNALS, *FREEZES]), dice.choice(rig.nodes)

@@ -1,6 +1,5 @@
 """A stranger beside a campaign: publishes and asks at random on all topics and services."""
 
-import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 import mcap.reader
 
 from bench.measure import Bench, Figure
-from bench.rig_processes import RigProcesses, use_own_domain
+from bench.rig_processes import RigProcesses
 from bench.stranger import TOPICS, Stranger
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
@@ -54,16 +53,12 @@ def measure_foreign(bench: Bench) -> Iterator[Figure]:
     for with_ids, name in ((False, "other ids"), (True, "its ids")):
         folder = bench.folder / name
         folder.mkdir()
-        with (
-            use_own_domain() as environment,
-            RigProcesses(environment, folder / "log.txt") as processes,
-        ):
+        with RigProcesses(folder / "log.txt") as processes:
             nodes = processes.start_rig(folder, {"hammer": {"swing_time": 0.05}})
             nodes["visualizer"] = processes.start_node(
                 "visualizer", output=str(folder / "session.rrd")
             )
             processes.start_command("campaign", *CAMPAIGN)
-            os.environ["ROS_DOMAIN_ID"] = environment["ROS_DOMAIN_ID"]
             with StrangerClient(bench.extent.seed) as client:
                 client.wait_for_campaign()
                 client.trouble(seconds, with_ids=with_ids)

@@ -2,11 +2,11 @@
 
 import signal
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 from bench.measure import Bench, Figure
-from bench.rig_processes import RigProcesses, use_own_domain
+from bench.rig_processes import RigProcesses
 from impact_rig.core.errors import RigError
 from impact_rig.nodes.interfaces import RELEASE
 from impact_rig.recordings.scan import Scan
@@ -35,10 +35,10 @@ def count_swings(folder: Path, since: int) -> int:
     )
 
 
-def freeze(environment: Mapping[str, str], folder: Path, node: str, seconds: float) -> int:
+def freeze(folder: Path, node: str, seconds: float) -> int:
     """Freeze a node, or all, in a campaign of a rig of its own; return the swings after that."""
     log = folder / "campaign.log"
-    with RigProcesses(environment, folder / "log.txt") as processes:
+    with RigProcesses(folder / "log.txt") as processes:
         running = processes.start_rig(folder, HAMMER)
         processes.start_command(*CAMPAIGN, "--wait", "1 min", log=log)
         processes.wait_until(
@@ -68,8 +68,7 @@ def measure_freezes(bench: Bench) -> Iterator[Figure]:
     for node, seconds in cases:
         folder = bench.folder / f"frozen_{node}_{seconds:g}"
         folder.mkdir()
-        with use_own_domain() as environment:
-            swings[f"{node} {seconds:g} s"] = freeze(environment, folder, node, seconds)
+        swings[f"{node} {seconds:g} s"] = freeze(folder, node, seconds)
     note = ", ".join(f"{case}: {count}" for case, count in swings.items())
     yield Figure(
         "swings without an arming, after a freeze", sum(swings.values()), note=note, most=0

@@ -1,6 +1,5 @@
 """The page at the rig: how soon a stop and a verdict are shown, and what five pages cost."""
 
-import os
 import re
 import shutil
 import threading
@@ -13,7 +12,7 @@ import psutil
 
 from bench.foreign import StrangerClient
 from bench.measure import Bench, Figure
-from bench.rig_processes import RigProcesses, use_own_domain
+from bench.rig_processes import RigProcesses
 from impact_rig.core.errors import RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
@@ -91,7 +90,7 @@ def measure_page(bench: Bench) -> Iterator[Figure]:
     if browser is None:
         raise RigError("there is no browser: on Debian, apt-get install chromium")
     log = bench.folder / "log"
-    with use_own_domain() as environment, RigProcesses(environment, log) as processes:
+    with RigProcesses(log) as processes:
         processes.start_command(
             "up", "--output", str(bench.folder / "run"), "--no-visualizer",
             "--page", "--set", "page.port=0",
@@ -115,7 +114,6 @@ def measure_page(bench: Bench) -> Iterator[Figure]:
             yield Figure("click to STOPPED on the page", times, "ms", note, most=LONGEST_MEDIAN)
             tail = float(np.percentile(times, 99))
             yield Figure("99th percentile of it", tail, "ms", most=LONGEST_TAIL)
-            os.environ["ROS_DOMAIN_ID"] = environment["ROS_DOMAIN_ID"]
             _start_campaign(tabs[0])
             begin = time.perf_counter()
             with Flood(bench.extent.seed) as flood:

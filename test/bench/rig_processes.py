@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -16,6 +16,7 @@ from impact_rig.cli.up import make_command
 from impact_rig.configuration.processes import NodeProcess, list_rig_processes
 from impact_rig.core.errors import RigError
 from impact_rig.recordings.source import RUN_NAME, SUFFIX
+from impact_rig.testing import use_own_domain
 
 COMMAND_LINE = "impact_rig.cli.main"
 PATIENCE = 60.0  # [s], for what is waited for: nodes have to start first
@@ -24,42 +25,26 @@ STOP_TIMEOUT = 15.0  # [s], for a node to close its files and end
 LOOK_PERIOD = 0.01  # [s]
 
 
-@contextlib.contextmanager
-def use_own_domain() -> Iterator[dict[str, str]]:
-    """Lend an environment in which ROS stays inside the bench.
+class RigProcesses:
+    """Processes in a ROS domain of their own, that end with the ``with`` block, whatever ends it.
 
     Whatever domain the environment names may be that of a real rig: a bench never goes there.
-    """
-    from impact_rig.nodes.discovery import reserve_domain
-
-    with reserve_domain() as number:
-        yield {
-            **os.environ,
-            "ROS_DOMAIN_ID": str(number),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "PYTHONUNBUFFERED": "1",
-        }
-
-
-class RigProcesses:
-    """Processes that end with the ``with`` block, whatever ends it.
 
     Parameters
     ----------
-    environment : mapping
-        Theirs.
     log : Path
         Where they print to.
     """
 
-    def __init__(self, environment: Mapping[str, str], log: Path) -> None:
-        self._environment = environment
+    def __init__(self, log: Path) -> None:
         self._log = log
+        self._domain = contextlib.ExitStack()
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._words: dict[str, Sequence[str]] = {}  # of each process's command
 
     def __enter__(self) -> Self:
         """Return the processes, none so far."""
+        self._domain.enter_context(use_own_domain())
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -74,6 +59,7 @@ class RigProcesses:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(max(deadline - time.monotonic(), 0.0))
         self.kill(list(self._processes))
+        self._domain.close()
 
     def start_node(self, name: str, **parameters: Any) -> subprocess.Popen[bytes]:
         """Start a node of the rig with parameters that differ from their defaults."""
@@ -105,7 +91,7 @@ class RigProcesses:
                 stdin=subprocess.DEVNULL,
                 stdout=said,
                 stderr=said,
-                env=self._environment,
+                env={**os.environ, "PYTHONUNBUFFERED": "1"},
                 start_new_session=True,
             )
         return self._processes[name]
@@ -159,10 +145,7 @@ def run_campaign(folder: Path) -> Campaign:
     RigError
         If the campaign fails, for example for want of ROS 2.
     """
-    with (
-        use_own_domain() as environment,
-        RigProcesses(environment, folder.with_suffix(".log")) as processes,
-    ):
+    with RigProcesses(folder.with_suffix(".log")) as processes:
         started = time.perf_counter()
         if processes.start_command("demo", "--output", str(folder)).wait():
             raise RigError(f"no campaign to measure with could be run: {processes.read_log()}")

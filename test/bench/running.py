@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.measure import Bench, Figure
-from bench.rig_processes import RigProcesses, run_campaign, use_own_domain
+from bench.rig_processes import RigProcesses, run_campaign
 from impact_rig.core.errors import RigError
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import decode_message
@@ -73,10 +73,7 @@ ENDLESS = ("--sample", "steel small", "--impacts", "10000")  # more than are str
 def measure_stop(bench: Bench) -> Iterator[Figure]:
     """Stop a campaign again and again."""
     delays: list[float] = []
-    with (
-        use_own_domain() as environment,
-        RigProcesses(environment, bench.folder / "log.txt") as processes,
-    ):
+    with RigProcesses(bench.folder / "log.txt") as processes:
 
         def do(action: str) -> bool:
             return processes.start_command("hammer", action).wait() == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 import psutil
 
 from bench.measure import Bench, Figure
-from bench.rig_processes import RigProcesses, use_own_domain
+from bench.rig_processes import RigProcesses
 from impact_rig.core.errors import RigError
 from impact_rig.recordings.messages import count_points
 from impact_rig.recordings.scan import Scan
@@ -70,10 +70,7 @@ def run_stream(
     RigError
         If a process ends by itself, or nothing is recorded.
     """
-    with (
-        use_own_domain() as environment,
-        RigProcesses(environment, recording.with_name("log.txt")) as processes,
-    ):
+    with RigProcesses(recording.with_name("log.txt")) as processes:
         processes.start_node(SETUP_SOURCE)
         nodes = {
             "recorder": processes.start_node(
