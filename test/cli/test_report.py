@@ -122,6 +122,17 @@ def test_a_recording_brings_its_rig_file_and_what_a_person_decided(run, folder):
         assert words in text
 
 
+def test_a_recorded_rig_file_that_cannot_be_read_leaves_what_is_named(run, folder):
+    from ..nodes.replays import write_recording
+
+    bad = ("rig.toml", "application/toml", b"[report")
+    write_recording(folder / "session-2.mcap", [], attachment=bad)
+    outcome = run("report", folder, "--set", "report.number=4711")
+    assert outcome.exit_code == 0
+    assert "the rig file rig.toml in the recording is not used: this is not TOML" in outcome.stderr
+    assert "4711" in read_text(folder / "report.html")
+
+
 def test_a_hit_is_left_out_with_reason_and_name(run, folder):
     asked = ("report", folder, "--reject", "brass medium/1")
     assert 'add --reason "TEXT" --who "NAME"' in run(*asked, "--reason", "loose cable").stderr
@@ -130,6 +141,7 @@ def test_a_hit_is_left_out_with_reason_and_name(run, folder):
     assert run(*asked, "--reason", "loose cable", "--who", "A. Berg").exit_code == 0
     text = read_text(folder / "report.html")
     assert "Hits on which a person decided: 1" in text
+    assert "Rejected hits" not in text
     today = datetime.now(UTC).date().isoformat()
     for words in (
         "left out by hand",

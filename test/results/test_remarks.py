@@ -65,6 +65,12 @@ def test_the_same_warning_is_said_once_of_all_samples():
     assert tell(*samples) == [("all samples", "ringing: loud"), ("tin", "hits: odd")]
 
 
+def test_what_one_hit_leaves_open_its_table_says():
+    lone = make_sample(notes=(Note(Subject.UNCERTAINTY, "of one hit"), Note(Subject.MASS, "x")))
+    assert len(tell(lone)) == 2
+    assert tell(replace(lone, impacts_accepted=1)) == [("tin", "mass: x")]
+
+
 def test_two_notes_on_one_subject_are_both_told():
     notes = [Note(Subject.SENSOR, text) for text in ("hammer", "specimen", "both")]
     told = tell(make_sample("tin", *notes[:2]), make_sample("zinc", notes[2]))
@@ -171,6 +177,10 @@ def test_notes_of_all_samples_are_said_of_them_at_once_and_those_of_a_plant_with
     simulated = replace(results, hits=(hit,))
     assert find_common(simulated) == {of_all, known}
     assert gather_sample_remarks(samples[0], find_common(simulated)) == [Remark("hits: x")]
+    contact = replace(hit, origin=Origin(SIMULATED, "virtual rig, plant contact"))
+    silent = HammerEstimate(Quantity(2e7), notes=(Note(Subject.C1, "no second peak"),))
+    assert tell(make_sample(), hammer=silent) == [("hammer", "c1: no second peak")]
+    assert tell(make_sample(), hammer=silent, hits=(contact,)) == []
     alike = replace(
         results, samples=(make_sample("tin", **CONTACT), make_sample("zinc", **CONTACT))
     )

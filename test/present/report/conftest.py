@@ -74,7 +74,12 @@ def told(trace: Trace) -> ReportedCampaign:
 STATED = Particulars(
     texts={
         "laboratory": {"name": "Lab <7>", "address": "1 Example Road"},
-        "report": {"number": '4711"; }', "replaces": "4710", "changes": "hit 3 left out"},
+        "report": {
+            "number": '4711"; }',
+            "replaces": "4710",
+            "changes": "hit 3 left out",
+            "authorised_by": "B. <Cole>",
+        },
         "source.hammer": {"maker": "PCB", "certificate": "D-K-0815"},
         "balance": {"model": "XS 204"},
         "sample.brass medium": {"serial_number": "batch 9"},

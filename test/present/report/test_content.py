@@ -9,6 +9,7 @@ from impact_rig.configuration.particulars import Particulars
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.findings import Finding, Reason
 from impact_rig.core.quantity import Quantity
+from impact_rig.core.records import IMPORTED, Origin
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
@@ -90,11 +91,22 @@ def test_what_a_laboratory_states_stands_in_the_report_and_on_every_page_of_it(r
     assert facts["Report number"] == '4711"; }'
     assert facts["Replaces report"] == "4710"
     assert "Customer" not in facts  # none is stated
-    assert 'End of the report 4711"; }.' in read.text
+    assert 'B. <Cole> End of the report 4711"; }.' in read.text
     # Nothing in a number ends the string of the style sheet that it stands in.
     (footer,) = re.findall(r'@bottom-left { content: ("[^"]*"); } }\n</style>', page)
     assert "4711" in footer
     assert read.find_table("Items")[-1][2] == "batch 9"
+
+
+def test_the_first_page_says_how_far_the_results_reach(read, told):
+    assert "relate only to the items tested, as received." in read.text
+    by_us = Particulars({"report": {"sampling": "by the laboratory"}})
+    alone = Reader(render_page(make_report([told], by_us))).text
+    assert "relate only to the items tested. Without" in alone
+    # Every ± has its k and degrees of freedom, those of the hammer with its control sample.
+    assert "U = k u for 95 %, with k of " in read.text
+    methods = [row for table in read.tables for row in table if "of the hammer" in row]
+    assert [row[0] for row in methods] == ["k1 [MN/m]"]
 
 
 def test_limits_are_stated_with_their_rule(read):
@@ -109,18 +121,20 @@ def test_what_a_person_says_of_an_instrument_stands_in_place_of_what_was_recorde
         {
             "source.hammer": {"serial_number": "LW 8"},
             "source.specimen": {"calibration_date": "2021-01-02"},
-            "balance": {"calibration_date": "2020-03-04"},
+            "digitizer": {"calibration_date": "2020-03-04", "calibration_due": "2030-03-04"},
+            "balance": {"calibration_date": "2023-03-04", "calibration_due": "2023-11-13"},
         }
     )
     read = Reader(render_page(make_report([told], stated)))
-    _, hammer, sample, _ = read.find_table("Instruments, by their calibration sheets")
+    _, hammer, sample, *_ = read.find_table("Instruments, by their calibration sheets")
     assert "LW 8" in hammer
     assert "2022-03-01" not in hammer  # which is of the other sensor
     assert "2021-01-02" in sample
     assert "<i>LW 7" not in read.text
     assert "the hammer sensor" not in read.text
-    for called in ("sample sensor was calibrated on 2021-01-02", "balance was calibrated on 2020"):
-        assert f"the {called}" in read.text
+    assert "the sample sensor was calibrated on 2021-01-02" in read.text
+    assert "calibration of the balance was due on 2023-11-13, before 2023-11-14" in read.text
+    assert "the digitizer was" not in read.text
 
 
 def test_the_method_names_its_sources_and_the_forms_that_were_used(read, told):
@@ -174,5 +188,14 @@ def test_a_recording_without_a_date_is_not_of_1970(told, start):
     undated = replace(told, campaign=campaign, provenance=provenance)
     read = Reader(render_page(make_report([undated])))
     assert "date not known" in read.text
-    assert "date not known, for" not in read.text
     assert "1970" not in read.text
+    stated = Particulars({"report": {"tested": "2023-11-14"}})
+    assert "date not known" not in Reader(render_page(make_report([undated], stated))).text
+
+
+def test_the_clock_of_imported_files_may_be_no_universal_one(told):
+    origin = Origin(IMPORTED, "lvm file")
+    hits = tuple(replace(hit, origin=origin) for hit in told.campaign.results.hits)
+    campaign = TracedCampaign(replace(told.campaign.results, hits=hits), (), ())
+    read = Reader(render_page(make_report([replace(told, campaign=campaign)])))
+    assert "2023-11-14 22:13:20 UTC, if the files' clock was UTC" in read.text
