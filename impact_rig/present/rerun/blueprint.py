@@ -142,9 +142,7 @@ def _lay_out_sample(sample: str, time_axis: rrb.TimeAxis | None) -> rrb.Containe
             f"Force on the hammer of {sample} [N]", [make_body_path(sample, entities.LAW)]
         ),
         _make_time_view(
-            f"Residual of law and versed-sine of {sample} [N]",
-            [make_body_path(sample, entities.LAW_RESIDUAL)],
-            has_legend=False,
+            f"Residual of {sample} [N]", [make_body_path(sample, entities.LAW_RESIDUAL)]
         ),
     ]
     return layout.Horizontal(

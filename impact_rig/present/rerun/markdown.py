@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from impact_rig.core.findings import join_findings
 from impact_rig.core.records import SIMULATED
@@ -146,6 +147,13 @@ def format_table(table: Table) -> str:
     return "\n\n".join([f"## {escape_markdown(table.caption)}", text, *notes])
 
 
+def _turn(table: Table) -> Table:
+    """Return a table with its rows as columns: a narrow pane shows few columns."""
+    names = make_text_column(table.columns[0].header, [item.header for item in table.columns[1:]])
+    rows = (Column(name, cells) for name, *cells in table.rows)
+    return replace(table, columns=(names, *rows), marked=frozenset())
+
+
 def _format_remarks(remarks: Sequence[Remark]) -> list[str]:
     items = [_format_item(remark.about, remark.text) for remark in remarks]
     return ["## Remarks", "\n".join(items)] if items else []
@@ -162,8 +170,8 @@ def format_summary(results: Results, sample: SampleEstimate) -> str:
         escape_markdown(f"Origin: {results.find_origin(sample.name)}"),
         f"{format_count(accepted, 'hit')} in the mean, {len(struck) - accepted} rejected.",
         format_table(tabulate_methods(results, sample)),
-        *map(format_table, tabulate_errors([sample])),
-        *map(format_table, tabulate_checks([sample])),
+        *(format_table(_turn(table)) for table in tabulate_errors([sample])),
+        *(format_table(_turn(table)) for table in tabulate_checks([sample])),
     ]
     if reference.published is not None and reference.is_misprinted:
         paragraphs.append(escape_markdown(explain_misprint(reference.published)))

@@ -379,7 +379,7 @@ def draw_law(plots: PlotLog, sample: str, law: ContactLaw, curves: LawCurves | N
     if curves is None:
         why = "; ".join(note.explanation for note in law.notes)
         plots.write(pulse, f"No contact law is given{': ' * bool(why)}{why}.")
-        plots.write(residual, "No contact law is given.")
+        plots.write(residual, "No residual, since no contact law is given.")
         return
     exponent, restitution = format_quantity(law.exponent, 3), format_quantity(law.restitution, 3)
     models = [

@@ -218,7 +218,7 @@ def list_sample_views(sample, hammer, specimen, law, residual):
         f"hammer of {sample} [m/s²]": hammer,
         f"sample of {sample} [m/s²]": specimen,
         f"Force on the hammer of {sample} [N]": law,
-        f"Residual of law and versed-sine of {sample} [N]": residual,
+        f"Residual of {sample} [N]": residual,
         "Results": TEXT,
     }
 
