@@ -49,7 +49,7 @@ class HitFit:
     # RMS of what it leaves, part of the RMS of the trace about its mean [-]: the square root of
     # 1 - r^2, r the correlation of both traces.
     misfit: float = math.nan
-    flaw: str = ""  # why the hit is not used, in words; empty: it is
+    flaw: str | None = None  # why the hit is not used, in words; None: it is
 
 
 def fit_hit(hit: JudgedHit, channel: str, factor: float) -> HitFit:

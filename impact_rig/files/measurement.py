@@ -39,10 +39,10 @@ class MeasuredChannel:
     start: float = 0.0  # time of the first point [s]
     # When that time was 0 [ns since the epoch]; 0: not stated, or not in `EARLIEST` to `LATEST`.
     recorded_at: int = 0
-    flaw: str = ""  # why not all are numbers; without values: none are; empty: all are
+    flaw: str | None = None  # why not all are numbers; without values: none are; None: all are
     origin: str = ""  # as an export states it; empty: the file does not
     time_unit: str = "s"  # stated for the times; empty: not stated, the rate assumes seconds
-    time_flaw: str = ""  # why the times make no sound rate, so that --rate is used
+    time_flaw: str | None = None  # why the times make no sound rate, so that --rate is used
     has_gap: bool = False  # points are missing or there twice: no --rate mends that
 
     def __post_init__(self) -> None:

@@ -141,7 +141,7 @@ class Clock:
 
     rate: float = math.nan  # [Hz]; as of seconds where no unit is stated; NaN: not known
     unit: str = ""  # as stated; empty: it is not
-    flaw: str = ""  # why the times make no sound rate; empty: they do
+    flaw: str | None = None  # why the times make no sound rate; None: they do
     has_gap: bool = False  # points are missing or there twice: no rate by hand mends that
 
 

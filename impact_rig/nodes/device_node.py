@@ -53,7 +53,7 @@ class DeviceNode(RigNode):
 
     def autostart(self) -> None:
         """Configure and activate, if the parameter says so; try again while that fails."""
-        if self.get_value("autostart") and not self._start():
+        if self.get_value("autostart") and not self._start() and self.fault is not None:
             self._tell_fault(self.fault)
 
     def _start(self) -> bool:
@@ -83,6 +83,6 @@ class DeviceNode(RigNode):
         if self._start():
             self.get_logger().info("the device is back")
         else:
-            if self.fault != before:
+            if self.fault is not None and self.fault != before:
                 self.publish_fault(self.fault)
             self._reconnection.reset()

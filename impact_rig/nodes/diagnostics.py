@@ -19,7 +19,7 @@ def make_diagnostics(
     node: str,
     figures: Mapping[str, Any],
     *,
-    fault: str,
+    fault: str | None,
     warning: str | None,
     state: str,
     parameters: Iterable[Parameter],
@@ -27,9 +27,9 @@ def make_diagnostics(
 ) -> DiagnosticArray:
     """Return the diagnostics of a node of this full name, without a stamp."""
     level, message = DiagnosticStatus.OK, state
-    if fault:
+    if fault is not None:
         level, message = DiagnosticStatus.ERROR, fault
-    elif warning:
+    elif warning is not None:
         level, message = DiagnosticStatus.WARN, warning
     host = platform.node()
     values = [KeyValue(key=key, value=str(value)) for key, value in figures.items()]

@@ -28,7 +28,7 @@ class ManagedNode(ParameterNode):
 
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, **options)
-        self.fault = ""  # what the diagnostics call an error
+        self.fault: str | None = None  # the error in the diagnostics; None: there is none
 
     def configure(self) -> None:
         """Read the parameters and open what is needed."""
@@ -114,7 +114,7 @@ class ManagedNode(ParameterNode):
                 " `impact-rig doctor` says how to get it"
             )
             return TransitionCallbackReturn.FAILURE
-        self.fault = ""
+        self.fault = None
         self.is_configured = configured
         self.is_active = active
         self.on_changed()

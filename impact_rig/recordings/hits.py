@@ -125,7 +125,7 @@ class RecordedHit(BlockCount):
     record: int  # number of its arming
     label: HitLabel | None  # None: nothing of it is left
     state: HitState = HitState.LOST
-    reason: str = "nothing of it is left"  # what is missing; empty: nothing
+    reason: str | None = "nothing of it is left"  # what is missing; None: nothing
     is_accepted: bool | None = None  # None: there is no verdict
     rejections: tuple[RecordedReason, ...] = ()
     origin: Origin = UNSTATED
@@ -141,7 +141,7 @@ class RecordedHit(BlockCount):
     def judge(self, *, is_whole: bool) -> None:
         """Set how much of the hit is there; `is_whole`: the recording lacks no message."""
         stored, left = self.stored_blocks, self.blocks
-        self.state, self.reason = HitState.DAMAGED, ""
+        self.state, self.reason = HitState.DAMAGED, None
         if not left:
             self.state, self.reason = HitState.LOST, "no block of it is left"
         elif is_whole:

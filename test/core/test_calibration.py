@@ -53,7 +53,7 @@ def test_the_ratio_of_two_like_traces_is_found_whatever_their_height_and_offset(
     pulse = height * make_pulse()
     hit = judge(pulse + offsets[0], ratio * pulse + offsets[1])
     found = fit_hit(hit, "specimen", 1.0)
-    assert found.flaw == ""
+    assert found.flaw is None
     assert found.stamp == 7
     # Rounding: offsets may be 5000 times as large as the trace.
     assert found.ratio == pytest.approx(ratio, rel=1e-9)

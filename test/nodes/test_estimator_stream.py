@@ -59,7 +59,7 @@ def stream(harness):
 def test_a_stream_that_cannot_be_searched_is_a_fault_of_the_estimator(harness, stream):
     publisher, node, last = stream
     publisher.publish(make_block(last + 1, full_scale=0.0))
-    harness.wait_until(lambda: "does not say the hammer's full scale" in node.fault)
+    harness.wait_until(lambda: "does not say the hammer's full scale" in (node.fault or ""))
     assert node.fault.startswith("acceleration/stream: ")
 
 

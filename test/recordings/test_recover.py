@@ -160,11 +160,11 @@ def test_hits_are_saved_damaged_or_lost(make_recording):
     recovery = recover(spoil(original, content))
     reasons = {hit.record: (hit.state.value, hit.reason) for hit in recovery.contents.hits}
     assert reasons == {
-        1: ("saved", ""),
+        1: ("saved", None),
         2: ("damaged", "1 of 2 blocks are left"),
         3: ("lost", "no block of it is left"),
         4: ("lost", "nothing of it is left"),
-        5: ("saved", ""),
+        5: ("saved", None),
     }
 
 

@@ -88,7 +88,7 @@ def _read_channel(path: Path, channel: Any, group: str, properties: dict[str, An
             "sampling_rate": rate,
             "unit": str(properties.get(UNIT, "")),
             "start": scale * _read_number(properties, START, 0.0) if scale > 0 else 0.0,
-            "time_flaw": ""
+            "time_flaw": None
             if scale > 0
             else f"{path}: the steps of {name!r} are in {unit!r}, no unit of time: if it is a"
             " trace over time, give --rate",

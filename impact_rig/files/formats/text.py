@@ -263,22 +263,22 @@ def _list_rates(statements: dict[str, list[str]]) -> list[StatedRate]:
     return sorted(found, key=lambda item: is_step_name(item.name))
 
 
-def _find_rate(path: Path, statements: dict[str, list[str]]) -> tuple[float, str, str]:
+def _find_rate(path: Path, statements: dict[str, list[str]]) -> tuple[float, str, str | None]:
     """Return the rate that a file states [Hz], the unit of its times, and why it is no sound one.
 
     It is NaN where the file states none, or two that differ.
     """
     if RATE in statements:
-        return float(statements[RATE][0]), "s", ""
+        return float(statements[RATE][0]), "s", None
     found = _list_rates(statements)
     if not found:
-        return math.nan, "s", ""
+        return math.nan, "s", None
     first = found[0]
     for other in found[1:]:
         if first.contradicts(other):
             told = f"{first.rate:g} Hz by {first.name!r} and {other.rate:g} Hz by {other.name!r}"
             return math.nan, "s", f"{path} states two sampling rates, {told}: give --rate"
-    return first.rate, "s" if first.has_unit else "", ""
+    return first.rate, "s" if first.has_unit else "", None
 
 
 def _find_start(statements: dict[str, list[str]]) -> float:
@@ -391,7 +391,7 @@ def _guess_style(line: str) -> Style:
 
 def _read_columns(
     path: Path, table: Table, head: str, pieces: Iterator[str]
-) -> list[tuple[FloatArray, str]]:
+) -> list[tuple[FloatArray, str | None]]:
     """Return the numbers of each channel, and why it has none."""
     rows = RowReader(path, table)
     # The table begins behind its heading.
@@ -408,7 +408,7 @@ def _read_columns(
         numbers = np.memmap(file, np.float64, "r") if is_large else np.frombuffer(file.read())
     numbers = numbers.reshape(-1, len(table.columns))
     return [
-        (numbers[: rows.ends.get(column, len(numbers)), place], rows.flaws.get(column, ""))
+        (numbers[: rows.ends.get(column, len(numbers)), place], rows.flaws.get(column))
         for place, column in enumerate(table.columns)
     ]
 
@@ -495,7 +495,7 @@ class RowReader:
             self.ends.setdefault(column, self._count + index)
             self._blanks.setdefault(column, line)
             return math.nan
-        flaw = ""
+        flaw: str | None = None
         if column in self.ends:
             flaw = f"line {self._blanks[column]}: column {column + 1} is blank, and goes on in"
             flaw += f" line {line}"

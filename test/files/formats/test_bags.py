@@ -111,7 +111,7 @@ def test_a_field_is_a_channel_with_the_unit_of_its_type_at_the_rate_of_its_heade
 ):
     channel = read_channels(bag.write(tip=send(make_one)))[name]
     assert (channel.values.tolist(), channel.unit) == (VALUES.tolist(), unit)
-    assert (channel.sampling_rate, channel.time_flaw) == (1000.0, "")
+    assert (channel.sampling_rate, channel.time_flaw) == (1000.0, None)
     assert channel.stamp == BEGIN
 
 

@@ -103,7 +103,7 @@ def test_a_column_with_what_is_no_number_does_no_harm_to_the_others(tmp_path, co
     first, damaged, last = read_measurement(tmp_path / "hit.csv").channels
     assert damaged.flaw == told
     assert (first.values.tolist(), last.values.tolist()) == ([0.0, 1.0, 2.0], [2.0, 2.0, 4.0])
-    assert (first.flaw, last.flaw) == ("", "")
+    assert (first.flaw, last.flaw) == (None, None)
 
 
 @pytest.mark.parametrize("much", [1000, 1 << 20], ids=["in a file", "in memory"])
@@ -119,7 +119,7 @@ def test_a_file_of_many_pieces_is_the_same_as_its_parts(tmp_path, monkeypatch, m
     assert columns == [rows[:, 0].tolist(), rows[:, 1].tolist(), rows[:400, 2].tolist()]
     path.write_text("a,b,c\n" + "\n".join([*lines[:300], "1,2,x"]))
     flaws = [channel.flaw for channel in read_measurement(path).channels]
-    assert flaws == ["", "", "line 302: 'x' is no number"]
+    assert flaws == [None, None, "line 302: 'x' is no number"]
 
 
 @pytest.mark.parametrize(
