@@ -175,7 +175,7 @@ class EstimatorNode(RigNode):
             self._on_block(block)
 
     def _on_block(self, received: Received[Block]) -> None:
-        if not self.is_active or self.membership.is_foreign_stream(received.message):
+        if not self.is_active:
             return
         identity = received.identity
         if self._ledger is None or identity.campaign_id != self.membership.identity.campaign_id:

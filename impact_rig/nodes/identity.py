@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from impact_rig_msgs.msg import StreamBlock
+from impact_rig_msgs.msg import AccelerationBlock, StreamBlock
 from unique_identifier_msgs.msg import UUID
 
 from impact_rig.recordings.messages import NO_ID
@@ -80,7 +80,8 @@ class Membership:
         if not self.is_joined or not hasattr(message, "campaign_id"):
             return False
         if id_from_msg(message.campaign_id) == self.identity.campaign_id:
-            return False
+            # A node that copies the campaign's id has other accelerometers.
+            return isinstance(message, AccelerationBlock) and self.is_foreign_stream(message)
         # The running stream goes on while a campaign begins.
         return not isinstance(message, StreamBlock) or self.is_foreign_stream(message)
 
