@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from contextlib import closing
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -161,7 +162,8 @@ def test_each_module_of_someone_else_has_a_rig_of_its_own_whatever_becomes_of_it
     (text,) = re.findall(r"```python\n(def test_.*?)```", README.read_text("utf-8"), re.DOTALL)
     (tmp_path / "test_readme.py").write_text(text, "utf-8")
     (tmp_path / "test_broken.py").write_text(BROKEN, "utf-8")
-    words = ["-n", "2", "--dist", "loadfile", f"--basetemp={tmp_path / 'tmp'}", tmp_path]
+    parallel = ["-n", "2", "--dist", "loadfile"] if find_spec("xdist") else []
+    words = [*parallel, f"--basetemp={tmp_path / 'tmp'}", tmp_path]
     done = subprocess.run(
         [*PYTEST, *words], cwd=tmp_path, capture_output=True, text=True, check=False
     )

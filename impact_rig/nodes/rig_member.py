@@ -85,11 +85,12 @@ class RigMember:
 
     def _keep_liveliness(self, status: Any) -> None:
         self._was_there = True
-        here = min(self._count_publishers_here(), status.not_alive_count)
+        silent = status.not_alive_count
+        here = min(self._count_publishers_here(), silent) if silent else 0
         alive = status.alive_count + here
         if alive < self._alive and not self._is_single:
             self.state = None  # which of them has gone is not known: who is there says so again
-        self._alive, self._silent = alive, status.not_alive_count - here
+        self._alive, self._silent = alive, silent - here
         self._on_change()
 
     def _count_publishers_here(self) -> int:

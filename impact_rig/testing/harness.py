@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
@@ -22,6 +23,7 @@ from impact_rig.nodes.rig_node import RigNode
 
 T = TypeVar("T")
 N = TypeVar("N", bound=RigNode)
+G = TypeVar("G", bound=Node)
 PATIENCE = 120.0
 """How long anything may take before a test fails [s]; no test waits for it to pass."""
 PACE = 10.0
@@ -78,6 +80,16 @@ class Harness(BackgroundNode):
         What `record` writes.
     domain : int, optional
         ROS domain; that of the environment by default.
+
+    Examples
+    --------
+    The fixture `harness` is one::
+
+        def test_my_node_hears_the_hammer(harness):
+            mine = harness.run_node(MyNode(context=harness.context))
+            harness.add(HammerNode, swing_time=0.01)
+            harness.call(Trigger, "hammer/arm")
+            harness.wait_until(lambda: mine.has_heard_that_it_is_armed)
     """
 
     wait_until = staticmethod(wait_until)
@@ -87,14 +99,22 @@ class Harness(BackgroundNode):
         super().__init__("peer", domain)
         self.peer = self.node
         self.recording = recording
-        self.nodes: list[RigNode] = []
+        self.nodes: list[RigNode] = []  # of the rig
+        self._guests: list[Node] = []
         self._clients: dict[str, Any] = {}
 
     def leave(self) -> None:
         """Close the nodes."""
         for node in self.nodes:
             node.close()
-            node.destroy_node()
+        for guest in (*self.nodes, *self._guests):
+            guest.destroy_node()
+
+    def run_node(self, node: G) -> G:
+        """Run a node of yours, made with this harness's context; return it."""
+        self._guests.append(node)
+        self.executor.add_node(node)
+        return node
 
     def add(self, kind: Callable[..., Any], *, namespace: str = "", **parameters: Any) -> Any:
         """Start a node of the rig, a class or what returns one, as its process would."""
