@@ -141,7 +141,7 @@ class _Reading:
         stated = self.setup.samples.get_moving_mass(self.sample)
         m1, m2 = rig.hammer_mass, rig.moving_mass
         hammer_speed = hammer * rig.clock * rig.gains[0]
-        has_sample, is_free = whole.has_sample, whole.hold is not Hold.SPRING
+        is_free = whole.hold is not Hold.SPRING
         balance = ratio * m2 / m1
         gained = ratio * hammer * rig.clock * rig.gains[1]
         found = Checks(
@@ -154,7 +154,7 @@ class _Reading:
             persistence=whole.persistence,
             hold=whole.hold.value,
         )
-        if not has_sample:
+        if math.isnan(whole.sample_change):
             return found
         traced = self._state(m1 * mass * rig.gains[0] / rig.gains[1])
         checked = replace(found, traced_mass=traced)
@@ -164,7 +164,8 @@ class _Reading:
                 momentum_ratio=self._state(balance * rig.gains[1] / rig.gains[0]),
                 separation_restitution=self._state((hammer_speed + gained) / number - 1.0),
             )
-        question = check_mass(traced, stated)
+        asked = ask_for_sample(traced.value, stated, float(np.nan_to_num(traced.expanded)))
+        question = Note(Subject.MASS, asked) if asked else None
         if question is None and whole.hold in {Hold.FREE, Hold.UNKNOWN}:
             question = self._check_balance(balance)
         return replace(checked, warnings=(question,) if question else ())
@@ -231,10 +232,11 @@ def ask_for_mass(hit: JudgedHit, setup: RigSetup) -> JudgedHit:
     if hit.label.sample == setup.samples.check_sample:
         found = check_chain(mass, stated)
         return replace(hit, rejections=(*hit.rejections, *found))
-    if not is_other_mass(mass, stated):
+    question = ask_for_sample(mass, stated)
+    if question is None:
         return hit
-    question = Finding(Reason.OTHER_SAMPLE, ask_for_sample(mass, stated), is_harmless=True)
-    return replace(hit, findings=(*hit.findings, question))
+    finding = Finding(Reason.OTHER_SAMPLE, question, is_harmless=True)
+    return replace(hit, findings=(*hit.findings, finding))
 
 
 CHAIN_TOLERANCE = 0.05
@@ -275,23 +277,13 @@ def _judge_chain(checks: Checks, setup: RigSetup, sample: str) -> Checks:
     return replace(checks, warnings=(*checks.warnings, Note(Subject.OPERATIONAL_CHECK, text)))
 
 
-def check_mass(traced: Quantity, stated: float) -> Note | None:
-    """Ask whether a sample is the stated one [kg] that moves as if it were another."""
-    if not is_other_mass(traced.value, stated, float(np.nan_to_num(traced.expanded))):
-        return None
-    return Note(Subject.MASS, ask_for_sample(traced.value, stated))
-
-
-def is_other_mass(traced: float, stated: float, expanded: float = 0.0) -> bool:
-    """Return whether two masses [kg] are of two samples.
+def ask_for_sample(traced: float, stated: float, expanded: float = 0.0) -> str | None:
+    """Return the question whether the right sample is struck, by its masses [kg]; None: it is.
 
     Two gains that are 5 % off make a seventh: by more than that, and the uncertainty, our choice.
     """
-    return abs(traced - stated) > max(0.15 * stated, expanded)
-
-
-def ask_for_sample(traced: float, stated: float) -> str:
-    """Return the question whether the right sample is struck, by its masses [kg]."""
+    if not abs(traced - stated) > max(0.15 * stated, expanded):
+        return None
     return (
         f"the sample moves as {traced * 1e3:.3g} g would, accelerometer included, where"
         f" {stated * 1e3:.3g} g are stated: is it the one that was asked for, and are masses and"

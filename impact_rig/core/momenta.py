@@ -68,11 +68,6 @@ class Passage:
     settled: float
     mass_ratio: float  # m2 / m1 by Newton's law over the contact, held or not [-]
 
-    @property
-    def has_sample(self) -> bool:
-        """Whether the sample was measured."""
-        return math.isfinite(self.sample_change)
-
     def list_figures(self, hold: Hold) -> tuple[float, float, float]:
         """Return the hammer's change of velocity [m/s], the sample's over it, and m2 / m1 [-]."""
         change = self.sample_change / self.hammer_change
@@ -185,10 +180,8 @@ def weigh_sample(hit: FilteredHit, chains: tuple[Chain, Chain]) -> float:
         return math.nan
     traces = restore_traces(hit.traces, chains)
     contact = find_contact(traces[0], hit.pulse, chains[0])
-    if contact is None:
-        return math.nan
-    passage = follow_momentum(traces, contact, hit.sampling_rate)
-    return passage.weigh(passage.hold)
+    passage = contact and follow_momentum(traces, contact, hit.sampling_rate)
+    return passage.weigh(passage.hold) if passage else math.nan
 
 
 def check_hits(mean: MeanHit, values: FloatArray, least: float, told: str) -> tuple[Note, ...]:
