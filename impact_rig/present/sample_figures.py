@@ -53,24 +53,32 @@ TALL, LOW, BOTTOM = 1.1, 0.45, 0.5
 KEY = 0.4
 """Height of the legend of all figures [inch]."""
 
-CAPTION = (
-    "In each figure, shaded: the contact, τp long; w50: the width at half amplitude; U1, U2: the"
-    " peaks of the log decrement; MSE: of the models in the order above, as in Fig. 6. Time counts"
-    " from the middle of the hammer pulse. Below: measured less model."
-)
-LOOP_CAPTION = (
-    " Force over indentation follows from both traces and the law's impact speed; the loop's area"
-    " is the energy lost."
-)
+
+def _explain(samples: Sequence[SampleTraces], *, has_law: bool) -> str:
+    """Return how to read the figures of samples, as far as they show it."""
+    has_model = any(traces.models for traces in samples)
+    has_peaks = any(traces.peak_points for traces in samples)
+    loop = (
+        " Force over indentation follows from both traces and the law's impact speed; the loop's"
+        " area is the energy lost."
+    )
+    return (
+        "In each figure, shaded: the contact, τp long; w50: the width at half amplitude"
+        + "; U1, U2: the peaks of the log decrement" * has_peaks
+        + "; MSE: of the models in the order above, as in Fig. 6" * has_model
+        + ". Time counts from the middle of the hammer pulse."
+        + " Below: measured less model." * (has_model or has_law)
+        + loop * has_law
+    )
 
 
-def make_key_picture(samples: Iterable[SampleTraces], *, has_law: bool) -> Picture:
+def make_key_picture(samples: Sequence[SampleTraces], *, has_law: bool) -> Picture:
     """Return the legend of all figures of samples, drawn once, with how to read them."""
     from matplotlib.figure import Figure
 
     panel = Figure(figsize=(WIDTH, KEY))
     panel.legend(handles=list_lines(samples, has_law=has_law), loc="center left", ncols=3)
-    return make_picture("Lines of all figures", CAPTION + LOOP_CAPTION * has_law, [panel])
+    return make_picture("Lines of all figures", _explain(samples, has_law=has_law), [panel])
 
 
 def list_lines(samples: Iterable[SampleTraces], *, has_law: bool) -> "list[Line2D]":
