@@ -7,16 +7,20 @@
 - An estimator: `score`, or `score_node` for one that is a node.
 """
 
-from impact_rig.testing.drivers import (
-    AccelerationSourceContract,
-    Bench,
-    DriverContract,
-    HammerHolderContract,
-    HolderBench,
-    SourceBench,
-)
-from impact_rig.testing.running import RunningRig, run_virtual_rig, use_own_domain
-from impact_rig.testing.scoring import Score, score, score_node
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from impact_rig.testing.drivers import (
+        AccelerationSourceContract,
+        Bench,
+        DriverContract,
+        HammerHolderContract,
+        HolderBench,
+        SourceBench,
+    )
+    from impact_rig.testing.running import RunningRig, run_virtual_rig, use_own_domain
+    from impact_rig.testing.scoring import Score, score, score_node
 
 __all__ = [
     "AccelerationSourceContract",
@@ -32,3 +36,12 @@ __all__ = [
     "score_node",
     "use_own_domain",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Load what is used: estimators are scored without pytest."""
+    for part in ("scoring", "running", "drivers") if name in __all__ else ():
+        module = import_module(f"{__name__}.{part}")
+        if hasattr(module, name):
+            return getattr(module, name)
+    raise AttributeError(f"module 'impact_rig.testing' has no attribute {name!r}")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from statistics import fmean, stdev
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from impact_rig.core.records import Truth
 from impact_rig.present.printed import Printed
 from impact_rig.results.numbers import MISSING, format_count
 from impact_rig.results.table import Column, Table, make_table, make_text_column
-from impact_rig.testing.running import RunningRig
+
+if TYPE_CHECKING:
+    from impact_rig.testing.running import RunningRig
 
 Estimator = Callable[[Hit], Any]
 """Gets a hit; returns its estimate in SI units with or without its expanded uncertainty."""
@@ -123,7 +125,7 @@ def score(
 
 
 def score_node(
-    rig: RunningRig,
+    rig: "RunningRig",
     topic: str,
     read: Reader,
     *,
