@@ -20,6 +20,18 @@ PATIENCE = 100.0
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
 
 
+def run_program(words: Sequence[Any], **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run a program to its end; return what it printed, and its exit code."""
+    return subprocess.run(
+        list(map(str, words)),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+        **options,
+    )
+
+
 def make_colourful() -> dict[str, str]:
     """Return this environment for a terminal with colours, whose width programs ask for."""
     left_out = ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR")

@@ -4,7 +4,6 @@ import doctest
 import math
 import os
 import re
-import subprocess
 import sys
 from contextlib import closing
 from importlib.util import find_spec
@@ -16,7 +15,7 @@ from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import CampaignState
 from rclpy.action import ActionClient
 from std_srvs.srv import Trigger
-from terminal import Terminal
+from terminal import Terminal, run_program
 
 from impact_rig import Number
 from impact_rig.core.errors import ParameterError
@@ -153,8 +152,7 @@ PYTEST = (sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-rf")
 
 
 def check_that_nothing_is_left(folder):
-    processes = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True)
-    assert str(folder) not in processes.stdout
+    assert str(folder) not in run_program(["ps", "-eo", "args"]).stdout
 
 
 def test_each_module_of_someone_else_has_a_rig_of_its_own_whatever_becomes_of_it(tmp_path):
@@ -164,9 +162,7 @@ def test_each_module_of_someone_else_has_a_rig_of_its_own_whatever_becomes_of_it
     (tmp_path / "test_broken.py").write_text(BROKEN, "utf-8")
     parallel = ["-n", "2", "--dist", "loadfile"] if find_spec("xdist") else []
     words = [*parallel, f"--basetemp={tmp_path / 'tmp'}", tmp_path]
-    done = subprocess.run(
-        [*PYTEST, *words], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    done = run_program([*PYTEST, *words], cwd=tmp_path)
     assert "2 failed, 2 passed" in done.stdout, done.stdout
     assert "the campaign is rejected: unknown sample 'tin'" in done.stdout
     assert "recorder has ended (-9): the rig ends" in done.stdout

@@ -9,13 +9,14 @@ import sys
 import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
+from terminal import run_program
 
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
 from impact_rig.results.results_file import results_to_json
 from impact_rig.results.wire import format_json
 
-from .conftest import PATIENCE, finish, start_command
+from .conftest import finish, start_command
 
 SAMPLES = ("steel small", "aluminium large")
 CHOSEN = tuple(word for name in SAMPLES for word in ("--sample", name))
@@ -208,7 +209,7 @@ def test_a_folder_that_holds_a_run_is_never_written_again(demo, run):
 def test_where_too_few_files_may_be_open_one_sentence_says_so(tmp_path):
     limit = ["bash", "-c", 'ulimit -n 30; exec "$@"', "bash"]
     words = [*limit, sys.executable, "-m", "impact_rig.cli.main", "demo", "-o", tmp_path / "run"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    done = run_program(words)
     assert done.returncode == 2
     told = "error: at most 30 files may be open here, and a rig needs 100: raise the limit"
     (line,) = done.stderr.splitlines()

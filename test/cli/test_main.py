@@ -3,12 +3,12 @@
 import errno
 import io
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
 import click
 import pytest
+from terminal import run_program
 
 from impact_rig.cli import main
 from impact_rig.core.errors import ParameterError
@@ -127,7 +127,7 @@ def test_a_stream_that_is_closed_is_as_good_as_the_null_device(closed):
 
     def run(redirection):
         words = ["sh", "-c", f'"$@" {redirection}', "sh", sys.executable, "-c", code, "demo"]
-        done = subprocess.run(words, input="done\n", capture_output=True, text=True, check=False)
+        done = run_program(words, input="done\n")
         return done.returncode, done.stdout, done.stderr
 
     assert run(closed) == run(closed.replace("&-", "/dev/null"))

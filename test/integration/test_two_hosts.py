@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import pytest
-from terminal import Terminal
+from terminal import Terminal, run_program
 
 from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.hits import HitState
@@ -96,13 +96,8 @@ OPEN = {
 
 def arm_from(host, environment):
     """Let another computer arm the hammer; return whether it could, and the answer."""
-    done = subprocess.run(
-        [*host.prefix, *RIG, "hammer", "arm", "--network"],
-        env={**environment, "ROS_STATIC_PEERS": "198.18.0.1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words = [*host.prefix, *RIG, "hammer", "arm", "--network"]
+    done = run_program(words, env={**environment, "ROS_STATIC_PEERS": "198.18.0.1"})
     return done.returncode == 0, done.stdout + done.stderr
 
 

@@ -2,13 +2,12 @@
 
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 import workspace
-from terminal import Terminal
+from terminal import Terminal, run_program
 
 from impact_rig import __version__
 
@@ -47,15 +46,8 @@ def home(tmp_path):
 
 
 def run(command, folder, *arguments, **environment):
-    done = subprocess.run(
-        [command, *(arguments or ("--version",))],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    words = [command, *(arguments or ("--version",))]
+    done = run_program(words, cwd=folder, env=environment)
     return done.returncode, done.stdout, done.stderr
 
 

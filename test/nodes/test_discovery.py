@@ -14,6 +14,7 @@ import psutil
 import pytest
 import rclpy
 from impact_rig_msgs.srv import GetResults
+from terminal import run_program
 
 from impact_rig.configuration.processes import (
     ACTIVE,
@@ -155,7 +156,7 @@ def test_without_shared_memory_to_spare_no_node_is_made():
     words = ["unshare", "--mount", "sh", "-c", script]
     if os.geteuid() or shutil.which("unshare") is None:
         pytest.skip("a small /dev/shm needs root and unshare")
-    done = subprocess.run(words, capture_output=True, text=True, timeout=60.0, check=False)
+    done = run_program(words)
     if done.returncode == 77:
         pytest.skip(f"a small /dev/shm cannot be made: {done.stderr}")
     assert done.returncode == 2

@@ -8,6 +8,7 @@ import sys
 import time
 
 import pytest
+from terminal import run_program
 
 from impact_rig.cli.up import make_command
 from impact_rig.configuration.processes import ACTIVE, LAUNCHER, NodeProcess
@@ -19,18 +20,7 @@ PATIENCE = 60.0
 @pytest.fixture
 def run_script(ros_domain):
     """Return a function that runs a program as a process, to its end."""
-
-    def run(script):
-        return subprocess.run(
-            [sys.executable, "-c", script],
-            env={**os.environ, "ROS_DOMAIN_ID": str(ros_domain)},
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
-            check=False,
-        )
-
-    return run
+    return lambda script: run_program([sys.executable, "-c", script])
 
 
 PARAMETERS = {
@@ -58,14 +48,8 @@ for parameter in {list(PARAMETERS)}:
 def test_a_node_without_the_rig_s_messages_says_how_to_build_them():
     paths = os.environ["PYTHONPATH"].split(os.pathsep)
     others = [path for path in paths if "impact_rig_msgs" not in path]
-    done = subprocess.run(
-        [sys.executable, "-m", "impact_rig.nodes", "hammer"],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(others)},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(others)}
+    done = run_program([sys.executable, "-m", "impact_rig.nodes", "hammer"], env=environment)
     assert done.returncode == 1
     assert done.stderr.startswith("error: impact_rig_msgs is missing: build both packages")
     assert len(done.stderr.splitlines()) == 1
@@ -83,7 +67,6 @@ def test_modules_in_the_working_folder_are_not_imported(tmp_path, ros_domain):
     process = subprocess.Popen(
         make_command(NodeProcess("hammer", {})),
         cwd=tmp_path,
-        env={**os.environ, "ROS_DOMAIN_ID": str(ros_domain)},
         stderr=subprocess.PIPE,
         text=True,
     )

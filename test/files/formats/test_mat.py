@@ -3,7 +3,6 @@
 import io
 import signal
 import struct
-import subprocess
 import sys
 import zlib
 
@@ -11,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
+from terminal import run_program
 
 from impact_rig.core.errors import FileError
 from impact_rig.files.formats.registry import read_measurement
@@ -151,7 +151,7 @@ def test_a_crash_prints_nothing(tmp_path):
         "read_measurement(Path(sys.argv[1]))"
     )
     command = [sys.executable, "-X", "faulthandler", "-c", script, tmp_path / "hit.mat"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    done = run_program(command)
     assert "it crashes the library" in done.stderr
     assert "Segmentation fault" not in done.stderr
     assert "Fatal Python error" not in done.stderr
@@ -172,7 +172,7 @@ def test_the_process_that_reads_ends_with_the_one_it_reads_for(tmp_path):
     (tmp_path / "script.py").write_text(KILLED)
     command = [sys.executable, tmp_path / "script.py", tmp_path / "hit.mat"]
     # The pipe is at its end when both are gone, else the time limit is.
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    done = run_program(command)
     assert done.returncode == -signal.SIGKILL, done.stderr
 
 
