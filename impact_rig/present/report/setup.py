@@ -16,19 +16,25 @@ from impact_rig.core.setup import (
     DEFAULT_CLOCK_UNCERTAINTY,
     AnalysisSettings,
     RigSetup,
+    Sample,
     format_angle,
 )
 from impact_rig.present.report.page import Facts, Folded, Paragraph, Part, Section
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import (
     MEGA,
-    MICRO,
     MISSING,
-    format_number,
     format_time,
     is_dated,
 )
-from impact_rig.results.table import Column, Table, list_table, make_table, make_text_column
+from impact_rig.results.table import (
+    Column,
+    Table,
+    list_table,
+    make_table,
+    make_text_column,
+    read_column,
+)
 from impact_rig.results.traces import Provenance, ReportedCampaign, TracedCampaign
 
 GRAM = 1e3
@@ -164,40 +170,32 @@ def _tabulate_bodies(results: Results, stated: Particulars) -> Table:
     # One line for a sample, from however many angles it is struck.
     struck = [carried.find(sample.name) for sample in results.samples]
     samples = {item.body: item for item in struck}.values()
-    rows = [
-        ("hammer", "", setup.hammer_mass, setup.hammer_mass_uncertainty),
-        # A mass of zero was not stated.
-        (
-            "accelerometer",
-            "",
-            carried.accelerometer_mass or math.nan,
-            carried.accelerometer_mass_uncertainty,
-        ),
-        *((item.body, item.material, item.mass, item.mass_uncertainty) for item in samples),
+    # A mass of zero was not stated.
+    mass, uncertainty = carried.accelerometer_mass, carried.accelerometer_mass_uncertainty
+    bodies = [
+        Sample("hammer", setup.hammer_mass, mass_uncertainty=setup.hammer_mass_uncertainty),
+        Sample("accelerometer", mass or math.nan, mass_uncertainty=uncertainty),
+        *samples,
     ]
-
-    def refer(field: str, digits: int, scale: float = 1.0) -> list[str]:
-        values = (getattr(item, field) * scale for item in samples)
-        return ["", "", *(format_number(value, digits) for value in values)]
-
     roles = ["", "part of every m2"] + [
         "control sample" if item.name == carried.find_control(item.release_angle) else ""
         for item in samples
     ]
+    wide = [body.mass_uncertainty * GRAM for body in bodies]
     columns = [
-        make_text_column("Item", [name for name, *_ in rows]),
-        make_text_column("Material", [material for _, material, *_ in rows]),
+        make_text_column("Item", [body.body for body in bodies]),
+        make_text_column("Material", [body.material for body in bodies]),
         *(
             make_text_column(
-                entry.label, [stated.get(OF_SAMPLE + name, entry.key) for name, *_ in rows]
+                entry.label, [stated.get(OF_SAMPLE + body.body, entry.key) for body in bodies]
             )
             for entry in SAMPLE
         ),
-        Column("Mass [g]", [format_number(mass * GRAM, 2) for *_, mass, _ in rows]),
-        Column("u [g]", [f"{wide * GRAM:.2g}" if wide else MISSING for *_, wide in rows]),
-        Column("Ref. τp [µs]", refer("reference_contact_time", 2, MICRO)),
-        Column("Ref. k2 [MN/m]", refer("reference_stiffness", 2, MEGA)),
-        Column("Ref. c2 [N s/m]", refer("reference_damping_coefficient", 0)),
+        read_column("Mass [g]", bodies, "mass", 2),
+        Column("u [g]", [f"{value:.2g}" if value else MISSING for value in wide]),
+        read_column("Ref. τp [µs]", bodies, "reference_contact_time", 2),
+        read_column("Ref. k2 [MN/m]", bodies, "reference_stiffness", 2),
+        read_column("Ref. c2 [N s/m]", bodies, "reference_damping_coefficient", 0),
         make_text_column("Role", roles),
     ]
     note = (
