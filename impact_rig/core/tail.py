@@ -16,17 +16,14 @@ ZERO_AFTER = "zero after the impact"
 """Source of the uncertainty of what is corrected, in budgets."""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Limits of the model of a tail; those of one test alone stand at the test."""
-
-    parts: int = 16  # [-] of the tail; their means take noise and ringing out
-    shortest_part: int = 8  # [points] our choice
-    baseline_parts: int = 4  # [-] which tell a drift
-    remaining: float = 0.5  # [level] what is left at the record's end of what a body does not do
-
-
-LIMITS = Limits()
+PARTS = 16
+"""Of the tail [-]: their means take noise and ringing out."""
+SHORTEST_PART = 8
+"""Of tail and baseline [points], our choice."""
+BASELINE_PARTS = 4
+"""Of the baseline [-], which tell a drift."""
+REMAINING = 0.5
+"""Part of a level that is left at the record's end of what a body does not do [-]."""
 
 
 @dataclass(frozen=True)
@@ -57,13 +54,13 @@ def judge_zeros(
     count, points = traces.shape
     # At e = 0.5 the foot of a contact takes one width.
     begin = math.ceil(pulse.fall + 1.5 * pulse.half_amplitude_width)
-    size, before = (points - begin) // LIMITS.parts, baseline // LIMITS.baseline_parts
+    size, before = (points - begin) // PARTS, baseline // BASELINE_PARTS
     found: list[ZeroShift | None] = [None] * count
-    if min(size, before) < LIMITS.shortest_part:
+    if min(size, before) < SHORTEST_PART:
         return found
     share = compute_share(traces[0], pulse)
-    tails = traces[:, begin : begin + LIMITS.parts * size]
-    means = tails.reshape(count, LIMITS.parts, size).mean(axis=2)
+    tails = traces[:, begin : begin + PARTS * size]
+    means = tails.reshape(count, PARTS, size).mean(axis=2)
     levels = np.sqrt(np.mean(np.square(means), axis=1))
     peaks = np.abs(traces[:, math.floor(pulse.rise) : math.ceil(pulse.fall) + 1]).max(axis=1)
     # So much changes tau_p by 0.15 %.
@@ -167,7 +164,7 @@ class _Tail:
         """Return the simplest cause that leaves no more than all together; None: none is sure."""
         terms = self._make_terms()
         rows, measured = self._average(terms), self._average(self.trace[np.newaxis])[0]
-        after = measured[LIMITS.baseline_parts :]
+        after = measured[BASELINE_PARTS:]
         if float(after[1:] @ after[:-1]) < 0.0:
             return None  # it swings from part to part, as no level does: a body that rings
         fits = _fit_models(rows, measured, models)
@@ -207,14 +204,14 @@ class _Tail:
     def _average(self, rows: FloatArray) -> FloatArray:
         """Return means over the parts of baseline and tail, shape (k, parts)."""
         count = len(rows)
-        before = rows[:, : LIMITS.baseline_parts * self.before]
-        after = rows[:, self.begin : self.begin + LIMITS.parts * self.size]
+        before = rows[:, : BASELINE_PARTS * self.before]
+        after = rows[:, self.begin : self.begin + PARTS * self.size]
         # Fewer points have more noise.
         weight = math.sqrt(min(self.before / self.size, 1.0))
         return np.concatenate(
             (
-                weight * before.reshape(count, LIMITS.baseline_parts, self.before).mean(axis=2),
-                after.reshape(count, LIMITS.parts, self.size).mean(axis=2),
+                weight * before.reshape(count, BASELINE_PARTS, self.before).mean(axis=2),
+                after.reshape(count, PARTS, self.size).mean(axis=2),
             ),
             axis=1,
         )
@@ -253,11 +250,11 @@ class _Tail:
             step = float(fit.factors @ after)
             text = f"a step of {percent * step:.2g} % of the peak"
             text += f" (± {percent * 2.0 * spread:.1g} %) came with the impact"
-            if abs(end) < LIMITS.remaining * abs(step):
+            if abs(end) < REMAINING * abs(step):
                 text += " and goes"
             # When within the shock it came is evenly distributed.
             standard = math.hypot(standard, step / math.sqrt(12.0))
-        stays = reason is Reason.DROOP or abs(end) > LIMITS.remaining * abs(level)
+        stays = reason is Reason.DROOP or abs(end) > REMAINING * abs(level)
         # As sure as of a step of 10 %.
         taken = correction if standard <= 0.03 * self.peak else None
         return ZeroShift(reason, text, taken, standard, stays)

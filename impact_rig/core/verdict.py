@@ -21,22 +21,24 @@ SHARE_NO_MEAN = frozenset({Reason.OTHER_KIND, Reason.POLARITY})
 """Reasons that a person cannot overrule: a mean of both kinds would describe neither."""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """From where on a hit is doubted; those of one test alone stand there."""
-
-    same: float = 1e-9  # [peak] of extremes that are one count: rounding by a scale
-    least_extreme: float = 0.3  # [peak] of a rail; a quiet baseline repeats its extremes
-    top_noise: float = 3.0  # [-] standard deviations by which noise holds a point on a step
-    steps: float = 3.0  # [counts] noise moves a point by one, seldom two
-    reach: int = 4  # [points] on either side that show whether a point belongs to them
-    least_jump: float = 0.02  # [range] our choice
-    fewest_top_points: float = 12.0  # [points] of w50 that show shoulders, our choice
-    fewest_points: float = 3.0  # [points] of w50; below, the flanks have no points
-    least_crest: float = 8.0  # [-] standard deviations; vibration has crests of 3 to 5
-
-
-LIMITS = Limits()
+SAME = 1e-9
+"""Difference of extremes that are one count, over the peak [-]: rounding by a scale."""
+LEAST_EXTREME = 0.3
+"""Of a rail, over the peak [-]: a quiet baseline repeats its extremes."""
+TOP_NOISE = 3.0
+"""Standard deviations by which noise holds a point on a step [-]."""
+STEPS = 3.0
+"""By which noise moves no point [counts]: by one it does, seldom by two."""
+REACH = 4
+"""On either side that show whether a point belongs to them [points]."""
+LEAST_JUMP = 0.02
+"""Of a trace, over its range [-], our choice."""
+FEWEST_TOP_POINTS = 12
+"""Of w50 that show shoulders [points], our choice."""
+FEWEST_POINTS = 3
+"""Of w50 [points]: below, the flanks have no points."""
+LEAST_CREST = 8
+"""Standard deviations in the peak of an impact [-]: vibration has crests of 3 to 5."""
 
 
 def find_longest_rail_run(trace: ChannelBlock, quiet: int) -> int:
@@ -58,9 +60,9 @@ def find_longest_rail_run(trace: ChannelBlock, quiet: int) -> int:
             run = _find_longest_run(np.abs(values) >= rail)[1]
     # No rail lies nearer to the baseline than the last points before a pulse do.
     middle = float(values[0])
-    same = LIMITS.same * max(top, -bottom)
+    same = SAME * max(top, -bottom)
     for sign, extreme in ((1.0, top), (-1.0, bottom)):
-        if sign * (extreme - middle) <= LIMITS.least_extreme * (top - bottom):
+        if sign * (extreme - middle) <= LEAST_EXTREME * (top - bottom):
             continue
         at_extreme = values >= extreme - same if sign > 0.0 else values <= extreme + same
         start, found = _find_longest_run(at_extreme)
@@ -104,10 +106,10 @@ def count_chance_run(upright: FloatArray, start: int, quiet: int, step: float) -
     )
     curvature = 0.5 * height * (math.pi / max(width, 1)) ** 2
     # A top may be half as long again as that of a versed-sine; a linear spring's is 1.06 times it.
-    within = step + LIMITS.top_noise * noise
+    within = step + TOP_NOISE * noise
     rounded = 1.5 * 2.0 * math.sqrt(2.0 * within / curvature) + 1.0
     alike = math.erf(step / (2.0 * math.sqrt(2.0) * noise)) if noise > 0.0 else 1.0
-    if alike > 1.0 - LIMITS.same:
+    if alike > 1.0 - SAME:
         return rounded
     if alike == 0.0:  # noise beyond all counts
         return 1.0
@@ -123,8 +125,8 @@ def find_step(values: FloatArray, extreme: float) -> float:
     """
     if not 0.0 < extreme < math.inf:
         return 0.0
-    steps = np.diff(np.unique(values[values > LIMITS.least_extreme * extreme]))
-    steps = steps[steps > LIMITS.same * extreme]
+    steps = np.diff(np.unique(values[values > LEAST_EXTREME * extreme]))
+    steps = steps[steps > SAME * extreme]
     if steps.size == 0:
         return extreme
     # Noise leaves out some counts below a rail. The steps of two decades differ by ten, or nearly.
@@ -150,7 +152,7 @@ def find_dropout(
     The trace is finite and as recorded, since a low-pass would smear the point; `quiet` points
     before the pulse show the noise.
     """
-    values, reach = trace.acceleration, LIMITS.reach
+    values, reach = trace.acceleration, REACH
     if values.size <= 2 * reach:
         return None
     # It is far off both neighbours, and these on the same side: by a twentieth, our choice.
@@ -169,9 +171,9 @@ def find_dropout(
     noise = float(np.std(values[:quiet]))
     upright = np.abs(values)
     step = trace.resolution or find_step(upright, float(upright.max()))
-    least = max(least, 10.0 * noise, LIMITS.steps * step)
+    least = max(least, 10.0 * noise, STEPS * step)
     # A bend that is left without the point is a sharp signal.
-    if off < least or left > 0.25 * off + LIMITS.top_noise * noise:
+    if off < least or left > 0.25 * off + TOP_NOISE * noise:
         return None
     text = (
         f"a single point of the {name}, {index / sampling_rate * 1e6:.0f} µs into the record, is"
@@ -186,17 +188,17 @@ def find_jump(name: str, trace: ChannelBlock, quiet: int, sampling_rate: float) 
     An overload: the counts wrap around; a gap: points are missing. The trace is finite and as
     recorded; `quiet` points before the pulse show the noise.
     """
-    values, reach = trace.acceleration, 2 * LIMITS.reach
+    values, reach = trace.acceleration, 2 * REACH
     steps = values[1:] - values[:-1]
     if steps.size <= 2 * reach:
         return None
     extent = trace.extremes[1] - trace.extremes[0]
     place = int(steps.argmax()) if steps.max() > -steps.min() else int(steps.argmin())
-    if abs(steps[place]) < LIMITS.least_jump * extent or not reach <= place < steps.size - reach:
+    if abs(steps[place]) < LEAST_JUMP * extent or not reach <= place < steps.size - reach:
         return None
     noise = math.sqrt(2.0) * float(np.std(values[:quiet]))
     # Noise reaches 8 standard deviations once in 10^12 records.
-    least = max(8.0 * noise, LIMITS.least_jump * extent, LIMITS.steps * trace.resolution)
+    least = max(8.0 * noise, LEAST_JUMP * extent, STEPS * trace.resolution)
     baseline = float(np.median(values[:quiet]))
     before, after = (float(value) - baseline for value in values[place : place + 2])
     height = after - before
@@ -234,7 +236,7 @@ def is_flat(trace: FloatArray) -> bool:
         for part in (0.5, 0.95, 0.985)
     )
     # Its top over its shoulders: sensors that ring have up to 3.8, clipped at 85 % it is 5.2.
-    return half > LIMITS.fewest_top_points and high > 4.5 * (low - high)
+    return half > FEWEST_TOP_POINTS and high > 4.5 * (low - high)
 
 
 def shows_plateau(record: Record) -> bool:
@@ -456,16 +458,16 @@ def check_pulse(
         `double_hit_level` is used.
     """
     found = []
-    if pulse.half_amplitude_width < LIMITS.fewest_points:
+    if pulse.half_amplitude_width < FEWEST_POINTS:
         text = (
             f"its width at half amplitude is {pulse.half_amplitude_width:.2g} points, it takes"
-            f" {LIMITS.fewest_points:g}: sample faster"
+            f" {FEWEST_POINTS}: sample faster"
         )
         found.append(Finding(Reason.FEW_POINTS, text))
-    if abs(pulse.peak) < LIMITS.least_crest * noise:
+    if abs(pulse.peak) < LEAST_CREST * noise:
         text = (
             f"the largest pulse is {abs(pulse.peak) / noise:.2g} times the standard deviation of"
-            f" what comes before it, an impact is {LIMITS.least_crest:g} or more"
+            f" what comes before it, an impact is {LEAST_CREST} or more"
         )
         found.append(Finding(Reason.NO_PULSE, text))
     if pulse.fall + pulse.half_amplitude_width > hammer.size - 1:
