@@ -337,8 +337,8 @@ def _find_support(mean: MeanHit, setup: RigSetup, sample: str) -> str | None:
     if not lost * setup.hammer_mass / (setup.hammer_mass + mass) > LARGEST_LOST:
         return None
     return (
-        f"no law of contact is given: the sample's support takes {lost:.2g} times the impulse"
-        " within the contact, and the law is that of two free bodies"
+        f"the sample's support takes {lost:.2g} times the impulse within the contact, and a law of"
+        " contact is that of two free bodies"
     )
 
 

@@ -34,7 +34,7 @@ STYLE: dict[Any, Any] = {
 }
 WIDTH = 4.8  # [inch], of a panel: two stand beside each other, on a phone one
 LABEL = 0.28  # [inch], from axes to the label of the abscissa
-MOST_TICKS = 5  # intervals of an axis: each tick takes time
+MOST_TICKS = 6  # intervals of an axis: each tick takes time
 LEFT, RIGHT, TOP, BOTTOM = 0.8, 0.1, 0.3, 0.95  # [inch], around axes; two rows of a legend
 
 
@@ -88,7 +88,7 @@ def fill_panel(panel: Any, *heights: float, left: float = LEFT, bottom: float = 
         axes.locator_params(axis="y", nbins=min(MOST_TICKS, math.ceil(4.5 * own)))
         # Fixed as well: else each label is placed by all texts of its axis.
         axes.xaxis.set_label_coords(0.5, -LABEL / own)
-        axes.yaxis.set_label_coords(-0.65 / (WIDTH - left - RIGHT), 0.5)
+        axes.yaxis.set_label_coords(-0.6 / (WIDTH - left - RIGHT), 0.5)
     return panel
 
 
