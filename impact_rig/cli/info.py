@@ -30,7 +30,14 @@ from impact_rig.recordings.hits import HitState, RecordedHit
 from impact_rig.recordings.messages import setup_from_msg
 from impact_rig.recordings.records import HEALTH_RECORD, PROVENANCE_RECORD, RECOVERY_RECORD
 from impact_rig.recordings.run import Run, find_runs
-from impact_rig.results.numbers import MISSING, format_count, format_number, format_time, is_dated
+from impact_rig.results.numbers import (
+    MISSING,
+    format_count,
+    format_date,
+    format_number,
+    format_time,
+    is_dated,
+)
 from impact_rig.results.table import Column, make_optional, make_table, make_text_column
 from impact_rig.results.wire import origin_to_json, to_json
 
@@ -213,12 +220,14 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
 def _list_facts(contents: Contents) -> list[tuple[str, str]]:
     duration = (contents.end_time - contents.start_time) * 1e-9
     period = f", {duration:.1f} s" if contents.years_apart is None else ""
+    origin = join_origins(hit.origin for hit in contents.hits)
+    start = format_date(contents.start_time, origin)
     notes = read_fields(contents, PROVENANCE_RECORD).get("notes", "")
     facts = [
         *(("recording", f"{scan.path}, {scan.size / 1e6:.4g} MB") for scan in contents.scans),
-        ("when", f"{format_time(contents.start_time)}{period}"),
+        ("when", f"{start}{period}" if start else "not known"),
         ("campaigns", str(len({(hit.rig, hit.campaign) for hit in contents.hits}) or "")),
-        ("origin", str(join_origins(hit.origin for hit in contents.hits)) * bool(contents.hits)),
+        ("origin", str(origin) * bool(contents.hits)),
         *(("sensor", f"{item.channel}: {item.describe()}") for item in read_sensors(contents)),
         *(
             ("stream", f"{topic}, {stream.points} points of each channel")

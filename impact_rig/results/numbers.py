@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from impact_rig.core.quantity import POSITIVE, Quantity
+from impact_rig.core.records import IMPORTED, Origin
 
 MISSING = "-"
 """Stands where a number was not determined."""
@@ -40,6 +41,14 @@ def format_time(nanoseconds: int) -> str:
     """Return a moment in universal time, alike on every machine."""
     moment = datetime.fromtimestamp(nanoseconds // 1_000_000_000, tz=UTC)
     return f"{moment:%Y-%m-%d %H:%M:%S} UTC"
+
+
+def format_date(nanoseconds: int, origin: Origin) -> str:
+    """Return when hits were recorded; empty: nobody knows, as of imported hits without a date."""
+    if not is_dated(nanoseconds):
+        return ""
+    # Many files do not say in which time zone.
+    return format_time(nanoseconds) + ", if the files' clock was UTC" * (origin.kind == IMPORTED)
 
 
 def format_number(value: float, digits: int) -> str:

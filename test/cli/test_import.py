@@ -145,6 +145,7 @@ def test_an_imported_hit_keeps_its_file_and_states_only_what_was_measured(
         "'column 2' and 'column 3', points 0 to 1999"
     }
     assert (content["setup"]["impact_speed_m_per_s"], content["setup"]["clock_u"]) == (None, 0.0)
+    assert "when       not known" in run("info", recording).stdout
     told = read_json(run("info", recording, "--json"))
     assert (told["origin"], told["hits"][4]["origin"]["file"]) == ("imported", str(files[4]))
     assert run("report", recording, "-o", page).exit_code == 0

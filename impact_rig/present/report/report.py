@@ -25,7 +25,6 @@ from impact_rig.present.report.page import (
     drop_empty,
 )
 from impact_rig.present.report.setup import (
-    format_date,
     list_calibration_warnings,
     make_items_section,
     make_setup_section,
@@ -41,6 +40,7 @@ from impact_rig.results.limits import JudgedValue, judge_values, tabulate_confor
 from impact_rig.results.numbers import (
     SAMPLE_MEASURANDS,
     format_count,
+    format_date,
     format_number,
 )
 from impact_rig.results.remarks import (
@@ -314,12 +314,13 @@ def _list_facts(
     """Return the facts below the title: what a person states, and of the runs."""
     results = [run.campaign.results for run in runs]
     rigs = dict.fromkeys(item.setup.name for item in results if item.setup.name)
+    start = runs[0].provenance.start_time if runs[0].provenance is not None else 0
     tested = "" if stated.get("report", "tested") else "date not known"
     facts = [
         *stated.list_facts("laboratory"),
         *stated.list_facts("report"),
         ("Run", ", ".join(run.name for run in runs)),
         ("Rig", ", ".join(rigs)),
-        ("Tested on", format_date(runs[0]) or tested),
+        ("Tested on", format_date(start, results[0].origin) or tested),
     ]
     return tuple((name, text) for name, text in facts if text)

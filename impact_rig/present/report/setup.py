@@ -10,7 +10,6 @@ from impact_rig.configuration.particulars import (
     SAMPLE,
     Particulars,
 )
-from impact_rig.core.records import IMPORTED
 from impact_rig.core.sensors import Sensor, describe_calibration_age
 from impact_rig.core.setup import (
     DEFAULT_CLOCK_UNCERTAINTY,
@@ -76,15 +75,6 @@ def make_setup_section(run: ReportedCampaign) -> Section:
         Folded("Settings of judgement and evaluation", (_list_settings(setup.analysis),)),
     ]
     return Section("Set-up and recording", tuple(parts))
-
-
-def format_date(run: ReportedCampaign) -> str:
-    """Return when a run was recorded; empty: it has no date, as imported hits may have none."""
-    if run.provenance is None or not is_dated(run.provenance.start_time):
-        return ""
-    of_files = run.campaign.results.origin.kind == IMPORTED
-    # Many files do not say in which time zone.
-    return format_time(run.provenance.start_time) + ", if the files' clock was UTC" * of_files
 
 
 def find_test_days(provenance: Provenance | None) -> tuple[str, str]:
