@@ -15,10 +15,6 @@ Decode = Callable[[RawMessage], Any]
 PROTOBUF = "protobuf"
 
 
-def _make_ros_decoder(_: Channel) -> Decode:
-    return decode_message
-
-
 def _make_json_decoder(channel: Channel) -> Decode:
     def decode(message: RawMessage) -> Any:
         try:
@@ -39,7 +35,7 @@ def _make_protobuf_decoder(channel: Channel) -> Decode:
 
 
 DECODERS: dict[Encoding, Callable[[Channel], Decode]] = {
-    ROS: _make_ros_decoder,
+    ROS: lambda _: decode_message,
     ("json", "jsonschema"): _make_json_decoder,
     ("json", ""): _make_json_decoder,
     (PROTOBUF, PROTOBUF): _make_protobuf_decoder,

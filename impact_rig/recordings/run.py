@@ -168,8 +168,10 @@ class Run:
         self.overrules = overrules.get(campaign, NO_OVERRULES)
         yield setup
         is_first = True
-        for scan, messages in self.read_files(_choose_event_types, report):
-            cutter = None if holds_blocks(scan) else StreamCutter(setup.analysis)
+        kinds = {scan: _find_kind(scan) for scan in self.scans}
+        types = {SETUP_TYPE, VIRTUAL_IMPACT_TYPE}
+        for scan, messages in self.read_files(lambda scan: {*types, kinds[scan]}, report):
+            cutter = StreamCutter(setup.analysis) if kinds[scan] == STREAM_TYPE else None
             for raw in messages:
                 if raw.channel.type_name == VIRTUAL_IMPACT_TYPE:
                     label, faults = self.convert(raw, faults_from_msg)
@@ -266,17 +268,13 @@ def _read_setup(message: Any) -> tuple[RigSetup, bytes]:
     return setup_from_msg(message), campaign_id_from_msg(message)
 
 
-def _choose_event_types(file: Scan) -> Collection[str]:
-    kind = BLOCK_TYPE if holds_blocks(file) else STREAM_TYPE
-    return {SETUP_TYPE, VIRTUAL_IMPACT_TYPE, kind}
-
-
-def holds_blocks(file: Scan) -> bool:
-    """Return whether a recording holds impacts, and not only a running stream that has them."""
+def _find_kind(file: Scan) -> str:
+    """Return the type of a recording's blocks: of a running stream where no impact was found."""
     channels = file.read_channels()
     if not any(channel.type_name == STREAM_TYPE for channel in channels):
-        return True
-    return any(file.read_messages(lambda channel: channel.type_name == BLOCK_TYPE))
+        return BLOCK_TYPE
+    has_impact = any(file.read_messages(lambda channel: channel.type_name == BLOCK_TYPE))
+    return BLOCK_TYPE if has_impact else STREAM_TYPE
 
 
 _USUAL_NAMES = {
