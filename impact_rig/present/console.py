@@ -9,7 +9,7 @@ import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from io import StringIO
-from typing import TextIO
+from typing import Any, TextIO
 
 from rich import box
 from rich.cells import cell_len
@@ -47,7 +47,10 @@ NO_ESCAPES = ("dumb", "unknown")
 
 
 class _SafeConsole(Console):
-    """A console on which no text can move the cursor: names may come from foreign files."""
+    """A console on which no text is markup or moves the cursor: names may come from files."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(markup=False, highlight=False, emoji=False, **options)
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
@@ -69,9 +72,6 @@ def make_console(*, stderr: bool = False) -> Console:
     can_move = stream.isatty() and os.environ.get("TERM", "").lower() not in NO_ESCAPES
     return _SafeConsole(
         stderr=stderr,
-        markup=False,
-        highlight=False,
-        emoji=False,
         width=_measure_stream(stream, can_move=can_move),
         # A pipe that is to be coloured is still a pipe.
         force_interactive=None if can_move else False,
@@ -118,15 +118,7 @@ def print_table(console: Console, table: "ResultTable") -> None:
 def format_tables(tables: "Iterable[ResultTable]") -> str:
     """Return tables as text, as wide as they need."""
     stream = StringIO()
-    console = _SafeConsole(
-        file=stream,
-        width=UNLIMITED,
-        markup=False,
-        highlight=False,
-        emoji=False,
-        color_system=None,
-        force_jupyter=False,
-    )
+    console = _SafeConsole(file=stream, width=UNLIMITED, color_system=None, force_jupyter=False)
     for table in tables:
         print_table(console, table)
     return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()).rstrip()

@@ -138,10 +138,8 @@ class Results(Printed, Mapping[str, SampleResults]):
 
     def __repr__(self) -> str:
         """Return how much there is."""
-        rejected = len(self.record.rejections)
-        accepted = format_count(len(self.record.hits) - rejected, "hit")
         samples = format_count(len(self), "sample")
-        return f"{samples}, {accepted} accepted, {rejected} rejected; {self.record.origin}"
+        return f"{samples}, {self.record.count_hits()}; {self.record.origin}"
 
     @property
     def hammer(self) -> View:
@@ -151,8 +149,7 @@ class Results(Printed, Mapping[str, SampleResults]):
     @property
     def warnings(self) -> list[str]:
         """The remarks, a sentence each."""
-        remarks = gather_remarks(self.record, self._warnings)
-        return [f"{item.about}: {item.text}" if item.about else item.text for item in remarks]
+        return [str(remark) for remark in gather_remarks(self.record, self._warnings)]
 
     def list_tables(self) -> list[Table]:
         """Return the printed tables."""

@@ -17,7 +17,6 @@ from impact_rig.results.batch import BatchCampaign, tabulate_batch, tabulate_cha
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import format_count
 from impact_rig.results.remarks import (
-    Remark,
     describe_origin,
     gather_remarks,
     select_attention,
@@ -57,14 +56,11 @@ def print_screen(console: Console, results: Results, reading: Sequence[str] = ()
     if shown:
         print_text(console, "What needs attention", ALARM)
     for remark in shown:
-        text = textwrap.shorten(_format_remark(remark), LONGEST_REMARK, placeholder=" …")
-        print_item(console, text)
+        print_item(console, textwrap.shorten(str(remark), LONGEST_REMARK, placeholder=" …"))
     if shown:
         console.print()
-    rejected = len(results.rejections)
-    more = len(remarks) - len(shown)
-    text = f"{format_count(len(results.hits) - rejected, 'hit')} accepted, {rejected} rejected."
-    if more:
+    text = f"{results.count_hits()}."
+    if more := len(remarks) - len(shown):
         text += f" {format_count(more, 'more remark')} with --full."
     print_text(console, text)
 
@@ -80,10 +76,8 @@ def print_full(console: Console, results: Results, reading: Sequence[str] = ()) 
     for table in (*hits, *tabulate_results(results), *tabulate_summary(results)):
         print_table(console, table)
     for remark in gather_remarks(results, reading):
-        print_item(console, _format_remark(remark))
-    rejected = len(results.rejections)
-    accepted = format_count(len(results.hits) - rejected, "hit")
-    print_text(console, f"{accepted} accepted, {rejected} rejected.")
+        print_item(console, str(remark))
+    print_text(console, f"{results.count_hits()}.")
 
 
 def print_origin(console: Console, hits: Sequence[HitResults]) -> None:
@@ -100,7 +94,3 @@ def print_batch(console: Console, campaigns: Sequence[BatchCampaign]) -> None:
     changes = tabulate_changes(*campaigns) if len(campaigns) == 2 else []  # noqa: PLR2004 - a pair
     for table in changes or tabulate_batch(campaigns):
         print_table(console, table)
-
-
-def _format_remark(remark: Remark) -> str:
-    return f"{remark.about}: {remark.text}" if remark.about else remark.text

@@ -29,6 +29,7 @@ from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.session import SessionResults
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.speed_exponents import SpeedExponents
+from impact_rig.results.numbers import format_count
 
 Peaks = TypeVar("Peaks", PaperEstimate, "HitResults", "FileResults")
 
@@ -116,6 +117,11 @@ class Results(Comparable):
     def rejections(self) -> tuple[HitResults, ...]:
         """Hits that are in no mean, by record."""
         return tuple(hit for hit in self.hits if not hit.accepted)
+
+    def count_hits(self) -> str:
+        """Return how many hits there are: ``120 hits accepted, 0 rejected``."""
+        rejected = len(self.rejections)
+        return f"{format_count(len(self.hits) - rejected, 'hit')} accepted, {rejected} rejected"
 
     def select_accepted(self, sample: str) -> tuple[HitResults, ...]:
         """Return the hits in the mean of one sample, by record."""

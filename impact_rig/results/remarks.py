@@ -66,6 +66,10 @@ class Remark:
     effect: float = 0.0  # on a result, as a part of it [-]
     is_opinion: bool = False  # it interprets results, and says what to do
 
+    def __str__(self) -> str:
+        """Return the text with its subject."""
+        return f"{self.about}: {self.text}" if self.about else self.text
+
 
 NO_RESULT, MISSING_RESULT = math.inf, 1e-3
 """Effect of what leaves a sample without any result, and of what leaves one out [-]: a number that

@@ -89,16 +89,14 @@ def _make_results_section(
 ) -> Section:
     """Return the first page: the conclusion, one table, what needs attention."""
     judged = judge_values(results, stated.limits)
-    left_out = len(results.rejections)
     # If their sampling is not stated, the laboratory did not take the items (7.8.2.2).
     received = "" if stated.get("report", "sampling") else ", as received"
-    accepted = format_count(len(results.hits) - left_out, "hit")
     parts: list[Part] = [
         Paragraph(conclude(results, judged)),
         *tables.tabulate_summary(results),
         *_describe_coverage(results),
         *tabulate_conformity(judged),
-        Paragraph(f"{accepted} accepted, {left_out} rejected. {SCOPE.format(received=received)}"),
+        Paragraph(f"{results.count_hits()}. {SCOPE.format(received=received)}"),
     ]
     if remarks:
         parts += [Paragraph("What needs attention:"), Remarks(tuple(remarks), is_warning=True)]
