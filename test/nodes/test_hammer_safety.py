@@ -40,7 +40,8 @@ class Rig:
         self.recorder.publish(recorder)
         self._harness.wait_until(self.has_heard)
         if arm:
-            assert self.call(interfaces.ARM_HAMMER).success
+            # A busy machine may stand still, and the hammer then refuses for a while.
+            self._harness.wait_until(lambda: self.call(interfaces.ARM_HAMMER).success)
 
     def has_heard(self):
         """Whether the hammer has heard of accelerometers and recorder."""

@@ -42,7 +42,7 @@ def test_a_killed_node_disarms_the_hammer_and_pauses_the_campaign(harness, start
     harness.add(EstimatorNode)
     harness.add(HammerNode, swing_time=0.001)
     harness.record()
-    harness.add(CampaignNode, verdict_timeout=1.0)
+    harness.add(CampaignNode, verdict_timeout=1.0).answer_timeout = 2.0
     states = harness.listen(interfaces.HAMMER_STATE)
     _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=100_000)
     feedback.wait(lambda got: got[-1:] and got[-1].impact >= 1)
@@ -62,7 +62,7 @@ def test_nobody_who_reads_that_a_campaign_pauses_is_struck_when_its_reason_has_g
     harness.add(AccelerometerNode, trigger_timeout=0.2)
     harness.add(HammerNode, swing_time=0.001)
     harness.record()
-    harness.add(CampaignNode, verdict_timeout=0.5)
+    harness.add(CampaignNode, verdict_timeout=0.5).answer_timeout = 2.0
     states = harness.listen(interfaces.HAMMER_STATE)
     releases = harness.listen(interfaces.RELEASE)
     _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=100_000)
@@ -86,7 +86,7 @@ def test_a_hammer_that_is_started_again_while_a_campaign_waits_for_it_is_seen(
     harness.add(AccelerometerNode, trigger_timeout=0.2)
     harness.add(EstimatorNode)
     harness.record()
-    harness.add(CampaignNode)
+    harness.add(CampaignNode).answer_timeout = 2.0
     _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=2)
     feedback.wait(lambda got: got[-1:] and got[-1].state == got[-1].WAITING_FOR_HAMMER)
     kill(hammer)
