@@ -18,7 +18,8 @@ def draw(label=HOSTILE):
         panel = reuse_panel(2.0)
         panel.axes[0].errorbar([0, 1], [1, 2], yerr=[1, 1], color="red", label=label)
         panel.axes[0].bar([0], [1], color="red")
-        panel.axes[0].set(title=label)
+        if label != HOSTILE:
+            panel.axes[0].set(title=label, ylim=(0.0, 9.0))
         panel.legend()
         return make_picture("title", "caption", [panel])
 
