@@ -256,6 +256,7 @@ class HammerHolder(Protocol):
     # An operator releases the hammer: `release` only permits it. The time that this may take until
     # the contact is the holder's attribute `patience` [s].
     is_by_hand: ClassVar[bool]
+    hammerless: ClassVar[bool]  # no hammer hangs in it: a release strikes nothing
 
     def __init__(self, options: TomlTable) -> None: ...
 
@@ -319,6 +320,7 @@ class CommandedHolder:
     """
 
     is_by_hand: ClassVar[bool] = False
+    hammerless: ClassVar[bool] = False
     commanded = HolderState.HOLDING
 
     @classmethod

@@ -21,7 +21,6 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.devices.virtual.choices import IDENTITY
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import START_ONE, RigClient
 from impact_rig.nodes.findings import hit_results_from_msg
@@ -359,8 +358,9 @@ class CampaignClient(RigClient):
 
     def _arm(self, _: Operator) -> None:
         """Go on for a person who is not there, where no hammer can strike one who is."""
-        is_virtual = self.is_hammerless and self._status.hammer.holder == IDENTITY
-        if self._is_unattended and is_virtual and not self._status.hammer.is_stopped:
+        hammer = self._status.hammer
+        is_safe = self.is_hammerless and hammer.hammerless
+        if self._is_unattended and is_safe and not hammer.is_stopped:
             with contextlib.suppress(DeviceError):
                 self.call(Trigger, interfaces.ARM_HAMMER, Trigger.Request(), SERVICE_TIMEOUT)
 

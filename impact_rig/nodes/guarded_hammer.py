@@ -133,6 +133,11 @@ class GuardedHammer:
         return None
 
     @property
+    def is_hammerless(self) -> bool:
+        """Whether no hammer hangs in the holder."""
+        return self._holder is not None and self._holder.hammerless
+
+    @property
     def can_set_angle(self) -> bool:
         """Whether the holder can set a release angle."""
         return isinstance(self._holder, AngledHolder)

@@ -137,6 +137,7 @@ class HammerNode(DeviceNode):
                 disarmed_by=condition.disarmed_by,
                 message=condition.message,
                 holder=self._holder,
+                hammerless=self._hammer.is_hammerless,
                 sets_angle=self._hammer.can_set_angle,
             )
 

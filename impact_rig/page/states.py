@@ -106,6 +106,7 @@ class HammerStatus:
     disarmed_by: Disarming = Disarming.OPERATOR  # also while it is given, and before it ever was
     message: str = ""
     holder: str = ""  # what holds it
+    hammerless: bool = False  # no hammer hangs in it: a release strikes nothing
     sets_angle: bool = False  # the holder does, when it is asked to
     # Of the last change [s since the epoch].
     since: float = field(default=math.nan, metadata=INTERNAL)

@@ -16,6 +16,7 @@ class Good:
     description = "a digitizer of another package"
     example = """[source]\\ndriver = "good"\\nport = 7   # its own key\\n"""
     is_by_hand = False
+    hammerless = False
 
     def __init__(self, options):
         options.check_keys("port")

@@ -9,8 +9,9 @@ from impact_rig_msgs.msg import CampaignState, HammerState
 from impact_rig_msgs.srv import GetResults, JoinCampaign
 from std_srvs.srv import Trigger
 
+from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import DeviceError
-from impact_rig.devices.virtual.choices import IDENTITY
+from impact_rig.devices.virtual.drivers import VirtualHolder
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode
@@ -128,13 +129,20 @@ def test_where_nobody_is_there_a_silent_estimator_ends_it_while_its_process_live
         harness.wait_until(still.service_is_ready)
 
 
-@pytest.mark.parametrize("holder", [IDENTITY, "a real one"])
+class RealHolder(VirtualHolder):
+    """Holds a hammer."""
+
+    hammerless = False
+
+
+@pytest.mark.parametrize("holder", [VirtualHolder, RealHolder])
 def test_where_nobody_is_there_an_estimator_that_was_only_late_ends_it_at_a_real_hammer_alone(
     harness, start_process, holder
 ):
     estimator = start_process("estimator")
     harness.add(AccelerometerNode, trigger_timeout=0.2)
-    harness.add(HammerNode, swing_time=0.001)._holder = holder
+    hammer = harness.add(HammerNode, swing_time=0.001)._hammer
+    harness.run(lambda: hammer.take(holder(TomlTable({})), confirm_return=False))
     harness.record()
     harness.add(CampaignNode, **SOON).answer_timeout = 1.0
     harness.wait_until(harness.peer.create_client(JoinCampaign, JOIN_ESTIMATOR).service_is_ready)
@@ -151,10 +159,10 @@ def test_where_nobody_is_there_an_estimator_that_was_only_late_ends_it_at_a_real
     with CampaignClient() as client:
         client.wait_for_rig(START_PATIENCE)
         outcome = client.run(
-            goal, Onlooker(be_late), longest_pause=20.0 if holder == IDENTITY else 3.0
+            goal, Onlooker(be_late), longest_pause=20.0 if holder.hammerless else 3.0
         )
     assert reasons
-    assert outcome.success is (holder == IDENTITY), outcome.message
+    assert outcome.success is holder.hammerless, outcome.message
     assert outcome.success or "a person who sees that it can strike nobody" in outcome.message
 
 

@@ -20,6 +20,7 @@ class Holder:
     """Counts the calls; fails while `is_broken`."""
 
     is_by_hand = False
+    hammerless = False
 
     def __init__(self) -> None:
         self.releases = 0

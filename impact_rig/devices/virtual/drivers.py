@@ -237,6 +237,7 @@ class VirtualHolder(CommandedHolder):
         If it has any.
     """
 
+    hammerless: ClassVar[bool] = True
     description: ClassVar[str] = "the virtual rig's holder"
     example: ClassVar[str] = '[holder]\ndriver = "virtual"\n'
 
