@@ -21,7 +21,9 @@ from impact_rig.recordings.messages import NO_ID, stamp_from_msg
 T = TypeVar("T")
 UNSOUND = (RigError, ValueError, OverflowError)
 """Errors of a conversion if a message cannot be meant."""
-UNKNOWN = "a node that has gone"
+UNKNOWN = "a node whose name is not known"
+UNNAMED = "_NODE_NAME_UNKNOWN_"
+"""Name of a node, by rmw_fastrtps, of which only the endpoints have been discovered."""
 
 
 @dataclass(frozen=True)
@@ -114,13 +116,14 @@ class Intake:
         names = [
             f"{item.node_namespace.rstrip('/')}/{item.node_name}"
             for item in self._node.get_publishers_info_by_topic(topic.name)
+            if item.node_name != UNNAMED
         ]
         # One of them is the rig's own, the first of a name of its nodes.
         own = self._node.get_namespace().rstrip("/")
         if name := next((f"{own}/{it}" for it in MEASURING if f"{own}/{it}" in names), None):
             names.remove(name)
-            if not names and stamp < self._began:
-                return  # of the rig's campaign before, latched
+        if not names and stamp < self._began:
+            return  # of the rig's campaign before, latched
         for name in set(names or [UNKNOWN]) - self.foreign:
             self.foreign.add(name)
             self._node.get_logger().warning(

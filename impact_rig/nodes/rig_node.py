@@ -14,7 +14,7 @@ from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.diagnostics import DIAGNOSTIC_PERIOD, make_diagnostics
 from impact_rig.nodes.identity import Identity, id_from_msg
-from impact_rig.nodes.intake import UNSOUND, Intake, Received
+from impact_rig.nodes.intake import UNNAMED, UNSOUND, Intake, Received
 from impact_rig.nodes.interfaces import Topic, make_join_name
 from impact_rig.nodes.managed_node import ManagedNode
 from impact_rig.nodes.rig_member import RigMember
@@ -97,7 +97,7 @@ class RigNode(ManagedNode):
         names = {item.node_name for item in self.get_subscriptions_info_by_topic(topic)}
         # After a long break of the network the middleware knows a node's endpoints, but its name
         # never again: it may be any of them.
-        if "_NODE_NAME_UNKNOWN_" in names:
+        if UNNAMED in names:
             return None
         return next((name for name in required if name not in names), None)
 

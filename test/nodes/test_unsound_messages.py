@@ -185,6 +185,15 @@ def test_a_foreign_publisher_is_named_once_whatever_ids_it_uses():
     assert warning.startswith("hammer/state carries the id of another campaign, from /rosbag2_pl")
 
 
+def test_what_the_rig_latched_before_is_no_stranger_though_its_node_has_no_name_yet():
+    listener = Listener(("_NODE_NAMESPACE_UNKNOWN_", "_NODE_NAME_UNKNOWN_"))
+    intake = Intake(listener)
+    intake.membership.join(Identity(make_id()))
+    before = msg.HammerState(campaign_id=id_to_msg(make_id()))
+    assert intake.take(interfaces.HAMMER_STATE, before) is None
+    assert not listener.warnings
+
+
 def test_what_comes_in_is_one_of_our_types():
     received = Intake(Listener()).take(
         interfaces.SETUP, setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
