@@ -13,6 +13,7 @@ import signal
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
@@ -43,21 +44,42 @@ for number in (signal.SIGINT, signal.SIGHUP):
 OPTIONAL = {
     "google", "h5py", "lvm_read", "mcap_ros2", "mujoco", "nptdms", "openpyxl", "pyarrow", "pyuff",
 }  # fmt: skip
-"""What package.xml does not name: files of tests that import it are left out where it is not."""
+"""Libraries that package.xml does not name: tests that import one are skipped without it."""
+
+
+@contextmanager
+def skip_where_missing():
+    """Skip what imports an optional library that is missing."""
+    try:
+        yield
+    except (ImportError, pytest.Collector.CollectError) as error:
+        missing = getattr(error.__cause__ or error, "name", None) or ""
+        if missing.partition(".")[0] in OPTIONAL:
+            pytest.skip(f"{missing} is not installed", allow_module_level=True)
+        raise
 
 
 class OptionalModule(pytest.Module):
-    """A file of tests that is skipped where an optional library is missing."""
+    """A file of tests that may import an optional library."""
 
     def collect(self):
         """Return its tests."""
-        try:
+        with skip_where_missing():
             return super().collect()
-        except self.CollectError as error:
-            missing = getattr(error.__cause__, "name", None) or ""
-            if missing.partition(".")[0] in OPTIONAL:
-                pytest.skip(f"{missing} is not installed", allow_module_level=True)
-            raise
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup():
+    """Make the fixtures of a test."""
+    with skip_where_missing():
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call():
+    """Run a test."""
+    with skip_where_missing():
+        return (yield)
 
 
 def pytest_pycollect_makemodule(module_path, parent):
