@@ -128,6 +128,10 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
             " recorded as a whole, beside the hits that are found in it; 72 GB an hour at"
             " 2.5 MS/s, uncompressed",
         ),
+        "exclude_topics": Parameter(
+            "", "topics of other nodes in the rig's namespace, by commas, that are not recorded;"
+            " `up` sets those that the driver topic reads, whose hits are recorded",
+        ),
         "notes": Parameter("", "in the operator's words; they go into the recording"),
         "attachments": Parameter("", "files, by commas, that go into the recording"),
     },

@@ -213,6 +213,7 @@ def list_rig_processes(
             "notes": notes,
             "attachments": path,
             "record_stream": record_stream,
+            "exclude_topics": ",".join(rig.list_topics()) if rig else "",
         },
         "visualizer": {"output": str(Path(output, VIEW_NAME)), **make_viewer_parameters(viewers)},
     }

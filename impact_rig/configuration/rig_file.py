@@ -221,6 +221,14 @@ class RigFile:
     holder: TomlTable = field(default_factory=lambda: TomlTable({}, "[holder]"))
     document: TomlTable = field(default_factory=lambda: TomlTable({}))  # all of it, for the lines
 
+    def list_topics(self) -> list[str]:
+        """Return the topics of other nodes that the source reads, by the driver `topic`."""
+        if self.source.get("driver") != "topic":
+            return []
+        tables = [item for item in self.source.values() if isinstance(item, Mapping)]
+        topics = [str(item.get("channel", "")).partition(".")[0] for item in tables]
+        return list(dict.fromkeys(topics))
+
 
 def read_template() -> str:
     """Return the paper's rig as a rig file, to copy and change."""
@@ -377,6 +385,12 @@ def _parse_samples(document: TomlTable) -> SampleSet:
         if sample.name in samples:
             raise table.make_error("name", f"{table.place} appears twice: names are unique")
         samples[sample.name] = sample
+    if not samples:
+        raise document.make_error(
+            "sample",
+            "the rig file has no [[sample]]: `impact-rig up --template` prints a whole one, into"
+            " which tables of drivers are put",
+        )
     control = common.take_text("control")
     masses: dict[str, Any] = {
         key: common.take_quantity(key, "kg", example, 0.0) for key, example in examples.items()

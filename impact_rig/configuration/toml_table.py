@@ -129,6 +129,7 @@ class TomlTable(Mapping[str, Any]):
         self.place = place
         self._lines = lines or {}
         self._path = path
+        self._taken: tuple[str, ...] = ()  # keys that other readers take
 
     def __getitem__(self, key: str) -> Any:
         """Return a value as the file has it."""
@@ -145,7 +146,9 @@ class TomlTable(Mapping[str, Any]):
     def without(self, *keys: str) -> "TomlTable":
         """Return the table without some keys, which other readers take."""
         left = {key: value for key, value in self._values.items() if key not in keys}
-        return TomlTable(left, self.place, self._lines, self._path)
+        table = TomlTable(left, self.place, self._lines, self._path)
+        table._taken = (*self._taken, *keys)
+        return table
 
     def merge(self, other: "TomlTable") -> "TomlTable":
         """Return the table with the values of another one in place of its own."""
@@ -196,6 +199,7 @@ class TomlTable(Mapping[str, Any]):
         ParameterError
             If a key is unknown.
         """
+        known += self._taken
         for key in self._values:
             if key not in known:
                 near = difflib.get_close_matches(key, known, n=1)

@@ -73,7 +73,7 @@ def open_source(node: DeviceNode, *, continuous: bool) -> OpenSource:
     try:
         table = override_source(file.source, node.get_value("source"))
         for warning in require_rig(replace(file, source=table, path=None)):
-            node.get_logger().warning(warning)
+            node.warn_once(warning)
         source, plan = make_source(
             table,
             file.setup,

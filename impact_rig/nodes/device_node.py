@@ -28,6 +28,13 @@ class DeviceNode(RigNode):
         self._known["use_sim_time"] = Parameter(default=False, description="")  # fixed, too
         self._reconnection = self.create_timer(1.0, self._reconnect)
         self._reconnection.cancel()
+        self._warnings: set[str] = set()  # that were logged
+
+    def warn_once(self, text: str) -> None:
+        """Log a warning, though the device is opened again and again until it is there."""
+        if text not in self._warnings:
+            self._warnings.add(text)
+            self.get_logger().warning(text)
 
     def configure(self) -> None:
         """Refuse a simulated time, which neither hammer nor digitizer follows."""

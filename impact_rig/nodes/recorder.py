@@ -2,6 +2,7 @@
 
 import contextlib
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from datetime import datetime
@@ -183,8 +184,10 @@ class RecorderNode(RigNode):
             for name, count in (("blocks have", self._records.total), ("stream has", self._stream))
             if count.gaps
         ]
-        if lost := self._messages_lost:
-            parts.append(f"{lost} message{'s' * (lost > 1)} did not get through")
+        parts += [
+            f"{lost} message{'s' * (lost > 1)} on {topic} did not get through"
+            for topic, lost in self._messages_lost.items()
+        ]
         return "; ".join(parts) or None
 
     def diagnose(self) -> dict[str, Any]:
@@ -211,7 +214,7 @@ class RecorderNode(RigNode):
             "stream_blocks": stream.blocks,
             "stream_gaps": stream.gaps,
             "stream_missing_points": stream.missing_points,
-            "messages_lost": self._messages_lost,
+            "messages_lost": self._messages_lost.total(),
             "topics_not_recorded": ", ".join(self._skipped),
         }
 
@@ -220,7 +223,8 @@ class RecorderNode(RigNode):
     def _forget(self) -> None:
         """Count from zero, for a new recording."""
         self._records, self._stream = RecordWatch(), BlockCount()
-        self._messages_lost = 0  # dropped by the middleware, as far as it numbers them
+        # Dropped by the middleware, by topic, as far as it numbers them.
+        self._messages_lost = Counter[str]()
         self._skipped: dict[str, str] = {}  # topics that are not recorded, and why
         self._texts: dict[str, str] = {}  # nodes' parameters in YAML, by full node name
         self._warning: str | None = None
@@ -284,7 +288,7 @@ class RecorderNode(RigNode):
         self._message = message
         writer, fields = self._writer, dict[str, Any]()
         if writer is not None:
-            fields = {"uri": str(writer.path), "messages_lost": self._messages_lost}
+            fields = {"uri": str(writer.path), "messages_lost": self._messages_lost.total()}
         if self.context.ok():
             is_recording = writer is not None and not writer.closed
             self._publish(recording=is_recording, message=message, **fields)
@@ -293,8 +297,9 @@ class RecorderNode(RigNode):
 
     def _discover(self, writer: RecordingWriter) -> None:
         """Record further topics below the namespace, and global ones."""
+        excluded = split_names(self.get_value("exclude_topics"))
         for topic, types in self.get_topic_names_and_types():
-            if topic in self._recorded or topic in self._skipped:
+            if topic in (*self._recorded, *self._skipped, *excluded):
                 continue
             is_below = topic.startswith(self._prefix) and not topic_or_service_is_hidden(topic)
             is_global = topic in (interfaces.DIAGNOSTICS.name, "/rosout", "/parameter_events")
@@ -388,7 +393,7 @@ class RecorderNode(RigNode):
         # The middleware reports no loss where a queue overflows, but it numbers the messages of
         # each publisher.
         if self._recorded[topic].get_publisher_count() == 1:
-            self._messages_lost += count
+            self._messages_lost[topic] += count
 
     def _on_block(self, writer: RecordingWriter, message: AccelerationBlock) -> None:
         """Count a block that was written; the end of its record puts that on the disk."""

@@ -89,7 +89,7 @@ trigger_level = "5 m/s^2"
 # simulated = true           # the other node computes its numbers
 
 [source.hammer]
-channel = "/hammer/imu.linear_acceleration.x"   # topic.field, topic.field[index], as of files
+channel = "/hammer/accel.accel.linear.x"        # topic.field, topic.field[index], as of files
 
 [source.specimen]
 channel = "/body/samples.data[0]"               # the same topic, or one with the same stamps
@@ -236,7 +236,7 @@ def _make_inputs(channels: Sequence[SourceChannel]) -> list[_Input]:
             raise channel.options.make_error(
                 "channel",
                 f"channel of {channel.options.place} is {channel.name!r}: it must be a whole topic"
-                " and a number in its messages, as in /imu.linear_acceleration.x",
+                " and a number in its messages, as in /accel.accel.linear.x",
             )
         inputs.setdefault(topic, _Input(topic)).channels[name] = channel
     return list(inputs.values())

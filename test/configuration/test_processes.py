@@ -15,6 +15,7 @@ from impact_rig.configuration.processes import (
     make_network_variables,
 )
 from impact_rig.configuration.rig_file import RigFile
+from impact_rig.configuration.toml_table import parse_toml_table
 from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.setup import PAPER_SETUP
 
@@ -61,6 +62,12 @@ def test_a_whole_rig_records_and_shows_into_its_folder():
         "recorder": {"output": "out/session.mcap", "attachments": "my.toml"},
         "visualizer": {"output": "out/session.rrd"},
     }
+
+
+def test_what_the_driver_topic_reads_is_recorded_as_hits_alone():
+    source = 'driver = "topic"\nhammer.channel = "/imu.a.x"\nspecimen.channel = "/body.a[0]"'
+    mine = RigFile(PAPER_SETUP, source=parse_toml_table(source))
+    assert by_name(rig=mine)["recorder"]["exclude_topics"] == "/imu,/body"
 
 
 def test_a_running_stream_is_recorded_where_there_is_one():

@@ -107,6 +107,7 @@ def test_release_angles_are_in_degrees():
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ('[[sample]]\nname = "oak"\nmass = "80 g"', "", r"no \[\[sample\]\]: .*--template"),
         ('mass = "80 g"', 'mas = "80 g"', r"sample 'oak' has an unknown key 'mas'.*'mass'"),
         ('mass = "80 g"', 'mass = "80 mm"', r'mass of sample \'oak\' is "80 mm", which is no kg'),
         ('mass = "80 g"', 'mass = "80 g"\nmass_uncertainty = "-1 g"',

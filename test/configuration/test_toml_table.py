@@ -117,6 +117,8 @@ def test_values_are_read_as_what_they_must_be(table):
          "line 15: mass of sample 2 is 3"),
         (lambda table: table.take_table("source").check_keys("drive"),
          r"line 10: \[source\] has an unknown key 'driver': did you mean 'drive'"),
+        (lambda table: table.take_table("source").without("drive").check_keys("rate"),
+         "did you mean 'drive'"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_meant_is_named_with_its_line(table, take, told):

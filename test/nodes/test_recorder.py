@@ -163,11 +163,11 @@ def test_other_libraries_read_all_messages_of_all_topics(harness, recorder, tmp_
 
 
 def test_further_topics_below_the_namespace_are_discovered(harness, recorder, tmp_path):
-    _, _, node = recorder(namespace="/hall")
+    _, _, node = recorder(namespace="/hall", exclude_topics="/hall/imu")
     stream = harness.peer.create_publisher(StreamBlock, "/hall/acceleration/stream", 10)
-    inside, outside, hidden = (
+    inside, outside, hidden, excluded = (
         harness.peer.create_publisher(String, name, 10)
-        for name in ("/hall/notes", "/elsewhere/notes", "/hall/_hidden/notes")
+        for name in ("/hall/notes", "/elsewhere/notes", "/hall/_hidden/notes", "/hall/imu")
     )
     best_effort = harness.peer.create_publisher(
         String, "/hall/temperature", QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -180,7 +180,7 @@ def test_further_topics_below_the_namespace_are_discovered(harness, recorder, tm
         harness.wait_until(lambda publisher=publisher: publisher.get_subscription_count() > 0)
     inside.publish(String(data="hello"))
     # The running stream is left alone, unless it is asked for.
-    for publisher in (outside, hidden, stream):
+    for publisher in (outside, hidden, excluded, stream):
         assert not publisher.get_subscription_count()
     for topic in ("/hall/notes", "/hall/name"):
         harness.wait_until(lambda topic=topic: node._writer.count_messages(topic) > 0)
@@ -332,6 +332,7 @@ def test_messages_that_a_full_queue_dropped_are_counted(harness, recorder):
     assert (found.blocks, found.gaps, found.missing_points) == (depth, 1, (230 - depth) * POINTS)
     state = states.wait(lambda messages: messages[-1].messages_lost > 0)[-1]
     assert state.messages_lost == 230 - depth
+    assert f"{230 - depth} messages on /acceleration did not get through" in state.message
 
 
 def test_a_full_disk_ends_the_recording_cleanly_and_says_so(
