@@ -15,6 +15,7 @@ from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from impact_rig.core.errors import DeviceError, FileError
+from impact_rig.nodes import interfaces
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.executor import accept_message_info, make_executor, spin_until
 
@@ -106,6 +107,7 @@ OWN_TYPES = (
     "rosgraph_msgs/",
 )
 """Types of topics that the rig's nodes publish, and every node of ROS 2."""
+OWN_NAMES = tuple(f"/{topic.name}" for topic in interfaces.RECORDED_TOPICS)
 
 
 class Listener(BackgroundNode):
@@ -124,11 +126,13 @@ class Listener(BackgroundNode):
         self._patience = patience
 
     def list_topics(self) -> dict[str, str]:
-        """Return the topics that have a publisher, with their types."""
+        """Return the topics on which foreign nodes publish, with their types."""
         return {
             topic: types[0]
-            for topic, types in self.node.get_topic_names_and_types()
+            for topic, types in sorted(self.node.get_topic_names_and_types())
             if self.count_publishers(topic)
+            and not types[0].startswith(OWN_TYPES)
+            and not topic.endswith(OWN_NAMES)
         }
 
     def count_publishers(self, topic: str) -> int:
@@ -150,10 +154,7 @@ class Listener(BackgroundNode):
             time.sleep(0.01)  # the graph is asked, it tells nothing by itself
         publishers = self.node.get_publishers_info_by_topic(topic)
         if len(publishers) != 1:
-            found = sorted(self.list_topics().items())
-            there = ", ".join(
-                f"{name} ({of})" for name, of in found if not of.startswith(OWN_TYPES)
-            )
+            there = ", ".join(f"{name} ({of})" for name, of in self.list_topics().items())
             names = ", ".join(item.node_name for item in publishers)
             raise DeviceError(
                 f"{len(publishers)} nodes publish on {topic} ({names}): one must" if publishers

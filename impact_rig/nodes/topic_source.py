@@ -22,8 +22,6 @@ from impact_rig.recordings.message_numbers import find_stamp, make_reader
 
 BLOCK_TIME = 0.01
 """Duration of points that are passed on together [s], our choice: a message often has one."""
-NO_INSTRUMENTS = ("diagnostic_msgs", "impact_rig_msgs", "lifecycle_msgs", "rcl_interfaces")
-"""Packages whose messages hold no samples."""
 
 
 @dataclass(eq=False)
@@ -117,14 +115,10 @@ unit = "m/s^2"               # or g, N, V …: where the type of the message doe
         listener = Listener()
         try:
             time.sleep(cls.patience)
-            found = sorted(listener.list_topics().items())
+            found = listener.list_topics()
         finally:
             listener.close()
-        return tuple(
-            FoundDevice(topic, kind)
-            for topic, kind in found
-            if not kind.startswith(NO_INSTRUMENTS)
-        )
+        return tuple(FoundDevice(topic, kind) for topic, kind in found.items())
 
     def open_device(self, plan: AcquisitionPlan) -> None:
         """Listen, and learn from the first messages what they hold and how fast they come.
