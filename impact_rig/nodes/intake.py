@@ -70,8 +70,11 @@ class Intake:
         self.handled += 1
         if self.membership.is_foreign(message):
             # Of none is a node that has just been started, too.
-            if identity_from_msg(message).campaign_id != NO_ID:
-                self._name_foreign(topic, stamp_from_msg(message.header.stamp))
+            campaign_id = identity_from_msg(message).campaign_id
+            if campaign_id != NO_ID:
+                is_former = campaign_id in self.membership.former
+                is_latched = stamp_from_msg(message.header.stamp) < self._began
+                self._name_foreign(topic, may_be_own=is_former or is_latched)
             return None
         try:
             return Received(topic.convert(message), message)
@@ -108,7 +111,7 @@ class Intake:
             ),
         )
 
-    def _name_foreign(self, topic: Topic, stamp: int) -> None:
+    def _name_foreign(self, topic: Topic, *, may_be_own: bool) -> None:
         """Warn once of each node whose messages are ignored."""
         if time.monotonic() < self._looked_at + self.look_period:
             return
@@ -122,8 +125,8 @@ class Intake:
         own = self._node.get_namespace().rstrip("/")
         if name := next((f"{own}/{it}" for it in MEASURING if f"{own}/{it}" in names), None):
             names.remove(name)
-        if not names and stamp < self._began:
-            return  # of the rig's campaign before, latched
+        if not names and may_be_own:
+            return  # of a campaign of the rig before
         for name in set(names or [UNKNOWN]) - self.foreign:
             self.foreign.add(name)
             self._node.get_logger().warning(

@@ -5,6 +5,7 @@ The messages of all topics are made of their definitions, over DDS, against all 
 
 import math
 import re
+import time
 from array import array
 from types import SimpleNamespace
 
@@ -191,6 +192,18 @@ def test_what_the_rig_latched_before_is_no_stranger_though_its_node_has_no_name_
     intake.membership.join(Identity(make_id()))
     before = msg.HammerState(campaign_id=id_to_msg(make_id()))
     assert intake.take(interfaces.HAMMER_STATE, before) is None
+    assert not listener.warnings
+
+
+def test_a_late_message_of_the_campaign_before_is_no_stranger_s():
+    listener = Listener(("/bench", "recorder"))
+    intake = Intake(listener)
+    before, after = make_id(), make_id()
+    for campaign in (before, after):
+        intake.membership.join(Identity(campaign))
+    late = msg.RecorderState(campaign_id=id_to_msg(before))
+    late.header.stamp = stamp_to_msg(time.time_ns())
+    assert intake.take(interfaces.RECORDER_STATE, late) is None
     assert not listener.warnings
 
 
