@@ -24,7 +24,6 @@ from impact_rig.analysis.sources import (
     find_run,
     list_files,
     list_items,
-    read_path,
     read_runs,
 )
 from impact_rig.configuration.processes import limit_threads
@@ -34,6 +33,7 @@ from impact_rig.core.errors import (
     FileError,
     ParameterError,
     RigError,  # noqa: F401 - public
+    SignalError,
     check_count,
     check_name,
 )
@@ -47,6 +47,8 @@ from impact_rig.present.printed import Number  # noqa: F401 - public
 from impact_rig.present.printed_results import Comparison, Results, SampleResults
 from impact_rig.recordings.source import find_bag
 from impact_rig.results.batch import BatchCampaign, tabulate_changes
+from impact_rig.results.campaign import HitResults
+from impact_rig.results.results_file import read_path
 
 Chosen = str | int | Hit | Iterable[str | int | Hit]
 """Hits, each as itself, by name, or by the number of its record."""
@@ -367,7 +369,8 @@ def estimate(
     Raises
     ------
     RigError
-        As `Session.add`, or if a quantity cannot be meant.
+        As `Session.add`, if a quantity cannot be meant, or if every hit is rejected, with the
+        reasons.
 
     Examples
     --------
@@ -383,7 +386,10 @@ def estimate(
         **settings,
     )
     session.add(hammer, specimen, rate=rate, on=sample, unit=unit)
-    return session.results[sample]
+    found = session.results[sample]
+    if not found.impacts_accepted:
+        raise SignalError(f"{sample}: {'; '.join(found.remarks)}")
+    return found
 
 
 class VirtualRig:
@@ -440,8 +446,11 @@ class VirtualRig:
         (block,) = hit.split(hit.hammer.output.size, 0)
         return Hit(block, truth=make_truth(hit))
 
-    def find_truth(self, label: HitLabel) -> Truth:
-        """Return the truth of a hit of this name, which does not depend on earlier hits."""
+    def find_truth(self, hit: Hit | HitResults | HitLabel) -> Truth:
+        """Return the truth of a hit by its label, which does not depend on earlier hits."""
+        label = getattr(hit, "label", hit)
+        if not isinstance(label, HitLabel):
+            raise ParameterError(f"hit is {hit!r:.40}: it must be a hit, or its `label`")
         return make_truth(self._rig.strike(label))
 
     def run(self, samples: str | Iterable[str] = (), impacts: int = 10) -> Run:
@@ -457,10 +466,13 @@ class VirtualRig:
         return Run(campaign, "virtual rig", truths=campaign.truths)
 
 
-def compare(first: Results | Run, second: Results | Run) -> Comparison:
+def compare(
+    first: Results | SampleResults | Run, second: Results | SampleResults | Run
+) -> Comparison:
     """Return the changes from one run to another, and whether they exceed their uncertainty.
 
-    A value changed where |En| is above 1 (ISO 13528, 9.7); `print` shows all.
+    A value changed where |En| is above 1 (ISO 13528, 9.7); `print` shows all. Results of one
+    sample, as of `estimate`, are compared with those of the same name.
 
     Raises
     ------
@@ -473,12 +485,19 @@ def compare(first: Results | Run, second: Results | Run) -> Comparison:
     >>> compare(*rigs)
     0 of 5 values changed beyond their uncertainty
     """
-    for item in (first, second):
-        if not isinstance(item, Run | Results):
-            raise ParameterError(f"{item!r:.40} is neither a run nor results: open it by open_run")
-    pair = [item.analyze() if isinstance(item, Run) else item for item in (first, second)]
+    pair = [_read_results(item) for item in (first, second)]
     tables = tabulate_changes(*(BatchCampaign(Path(item.name), 1, item.record) for item in pair))
     if not tables:
         named = (f"{item.name} ({', '.join(item)})" for item in pair)
         raise ParameterError(f"{' and '.join(named)} have no quantity in common")
     return Comparison(tables)
+
+
+def _read_results(item: Any) -> Results:
+    if isinstance(item, SampleResults):
+        return item.as_results()
+    if isinstance(item, Results):
+        return item
+    if isinstance(item, Run):
+        return item.analyze()
+    raise ParameterError(f"{item!r:.40} is neither a run nor results: open it by open_run")

@@ -33,7 +33,9 @@ def ros_domain() -> Iterator[int]:
 @pytest.fixture
 def harness(ros_domain: int, tmp_path: Path) -> "Iterator[Harness]":
     """Return a place in this process to run nodes in, in a ROS domain of their own."""
-    from impact_rig.testing.harness import Harness
+    from impact_rig.cli.libraries import explain_missing
 
+    with explain_missing():
+        from impact_rig.testing.harness import Harness
     with closing(Harness(tmp_path / "session.mcap", ros_domain)) as started:
         yield started

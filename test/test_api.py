@@ -23,6 +23,7 @@ from impact_rig.files.importing import write_imported
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.present import printed, printed_results
 from impact_rig.present.printed import Number
+from impact_rig.testing import score
 
 mpl.use("Agg")
 README = Path(__file__).resolve().parent.parent / "README.md"
@@ -85,6 +86,7 @@ def test_importing_the_package_loads_no_library_and_its_names_load_no_ros():
 )
 def test_a_number_prints_itself_with_unit_and_uncertainty(number, text):
     assert str(number) == f"{number}" == repr(number) == text
+    assert f"{number:>30}" == f"{text:>30}"
 
 
 def test_hits_are_arrays_with_their_verdict_and_the_virtual_rigs_truth(run):
@@ -131,7 +133,7 @@ def test_a_setting_is_changed_and_a_hit_left_out_by_keyword(run, results):
     )
     comparison = ir.compare(results, changed)
     assert not comparison.changed
-    assert "Difference" in str(comparison)
+    assert str(comparison).startswith("Changes\n")  # both are of the run
 
 
 def test_a_comparison_says_what_changed(run, results):
@@ -140,6 +142,8 @@ def test_a_comparison_says_what_changed(run, results):
         slower.add(hit.hammer, hit.specimen, rate=0.9 * hit.rate, on=CONTROL)
     comparison = ir.compare(results, slower)
     assert (CONTROL, "k [MN/m]") in comparison.changed
+    of_one = ir.compare(results[CONTROL], slower.results[CONTROL])
+    assert of_one.changed == comparison.changed
     assert repr(comparison).startswith(f"{len(comparison.changed)} of ")
     with pytest.raises(ir.RigError, match="no quantity in common"):
         ir.compare(results, ir.VirtualRig().run(["brass small"], 2).analyze())
@@ -191,6 +195,10 @@ MISTAKES = {
     "unit .m. is unknown": lambda: estimate(unit="m"),
     "in N needs the hammer's mass": lambda: estimate(unit="N", hammer_mass=None),
     "hammer_mass is nan": lambda: estimate(hammer_mass=np.nan),
+    "hit is 'steel small/1': it must be a hit": lambda: ir.VirtualRig().find_truth(
+        "steel small/1"
+    ),
+    "estimator is 3: it must be a function": lambda: score(3),
     "masked points": lambda: estimate(np.ma.masked_greater(np.arange(50.0), 40.0)),
     "hammer is .*must be an array of real numbers": lambda: estimate(["a"] * 50),
     "of real numbers": lambda: estimate(HIT.hammer + 1j),
@@ -259,6 +267,8 @@ def test_results_alone_open_and_say_that_there_are_no_hits(results, tmp_path):
     assert str(stored.analyze()) == str(results)
     with pytest.raises(ir.RigError, match="results alone"):
         _ = stored.hits
+    with pytest.raises(ir.RigError, match="path is 3: it must be the name of a file"):
+        results.save(3)
     with pytest.raises(ir.RigError, match="cutoff does not change"):
         stored.analyze(cutoff="20 kHz")
     with pytest.raises(ir.RigError, match="without their recording"):
@@ -297,8 +307,14 @@ def test_arrays_of_several_hits_are_averaged(run):
 
 
 def test_a_hit_that_is_rejected_says_why():
-    (*_, reason) = estimate(HIT.hammer[:700]).remarks
-    assert reason.startswith("hit 1.1 is rejected: truncated: the pulse is cut off")
+    reason = "hit 1.1 is rejected: truncated: the pulse is cut off"
+    with pytest.raises(ir.RigError, match=f"sample: .*{reason}"):
+        estimate(HIT.hammer[:700])
+    session = ir.Session({STEEL: None})
+    session.add(HIT.hammer[:700], rate="2.5 MHz", on=STEEL)
+    assert reason in str(session.results[STEEL])
+    assert "no hit was accepted: truncated (1)" in str(session.results)
+    assert str(session.results[STEEL].notes[0]) == "hits: 0 of 1 accepted"
 
 
 def test_hits_that_are_added_together_are_all_taken_or_none(run):
@@ -384,12 +400,12 @@ def test_the_readme_s_lines_run_as_they_are_typed(recording, run, tmp_path, monk
     known = {
         "hammer": hit.hammer,
         "specimen": hit.specimen,
-        "mine": lambda hammer, time: np.ptp(time[np.abs(hammer) > 0.05 * np.abs(hammer).max()]),
+        "mine": lambda hit: np.ptp(hit.time[np.abs(hit.hammer) > 0.05 * np.abs(hit.hammer).max()]),
     }
     exec(compile(text, README, "exec"), known)
     assert (tmp_path / "steel.png").stat().st_size > 10_000
-    assert np.abs(known["errors"]).max() < 0.15
-    assert len(known["errors"]) == 12
+    assert max(abs(found.bias) for found in known["scores"]) < 0.15
+    assert len(known["scores"]) == 12
 
 
 def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path, monkeypatch):

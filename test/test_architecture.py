@@ -49,7 +49,7 @@ MAY_IMPORT = {
         "present",
         "results",
     },
-    "pytest_plugin": {"testing"},
+    "pytest_plugin": {"cli", "testing"},
 }
 """Imports run one way; those side by side know nothing of each other, but for the devices,
 whose tables come from the rig file. Other instruments' files become recordings. What shows results

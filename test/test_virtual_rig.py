@@ -53,6 +53,8 @@ def test_a_node_in_the_rigs_domain_is_scored_against_the_truth(virtual_rig):
         virtual_rig, "/impact", lambda _: None, samples=STEEL, impacts=1, patience=0.1
     )
     assert deaf.failed == deaf.hits == 1
+    with pytest.raises(ParameterError, match=r"not struck, as \('steel', 1, 1\): they are as"):
+        score_node(virtual_rig, "/impact", lambda _: ("steel", 1, 1, 2e-4, 0.0), samples=STEEL)
 
 
 @pytest.mark.parametrize(

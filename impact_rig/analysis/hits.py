@@ -49,24 +49,29 @@ class Hit:
     truth: Truth | None = None  # of the virtual rig; None: not known
 
     @property
+    def label(self) -> HitLabel:
+        """Sample, record, impact and attempt."""
+        return self.block.label
+
+    @property
     def sample(self) -> str:
         """Name of what was struck."""
-        return self.block.label.sample
+        return self.label.sample
 
     @property
     def impact(self) -> int:
         """Number in the sample's series, from 1."""
-        return self.block.label.impact
+        return self.label.impact
 
     @property
     def attempt(self) -> int:
         """At this impact, from 1."""
-        return self.block.label.attempt
+        return self.label.attempt
 
     @property
     def record(self) -> int:
         """Number of the record, from 1."""
-        return self.block.label.record
+        return self.label.record
 
     @property
     def name(self) -> str:

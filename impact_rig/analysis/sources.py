@@ -11,7 +11,7 @@ from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.recordings.provenance import compute_sha256
 from impact_rig.recordings.run import Run
 from impact_rig.results.numbers import format_count
-from impact_rig.results.results_file import read_results
+from impact_rig.results.results_file import read_path, read_results
 from impact_rig.results.traces import ReportedCampaign, TracedCampaign
 
 _T = TypeVar("_T")
@@ -47,13 +47,6 @@ def list_items(given: Any) -> list[Any]:
     """Return things as a list; one may be given by itself."""
     is_one = isinstance(given, str | Path) or not isinstance(given, Iterable)
     return [given] if is_one else [*given]
-
-
-def read_path(what: str, path: Any) -> Path:
-    """Return the path that a program gives; raises `ParameterError` if it is none."""
-    if isinstance(path, str | Path) and str(path):
-        return Path(path)
-    raise ParameterError(f"{what} is {path!r}: it must be the name of a file or a folder")
 
 
 def list_files(given: Any) -> list[Path]:

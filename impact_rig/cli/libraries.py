@@ -1,6 +1,10 @@
 """The libraries that the rig uses, and how to get them."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+
+from impact_rig.core.errors import RigError
 
 
 @dataclass(frozen=True)
@@ -68,3 +72,15 @@ def describe_missing(module: str) -> str | None:
     top = "rclpy" if top.endswith(ROS_PACKAGES) and top != "impact_rig_msgs" else top
     found = next((item for item in LIBRARIES if item.module == top), None)
     return f"{found.name} is not installed: {found.advice}" if found else None
+
+
+@contextmanager
+def explain_missing() -> Iterator[None]:
+    """Turn the error of a missing library into a `RigError` that says how to get it."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        missing = describe_missing(error.name or "")
+        if missing is None:
+            raise
+        raise RigError(missing) from None

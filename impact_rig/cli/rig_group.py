@@ -8,7 +8,7 @@ from typing import IO, Any
 
 import click
 
-from impact_rig.cli.libraries import describe_missing
+from impact_rig.cli.libraries import explain_missing
 from impact_rig.core.errors import RigError
 
 EXIT_ERROR = 2  # something that the user can mend
@@ -37,16 +37,12 @@ class RigGroup(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command."""
         try:
-            result = super().invoke(ctx)
+            with explain_missing():
+                result = super().invoke(ctx)
             sys.stdout.flush()
             return result
         except RigError as error:
             raise _Failure(str(error)) from None
-        except ModuleNotFoundError as error:
-            missing = describe_missing(error.name or "")
-            if missing is None:
-                raise
-            raise _Failure(missing) from None
         except click.Abort as error:  # raised by a prompt in place of what ended it
             click.echo(err=True)
             if isinstance(error.__context__, EOFError):

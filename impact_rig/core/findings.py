@@ -75,7 +75,7 @@ class Finding:
     # It was corrected, or looks like something harmless; neither compared nor written.
     is_harmless: bool = field(default=False, compare=False)
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         """Return ``code: sentence``."""
         return f"{self.reason.value}: {self.explanation}"
 
@@ -87,7 +87,7 @@ class Note:
     about: Reason | Subject  # a reason: what was found in its hits
     explanation: str
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         """Return ``code: sentence``."""
         return f"{self.about.value}: {self.explanation}"
 

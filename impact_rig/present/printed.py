@@ -2,10 +2,12 @@
 
 import html
 import math
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
+from impact_rig.core.findings import Finding, Note
 from impact_rig.core.quantity import INTERNAL, BudgetLine, Description, Quantity, list_fields
 from impact_rig.present.console import format_tables
 from impact_rig.results.numbers import SCALES, format_quantity, show_unit
@@ -17,6 +19,8 @@ SMALL, LARGE = 1e-3, 1e6
 DIGITS = 6
 """Significant ones of a value without uncertainty."""
 NOT_DETERMINED = "not determined"
+_DIGITS = re.compile(r"\.\d|[eEfFgGn%]$")
+"""What a format of floats has; others pad a text."""
 
 
 class Printed:
@@ -105,27 +109,29 @@ class Number(Quantity):
     def __format__(self, spec: str) -> str:
         """Return value, ± and unit; a format of floats, as ``.2f``, is for all numbers.
 
-        Without one both are rounded to the second digit of the uncertainty.
+        Without one both are rounded to the second digit of the uncertainty; ``>30`` pads the text.
         """
+        if not _DIGITS.search(spec):
+            return format(str(self), spec)
+        if not self.is_known:
+            return NOT_DETERMINED
+        widths = (self.compute_half_width(to) * self.scale for to in (math.inf, -math.inf))
+        above, below = (format(width, spec) for width in widths)
+        text = f" ± {above}" if self.is_even else f" +{above} -{below}"
+        text = format(self.value * self.scale, spec) + text * math.isfinite(self.expanded)
+        return f"{text} {self.unit}".rstrip()
+
+    def __str__(self) -> str:
+        """Return ``169.68 ± 0.13 µs``."""
         if not self.is_known:
             return NOT_DETERMINED
         value = self.value * self.scale
-        if spec:
-            widths = (self.compute_half_width(to) * self.scale for to in (math.inf, -math.inf))
-            above, below = (format(width, spec) for width in widths)
-            text = f" ± {above}" if self.is_even else f" +{above} -{below}"
-            text = format(value, spec) + text * math.isfinite(self.expanded)
-            return f"{text} {self.unit}".rstrip()
         power = math.floor(math.log10(abs(value))) if value else 0
         if SMALL <= abs(value) < LARGE or not value:
             text = format_quantity(self, max(DIGITS - 1 - power, 0), self.scale)
             return f"{text} {self.unit}".rstrip()
         text = format_quantity(self, DIGITS - 1, self.scale / 10.0**power)
         return f"({text})e{power} {self.unit}".rstrip()
-
-    def __str__(self) -> str:
-        """Return ``169.68 ± 0.13 µs``."""
-        return format(self)
 
     __repr__ = __str__
 
@@ -158,7 +164,8 @@ def show(value: Any, said: Description, name: str) -> Any:
         return make_number(value, said, name)
     if isinstance(value, tuple):
         return tuple(show(item, said, name) for item in value)
-    return View(value, name) if is_dataclass(value) else value
+    is_sentence = isinstance(value, Note | Finding)
+    return View(value, name) if is_dataclass(value) and not is_sentence else value
 
 
 class View(Printed):
@@ -204,10 +211,16 @@ class View(Printed):
 
     def list_tables(self) -> list[Table]:
         """Return the printed tables."""
-        numbers = self.numbers
-        columns = [
-            make_text_column("Name", list(numbers)),
-            make_text_column("Symbol", [item.said.symbol for item in numbers.values()]),
-            make_text_column("Value", [str(item) for item in numbers.values()]),
-        ]
-        return [make_table(self.name, columns)]
+        return [tabulate_numbers(self.name, self.numbers)]
+
+
+def tabulate_numbers(
+    caption: str, numbers: Mapping[str, Number], notes: Sequence[str] = ()
+) -> Table:
+    """Return numbers by their names as a table; without any its notes alone."""
+    columns = [
+        make_text_column("Name", list(numbers)),
+        make_text_column("Symbol", [item.said.symbol for item in numbers.values()]),
+        make_text_column("Value", [str(item) for item in numbers.values()]),
+    ]
+    return make_table(caption, columns if numbers else [], notes)

@@ -2,18 +2,19 @@
 
 import io
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from impact_rig.core.errors import RigError, SignalError, check_name
-from impact_rig.present.printed import Number, Printed, View
+from impact_rig.present.printed import Number, Printed, View, tabulate_numbers
 from impact_rig.present.sample_figures import draw_sample
 from impact_rig.results.campaign import Results as CampaignResults
 from impact_rig.results.numbers import format_count
-from impact_rig.results.remarks import gather_remarks, gather_sample_remarks
-from impact_rig.results.results_file import format_results_table, write_results
+from impact_rig.results.remarks import NO_RESULT, gather_remarks, gather_sample_remarks
+from impact_rig.results.results_file import format_results_table, read_path, write_results
 from impact_rig.results.table import Table
 from impact_rig.results.tables import tabulate_summary
 from impact_rig.results.traces import SampleTraces, TracedCampaign, compute_law_curves
@@ -64,6 +65,16 @@ class SampleResults(View):
             if hit.sample == self.name
         )
         return [*(remark.text for remark in gather_sample_remarks(self.record)), *rejected]
+
+    def list_tables(self) -> list[Table]:
+        """Return its quantities, the contact law's among them, with its remarks."""
+        law = {f"contact_law.{key}": item for key, item in self.contact_law.numbers.items()}
+        return [tabulate_numbers(self.name, self.numbers | law, self.remarks)]
+
+    def as_results(self) -> "Results":
+        """Return it as results of one sample."""
+        record = replace(self._campaign.results, samples=(self.record,))
+        return Results(replace(self._campaign, results=record), self.name)
 
     @property
     def traces(self) -> SampleTraces:
@@ -152,8 +163,11 @@ class Results(Printed, Mapping[str, SampleResults]):
         return [str(remark) for remark in gather_remarks(self.record, self._warnings)]
 
     def list_tables(self) -> list[Table]:
-        """Return the printed tables."""
-        return tabulate_summary(self.record)
+        """Return the printed tables, with the reasons where a sample has no accepted hit."""
+        remarks = gather_remarks(self.record)
+        missing = [str(remark) for remark in remarks if remark.effect == NO_RESULT]
+        tables = tabulate_summary(self.record)
+        return [replace(table, notes=(*table.notes, *missing)) for table in tables]
 
     def to_dataframe(self) -> Any:
         """Return a row for each sample, with columns as in the CSV export, units in their names.
@@ -176,7 +190,7 @@ class Results(Printed, Mapping[str, SampleResults]):
 
     def save(self, path: str | Path) -> None:
         """Write them as results.json; raises `FileError` if that cannot be written."""
-        write_results(Path(path), self.record)
+        write_results(read_path("path", path), self.record)
 
 
 class Comparison(Printed):

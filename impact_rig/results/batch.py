@@ -138,7 +138,7 @@ def tabulate_changes(first: BatchCampaign, second: BatchCampaign) -> list[Table]
         Column(header, cells, is_text=header in ("Body", "Quantity"))
         for header, cells in zip(headers, zip(*rows, strict=True), strict=True)
     ]
-    caption = f"Changes from {names[0]} to {names[1]}"
+    caption = "Changes" if names[0] == names[-1] else f"Changes from {names[0]} to {names[1]}"
     return [make_table(caption, columns, [counted, CHANGE_NOTE], marked)]
 
 

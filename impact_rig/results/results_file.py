@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.errors import FileError, ParameterError
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.speed_exponents import SpeedExponents
 from impact_rig.results.campaign import Results
@@ -42,6 +42,13 @@ def results_to_json(results: Results) -> Json:
             {"about": remark.about, "text": remark.text} for remark in gather_remarks(results)
         ],
     }
+
+
+def read_path(what: str, path: Any) -> Path:
+    """Return the path that a program gives; raises `ParameterError` if it is none."""
+    if isinstance(path, str | Path) and str(path):
+        return Path(path)
+    raise ParameterError(f"{what} is {path!r}: it must be the name of a file or a folder")
 
 
 def write_results(path: Path, results: Results) -> None:

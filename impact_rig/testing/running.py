@@ -9,6 +9,7 @@ import pytest
 
 from impact_rig.analysis.sources import list_items
 from impact_rig.api import VirtualRig
+from impact_rig.cli.libraries import explain_missing
 from impact_rig.configuration.processes import (
     DISCOVERY,
     LOG_NAME,
@@ -34,9 +35,13 @@ QUICK = {"hammer": {"swing_time": 0.01}, "accelerometer": {"trigger_timeout": 0.
 
 @dataclass(frozen=True)
 class RunningRig:
-    """Nodes of a rig that is up, each a process, and what may be asked of them."""
+    """Nodes of a rig that is up, each a process, and what may be asked of them.
 
-    domain: int  # ROS domain of its own; ROS_DOMAIN_ID names it, so that nodes of yours join it
+    `domain` is a ROS domain of its own; ROS_DOMAIN_ID names it, so that nodes of yours join it.
+    Hits are `campaign(...).record.hits`: of each `label`, `accepted`, `reasons`, `contact_time`.
+    """
+
+    domain: int  # ROS domain of its own
     folder: Path  # of the run
     simulation: VirtualRig  # strikes the same hits
     check: Callable[[], None]  # raises `RigError`, with the end of the log, once the rig has ended
@@ -78,7 +83,7 @@ class RunningRig:
 
     def find_truth(self, hit: HitResults) -> Truth:
         """Return the truth of a hit of `Results.record.hits`."""
-        return self.simulation.find_truth(hit.label)
+        return self.simulation.find_truth(hit)
 
 
 class _Nobody:
@@ -118,8 +123,9 @@ def run_virtual_rig(
     RigError
         If it does not start.
     """
-    from impact_rig.cli.demo import run_rig
-    from impact_rig.nodes.campaign_client import CampaignClient
+    with explain_missing():
+        from impact_rig.cli.demo import run_rig
+        from impact_rig.nodes.campaign_client import CampaignClient
 
     simulation = VirtualRig(seed=seed, plant=plant, faults=faults, rig_file=rig_file)
     processes = list_rig_processes(

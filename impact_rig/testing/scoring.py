@@ -113,6 +113,8 @@ def score(
     (0, 0.08)
     """
     check_count("impacts", impacts, 1)
+    if not callable(estimator):
+        raise ParameterError(f"estimator is {estimator!r:.40}: it must be a function of a hit")
     rig = VirtualRig(seed=seed, plant=plant, faults=faults)
     scores = []
     errors: list[str] = []
@@ -154,8 +156,8 @@ def score_node(
     Raises
     ------
     RigError
-        If not just one node publishes there, the campaign does not succeed, or the plant has no
-        such quantity.
+        If not just one node publishes there, the campaign does not succeed, no estimate is of one
+        of its hits, or the plant has no such quantity.
 
     Warns
     -----
@@ -188,14 +190,20 @@ def score_node(
         hits = [hit.label for hit in results.record.hits]
         with came:
             came.wait_for(lambda: len(found) >= len(hits), patience)
+    known = [(label.sample, label.impact, label.attempt) for label in hits]
+    if found and found.keys().isdisjoint(known):
+        (first, *_), (hit, *_) = found, known
+        raise ParameterError(
+            f"read gives hits that were not struck, as {first}: they are as {hit}"
+        )
     scores = []
     for name in dict.fromkeys(label.sample for label in hits):
         judged = [
             (
                 _read_truth(rig.simulation.find_truth(label), quantity),
-                *found.get((label.sample, label.impact, label.attempt), (math.nan, math.nan)),
+                *found.get(key, (math.nan, math.nan)),
             )
-            for label in hits
+            for label, key in zip(hits, known, strict=True)
             if label.sample == name
         ]
         scores.append(_compute_score(name, judged))

@@ -4,7 +4,8 @@ import pytest
 
 from impact_rig.cli import doctor
 from impact_rig.cli.doctor import Status, check_conversation, check_library, check_ros
-from impact_rig.cli.libraries import LIBRARIES, Library, describe_missing
+from impact_rig.cli.libraries import LIBRARIES, Library, describe_missing, explain_missing
+from impact_rig.core.errors import RigError
 
 from .conftest import finish, start_command, start_python
 
@@ -21,6 +22,8 @@ def test_a_module_belongs_to_the_library_that_brings_it():
     assert describe_missing("antigravity") is None
     for module in ("rclpy.node", "lifecycle_msgs.msg", "std_srvs", "rcl_interfaces"):
         assert describe_missing(module).startswith("rclpy is not installed: analyze, export")
+    with pytest.raises(RigError, match="rclpy is not installed"), explain_missing():
+        raise ModuleNotFoundError(name="action_msgs")
 
 
 def test_another_distribution_is_a_fault(monkeypatch):
