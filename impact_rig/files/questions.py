@@ -10,7 +10,7 @@ BODIES = {"hammer": "hammer", "specimen": "sample"}
 """Name of a role's body for people."""
 CHOICE = 'channel = "?"'
 """The line that chooses a channel."""
-SHOWN_CHANNELS = 12  # of a file whose channels are listed in a message
+SHOWN_CHANNELS = 6  # of a file whose channels are listed in a message
 
 
 @dataclass(frozen=True)

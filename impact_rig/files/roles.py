@@ -16,12 +16,20 @@ from impact_rig.core.errors import ParameterError, SignalError
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.files.names import PARTS, Kind, find_kind, find_unit, says_hammer, says_sample
 from impact_rig.files.plan import ROLES, ChannelPlan, ChannelUse
-from impact_rig.files.questions import CHOICE, Missing, Questions, list_channels
+from impact_rig.files.questions import (
+    CHOICE,
+    SHOWN_CHANNELS,
+    Missing,
+    Questions,
+    list_channels,
+)
 from impact_rig.files.times import Axis, find_axis, is_clock
 
 NUMBER = re.compile(r"\d+")
 SEGMENT = re.compile(r" \(segment (\d+)\)$")
 """Behind the names of LabVIEW's later segments."""
+EXPORTED = re.compile(r"(.+)/\d+\.\d+ hammer")
+"""Name of a hit's channel in our own exports, behind that of its sample."""
 HAMMER_OPTION, SAMPLE_OPTION = "--hammer-channel", "--sample-channel"
 """Options that choose a channel on the command line."""
 Channels = Sequence[MeasuredChannel]
@@ -229,14 +237,25 @@ def _get_kind(channel: MeasuredChannel) -> Kind:
 
 def _ask_for_hammer(measurement: Measurement, candidates: Channels) -> Missing:
     channels = measurement.channels
+    for channel in channels:
+        if exported := EXPORTED.fullmatch(channel.name):
+            hammer, sample = (f"{exported[1]}/*.* {body}" for body in ("hammer", "specimen"))
+            what = (
+                f"it holds {len(channels)} channels of hits that were exported for other programs:"
+                " analyze the recording itself, or the hits of one sample"
+            )
+            advice = f"{HAMMER_OPTION} {hammer!r} {SAMPLE_OPTION} {sample!r}"
+            return Missing(what, CHOICE, "hammer", advice)
     likely = max(candidates, key=_rank_as_hammer)
     is_alone = [channel.name for channel in channels].count(likely.name) == 1
     number = next(place for place, channel in enumerate(channels, 1) if channel is likely)
     advice = f"{HAMMER_OPTION} {likely.name if is_alone else str(number)!r}"
-    roles = json.dumps(guess_roles(channels))
+    roles = ", ".join(map(json.dumps, guess_roles(channels)[:SHOWN_CHANNELS]))
+    if len(channels) > SHOWN_CHANNELS:
+        roles += ", …"
     what = (
         f"neither names nor units say which of its {len(channels)} channels is the hammer's:"
-        f" {list_channels(measurement)}. If several are, each is a hit: columns = {roles} gives"
+        f" {list_channels(measurement)}. If several are, each is a hit: columns = [{roles}] gives"
         f" the role of each ({', '.join(ROLES)})"
     )
     return Missing(what, CHOICE, "hammer", advice)

@@ -70,6 +70,15 @@ def test_one_file_holds_hits_and_means_under_names_that_tell(run, recorded, tmp_
     bodies = ("hammer", "specimen")
     assert set(channels) == {f"{name} {body}" for name in (*hits, *means) for body in bodies}
     assert {channel.sampling_rate for channel in channels.values()} == {2.5e6}
+    # Its hits are of two samples: what a question about it proposes reads those of the first.
+    asked = run("analyze", output)
+    assert "analyze the recording itself" in asked.stderr
+    assert len(asked.stderr) < 600
+    of_one = [f"aluminium large/*.* {body}" for body in bodies]
+    for option, pattern in zip(("--hammer-channel", "--sample-channel"), of_one, strict=True):
+        assert f"{option} '{pattern}'" in asked.stderr
+    chosen = ("--hammer-channel", of_one[0], "--sample-channel", of_one[1])
+    assert "2 hits accepted" in run("analyze", output, *chosen).stdout
 
 
 def test_the_means_are_those_that_the_results_were_estimated_from(run, recorded, tmp_path):
