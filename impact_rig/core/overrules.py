@@ -1,6 +1,6 @@
 """Hits that a person names, accepts or rejects."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
@@ -32,13 +32,20 @@ class Overrule:
     @property
     def decision(self) -> str:
         """The person's decision."""
-        return "accepted by hand" if self.verdict is Verdict.ACCEPT else "left out by hand"
+        return _DECISIONS[self.verdict]
 
     @property
     def finding(self) -> Finding:
         """The decision as a finding in the hit."""
         by, why = f", by {self.who}" * bool(self.who), f": {self.reason}" * bool(self.reason)
         return Finding(Reason.OPERATOR, f"{self.decision}{by}{why}")
+
+
+_DECISIONS = {
+    Verdict.UNDO: "left to the analysis again",
+    Verdict.ACCEPT: "accepted by hand",
+    Verdict.REJECT: "left out by hand",
+}
 
 
 @dataclass(frozen=True)
@@ -51,8 +58,8 @@ class Overrules:
     reason: str = ""  # for these, in the words of the person
     who: str = ""  # that person; empty: not given
     stamp: int = 0  # when they were decided [ns since the epoch]; 0: not given
-    # The newest of each hit of a campaign, by record.
-    recorded: Mapping[int, Overrule] = field(default_factory=dict)
+    # All on each hit of a campaign, by record; the last one holds.
+    recorded: Mapping[int, tuple[Overrule, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse a hit that is named in both."""
@@ -61,22 +68,29 @@ class Overrules:
 
     def find(self, label: HitLabel) -> Overrule | None:
         """Return the verdict that holds of a hit; None: there is none."""
-        return next(reversed(self.list_verdicts(label)), None)
+        return _find_last(self.list_verdicts(label))
 
     def list_verdicts(self, label: HitLabel) -> list[Overrule]:
         """Return the persons' verdicts on a hit; the last one holds."""
-        found = [self.recorded[label.record]] if label.record in self.recorded else []
+        found = list(self.recorded.get(label.record, ()))
         for labels, verdict in ((self.accepted, Verdict.ACCEPT), (self.rejected, Verdict.REJECT)):
             if label in labels:
                 found.append(Overrule(label.record, verdict, self.reason, self.who, self.stamp))
         return found
 
+    def is_decided(self, record: int) -> bool:
+        """Return whether a recorded verdict holds of a hit."""
+        return _find_last(self.recorded.get(record, ())) is not None
+
     def add(self, overrule: Overrule) -> "Overrules":
-        """Return them with one more; an undo takes that of its hit away."""
-        others = {key: each for key, each in self.recorded.items() if key != overrule.record}
-        if overrule.verdict is not Verdict.UNDO:
-            others[overrule.record] = overrule
-        return replace(self, recorded=others)
+        """Return them with one more."""
+        before = self.recorded.get(overrule.record, ())
+        return replace(self, recorded={**self.recorded, overrule.record: (*before, overrule)})
+
+
+def _find_last(verdicts: Sequence[Overrule]) -> Overrule | None:
+    """Return the verdict that holds; None: there is none, or it was undone."""
+    return verdicts[-1] if verdicts and verdicts[-1].verdict is not Verdict.UNDO else None
 
 
 NO_OVERRULES = Overrules()

@@ -160,7 +160,8 @@ class Session:
         ]
         if not found and is_asked:
             raise ParameterError(f"the campaign has no hit of record {record}")
-        if is_asked and overrule.verdict is Verdict.UNDO and overrules == self._overrules:
+        is_undo = overrule.verdict is Verdict.UNDO
+        if is_asked and is_undo and not self._overrules.is_decided(record):
             raise ParameterError(f"record {record} is as the analysis judges it: nothing to undo")
         if not found:
             self._overrules = overrules

@@ -66,6 +66,7 @@ class CampaignNode(RigNode):
         self._check_mass: Sample | None = None
         self._checked_on = ""  # day of the latest operational check that was passed
         self._campaign: Campaign | None = None
+        self._ended: RigSetupMessage | None = None  # of the latest campaign that is over
         self._hammer = HammerStatus(message="it has published no state")
         self._setup = self.advertise(interfaces.SETUP)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
@@ -226,15 +227,13 @@ class CampaignNode(RigNode):
                 f"the recorder has not stored record {ledger.waiting_record} yet: see to its disk"
             )
         campaign.newest_record = max(campaign.newest_record, ledger.newest_record)
-        plan = campaign.setup.plan
-        counts = {name: SampleCount(sample=name) for name in plan.samples}
-        counts |= {count.sample: count for count in ledger.counts}
+        plan, counts = campaign.setup.plan, _find_counts(campaign.setup, ledger)
         missing = [name for name in plan.samples if counts[name].accepted < plan.impacts]
         sample = missing[0] if missing else plan.samples[-1]
         campaign.publish(
             sample=sample,
             impact=min(counts[sample].accepted, plan.impacts),
-            counts=[counts[name] for name in plan.samples],
+            counts=list(counts.values()),
         )
         check_sample = campaign.setup.check_sample
         if check_sample and check_sample not in missing:
@@ -430,6 +429,17 @@ class CampaignNode(RigNode):
     def _on_impact(self, received: Received[Impact]) -> None:
         if self._campaign is not None:
             self._campaign.verdict = received.value
+        elif self._ended is not None:  # a person decided on a hit
+            asked = self._results.call_async(GetResults.Request(counts_only=True))
+            asked.add_done_callback(self._count_again)
+
+    def _count_again(self, done: Any) -> None:
+        """Publish what a person's verdict makes of the counts of a campaign that is over."""
+        setup, ledger = self._ended, done.result()
+        if setup is None or self._campaign is not None:
+            return
+        if ledger.setup.campaign_id == setup.campaign_id:
+            self._publish_state(counts=list(_find_counts(setup, ledger).values()))
 
     def _on_confirm_sample(
         self, request: ConfirmSample.Request, response: ConfirmSample.Response
@@ -509,7 +519,7 @@ class CampaignNode(RigNode):
                 task=Task.NOTHING,
                 until=Time(),
             )
-            self._campaign = None
+            self._campaign, self._ended = None, setup
         if result.success:
             handle.succeed()
         elif handle.is_cancel_requested:
@@ -547,3 +557,9 @@ class CampaignNode(RigNode):
             return
         for name in ("hammer", "samples", "speed_exponents", "accepted", "rejected"):
             setattr(result, name, getattr(results, name))
+
+
+def _find_counts(setup: RigSetupMessage, ledger: GetResults.Response) -> dict[str, SampleCount]:
+    """Return the hits of each sample of a plan, in its order."""
+    counts = {count.sample: count for count in ledger.counts}
+    return {name: counts.get(name, SampleCount(sample=name)) for name in setup.plan.samples}

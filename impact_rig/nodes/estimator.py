@@ -222,6 +222,11 @@ class EstimatorNode(RigNode):
             if self._ledger is None or id_from_msg(asked.campaign_id) != identity.campaign_id:
                 raise ParameterError("the estimator has no such campaign: it may be over")
             overrule = overrule_from_msg(asked)
+            if not (overrule.reason and overrule.who):
+                raise ParameterError(
+                    f"record {overrule.record}: a report says why a person decided on a hit, and"
+                    " who did: give a reason and a name"
+                )
             if self._unstored is None or self._unstored[0] != overrule:
                 stamp = self._follow(self._ledger, overrule)
                 self._unstored = overrule, stamp if self._ledger.recording else 0

@@ -173,6 +173,8 @@ RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT)
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
 NOTE = Topic("note", String, make_qos(10, latched=False))
 """Notes of an operator while the rig runs."""
+PAGE_ACT = Topic("page/act", String, make_qos(10, latched=False))
+"""What a person asked for at the page, done or refused, and who."""
 DIAGNOSTICS = Topic(
     "/diagnostics", DiagnosticArray, QoSProfile(depth=64), _inward("health_from_msg")
 )
@@ -198,6 +200,7 @@ RECORDED_TOPICS = (
     RECORD_STORED,
     INPUT_LEVELS,
     NOTE,
+    PAGE_ACT,
 )
 """Every topic of the rig; what else its nodes publish is recorded as it is discovered."""
 

@@ -73,6 +73,7 @@ class PageNode(RigNode):
         self._traced = ""  # sample of the newest trace
         self._lock = threading.Lock()  # of what the rig has said
         self._notes = self.advertise(interfaces.NOTE)
+        self._asked = self.advertise(interfaces.PAGE_ACT)
         self._hands = _Hands(self)
         hammer = replace(
             interfaces.HAMMER_STATE, name=self.resolve_topic_name(interfaces.HAMMER_STATE.name)
@@ -102,6 +103,7 @@ class PageNode(RigNode):
             (interfaces.RECORDER_STATE, self._on_state),
             (interfaces.INPUT_LEVELS, self._on_state),
             (interfaces.NOTE, self._on_note),
+            (interfaces.PAGE_ACT, self._on_note),
             (interfaces.DIAGNOSTICS, self._on_health),
             (interfaces.IMPACT, feed.on_finding),
             (interfaces.ESTIMATE, feed.on_finding),
@@ -152,7 +154,11 @@ class PageNode(RigNode):
         with self._lock:
             super().on_received(topic, callback, received)
         is_quiet = topic is interfaces.INPUT_LEVELS and self._status.campaign.is_running
-        self._is_shown &= is_quiet or topic in (interfaces.NOTE, interfaces.DIAGNOSTICS)
+        self._is_shown &= is_quiet or topic in (
+            interfaces.NOTE,
+            interfaces.PAGE_ACT,
+            interfaces.DIAGNOSTICS,
+        )
 
     def _on_campaign(self, received: Received[RigSetup]) -> None:
         self._status.begin(received.value, is_trial=is_trial(received.message))
@@ -248,7 +254,7 @@ class PageNode(RigNode):
                 client.call_async(request).add_done_callback(finish)
 
             send()
-            self._write_down(form, act)
+            self._write_down(self._asked, form, act)
             return answer
 
         return call
@@ -280,13 +286,13 @@ class PageNode(RigNode):
         identity, stamp = Identity(self._feed.campaign_id), self.get_clock().now().to_msg()
         return {"overrule": overrule_to_msg(overrule, identity, stamp)}
 
-    def _write_down(self, form: Form, what: str) -> None:
-        """Publish an act and its person as a note for the recording."""
-        self._notes.publish(String(data=f"at the page{form.signature}: {what}"))
+    def _write_down(self, publisher: Any, form: Form, what: str) -> None:
+        """Publish an act or a note, and its person, for the recording."""
+        publisher.publish(String(data=f"at the page{form.signature}: {what}"))
 
     def _note(self, form: Form) -> "Future[Answer]":
         answer: Future[Answer] = Future()
-        self._write_down(form, f"{form['about']} {form['text']}".strip())
+        self._write_down(self._notes, form, f"{form['about']} {form['text']}".strip())
         answer.set_result(Answer(done=True, message="noted"))
         return answer
 

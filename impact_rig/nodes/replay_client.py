@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 from impact_rig_msgs.srv import GetResults
@@ -86,7 +87,7 @@ class ReplayClient(RigClient):
                 yield from self._collect(faults)
             faults = None
             self._send(interfaces.SETUP, setup_to_msg(event, stamp))
-            for overrule in run.overrules.recorded.values():
+            for overrule in chain.from_iterable(run.overrules.recorded.values()):
                 message = overrule_to_msg(overrule, NO_IDENTITY, stamp)
                 self._send(interfaces.OVERRULE, message)
         if faults is not None:

@@ -96,10 +96,9 @@ class ShownCampaign:
                 models.pop(found.models[0].model, None)
                 models[found.models[0].model] = found
 
-    @property
-    def newest_hit(self) -> HitResults:
-        """The hit that was kept last."""
-        return next(reversed(self._hits.values()))
+    def find_hit(self, label: HitLabel) -> HitResults:
+        """Return a hit with its newest verdict."""
+        return self._hits[label]
 
     def make_results(self) -> Results:
         """Return the results so far."""
@@ -269,7 +268,7 @@ class VisualizerNode(RigNode):
             return
         campaign.add(found)
         if isinstance(found, HitResults):
-            verdict, stamp = campaign.newest_hit, received.stamp
+            verdict, stamp = campaign.find_hit(found.label), received.stamp
             self._status.add_hit(verdict)
             self._log(lambda log: log.log_verdicts([verdict], [stamp]))
         if isinstance(found, SampleTraces):

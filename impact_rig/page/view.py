@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from impact_rig.core.findings import Reason, join_findings
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.page.levels import InputLevel, suggest_range, suggest_trigger_level
-from impact_rig.page.states import NO_HAMMER, Step, Task
+from impact_rig.page.states import NO_HAMMER, CampaignStatus, Step, Task
 from impact_rig.page.status import RigStatus
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO, MISSING, format_number
@@ -145,7 +145,7 @@ def _say_step(status: RigStatus) -> Sentence:
         case Step.PAUSED | Step.DISARMING:
             return Sentence("paused", "PAUSED", campaign.message)
         case Step.COMPLETE:
-            return Sentence("done", "DONE", "Every sample has its hits.")
+            return _say_complete(campaign)
         case Step.ENDED:
             return _say_end(status)
         case Step.STRIKING:
@@ -154,6 +154,21 @@ def _say_step(status: RigStatus) -> Sentence:
         return Sentence("wait", "WAIT", "The rig prepares the first hit.")
     kind, word = ("good", "ACCEPTED") if last.accepted else ("bad", "REJECTED")
     return Sentence(kind, word, _say_place(status) if last.accepted else _advise(last))
+
+
+def _say_complete(campaign: CampaignStatus) -> Sentence:
+    """Return that a campaign is complete, or what a person's verdict took from it since."""
+    lacks = [
+        f"{item.sample} lacks {campaign.impacts - item.accepted}"
+        for item in campaign.counts
+        if item.accepted < campaign.impacts
+    ]
+    if not lacks:
+        return Sentence("done", "DONE", "Every sample has its hits.")
+    found = sum(item.accepted for item in campaign.counts)
+    wanted = campaign.impacts * len(campaign.counts)
+    detail = f"{found} of {wanted} hits in the mean: {', '.join(lacks)}."
+    return Sentence("paused", "ENDED", detail)
 
 
 def _say_end(status: RigStatus) -> Sentence:

@@ -9,7 +9,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, Membership, id_to_msg, make_id
 from impact_rig.recordings.messages import NO_ID
 
-WITHOUT_ID = {"note", "replayer/state", "overrule/stored", "accelerometer/levels"}
+WITHOUT_ID = {"note", "page/act", "replayer/state", "overrule/stored", "accelerometer/levels"}
 """Anybody's remarks, a replay's state, the stamp of an overrule, inputs without a campaign."""
 TOPICS = [topic for topic in interfaces.RECORDED_TOPICS if topic.name not in WITHOUT_ID]
 

@@ -74,15 +74,28 @@ def test_a_hit_left_out_by_hand_is_struck_again_and_every_reader_says_the_same(h
         (replayed,) = replay.estimate(Run(harness.recording), lambda _: None)
     assert write(replayed) == live
 
-    # Undone, and a resumed run knows of both.
+    # The campaign is over: its counts are what a person's verdicts leave, and the view shows them.
+    states = harness.listen(interfaces.CAMPAIGN_STATE)
+    assert ask(campaign, 2, Overrule.REJECT).success
+    states.wait(lambda got: [item.accepted for item in got[-1].counts] == [2])
+    assert ask(campaign, 2, Overrule.UNDO).success
+    # Undone, and a resumed run knows of both; the recording keeps all that was decided.
     assert ask(campaign, 1, Overrule.UNDO).success
     assert [hit.record for hit in get_results(harness).accepted] == [1, 2, 3, 4]
+    decided = analyze(Run(harness.recording)).campaigns[-1].overrules
+    assert [item.decision for _, item in decided] == [
+        "left out by hand",
+        "left to the analysis again",
+        "left out by hand",
+        "left to the analysis again",
+    ]
 
 
 def test_what_cannot_be_is_refused_in_a_sentence(harness, ask):
     client = start_rig(harness)
     result = run(harness, client, samples=[NAME], impacts=1)
     campaign = result.result.setup.campaign_id
+    assert "give a reason and a name" in ask(campaign, 1, Overrule.REJECT, " ").message
     for number, record, verdict, told in (
         (campaign, 9, Overrule.REJECT, "the campaign has no hit of record 9"),
         (campaign, 1, Overrule.UNDO, "record 1 is as the analysis judges it: nothing to undo"),
