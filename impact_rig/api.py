@@ -9,7 +9,6 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -81,12 +80,10 @@ class Run:
         source: HitSource,
         name: str,
         campaign: int | None = None,
-        truths: Mapping[HitLabel, Truth] | None = None,
     ) -> None:
         self.name = name
         self._source = source
         self._campaign = campaign
-        self._truths = truths or {}
 
     @cached_property
     @limit_threads()
@@ -102,8 +99,7 @@ class Run:
         for hit in choose_campaign(
             self.name, read_campaigns(self._source), self._campaign
         ).list_hits():
-            shown = replace(hit, truth=self._truths.get(hit.block.label))
-            found[hit.sample] = *found.get(hit.sample, ()), shown
+            found[hit.sample] = *found.get(hit.sample, ()), hit
         return found
 
     @limit_threads()
@@ -320,8 +316,9 @@ class Session(Run):
         on : str
             The sample.
         unit : str
-            Of the hammer's numbers: "m/s^2", "g", or "N" of a force hammer. The specimen's are
-            accelerations in the same unit, or in m/s^2.
+            Of the hammer's numbers: "m/s^2", "g", or "N" of a force hammer, which without its mass
+            gives contact times alone. The specimen's are accelerations in the same unit, or in
+            m/s^2.
 
         Raises
         ------
@@ -462,8 +459,7 @@ class VirtualRig:
             If there is no such sample, or `impacts` is no number of hits.
         """
         names = list_items(samples) or self.samples
-        campaign = VirtualCampaign(self._rig, self.setup, names, impacts)
-        return Run(campaign, "virtual rig", truths=campaign.truths)
+        return Run(VirtualCampaign(self._rig, self.setup, names, impacts), "virtual rig")
 
 
 def compare(

@@ -193,7 +193,8 @@ MISTAKES = {
     "control sample needs both masses": lambda: estimate(control=True, sample_mass=None),
     "rate is 2.5: it must lie between": lambda: estimate(rate=2.5),
     "unit .m. is unknown": lambda: estimate(unit="m"),
-    "in N needs the hammer's mass": lambda: estimate(unit="N", hammer_mass=None),
+    "cutoff_frequency is 1.0 Hz: in a record of 0.002 s it must": lambda: estimate(cutoff="1 Hz"),
+    "shorter than record_duration, which is 1e-06 s": lambda: estimate(record_duration="1 us"),
     "hammer_mass is nan": lambda: estimate(hammer_mass=np.nan),
     "hit is 'steel small/1': it must be a hit": lambda: ir.VirtualRig().find_truth(
         "steel small/1"
@@ -304,6 +305,9 @@ def test_arrays_of_several_hits_are_averaged(run):
     alone = ir.estimate(hammer[0] / 9.80665, rate=2.5e6, unit="g")
     assert alone.contact_time.value == pytest.approx(212e-6, rel=0.01)
     assert not alone.stiffness.is_known
+    force = ir.estimate(0.1 * hammer[0], specimen[0], rate=2.5e6, unit="N", sample_mass="102 g")
+    assert force.contact_time.value == alone.contact_time.value
+    assert not {"stiffness", "peak_force"} & force.numbers.keys()
 
 
 def test_a_hit_that_is_rejected_says_why():

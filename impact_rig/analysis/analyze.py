@@ -18,7 +18,7 @@ from impact_rig.core.hits import JudgedHit
 from impact_rig.core.overrules import NO_OVERRULES, Overrules, find_label
 from impact_rig.core.paper_method import read_hit
 from impact_rig.core.quantity import UNKNOWN, Quantity
-from impact_rig.core.records import Block, HitLabel, Record
+from impact_rig.core.records import Block, HitLabel, Record, Truth
 from impact_rig.core.session import Session
 from impact_rig.core.setup import RigSetup
 from impact_rig.results.campaign import (
@@ -50,9 +50,8 @@ class HitSource(Protocol):
 
     path: Path  # what a person named
     size: int  # of all that is read [byte]
-    # Injected into the hits of the campaign that `events` has come to, a new mapping for each.
-    faults: dict[HitLabel, tuple[str, ...]]
-
+    # Of simulated hits of the campaign that `events` has come to, a new mapping for each.
+    truths: dict[HitLabel, Truth]
     overrules: Overrules  # by persons, of the same campaign
 
     @property
@@ -85,7 +84,7 @@ class _JudgedCampaign:
     """One campaign as it is read: its session, and its hits' traces."""
 
     session: Session
-    faults: Mapping[HitLabel, tuple[str, ...]]
+    truths: Mapping[HitLabel, Truth]
     traces: list[HitTraces] = field(default_factory=list)
     aligned: dict[HitLabel, AlignedHit] = field(default_factory=dict)
     # What the hit of a file says by itself.
@@ -155,7 +154,7 @@ def analyze(
     reading = _bind(report, "reading", source.size)
     for session, block, found in judge(source, settings, overrules, reading):
         if not judged or judged[-1].session is not session:
-            judged.append(_JudgedCampaign(session, source.faults))
+            judged.append(_JudgedCampaign(session, source.truths))
         campaign = judged[-1]
         for _, hit in found:
             if source.hammer_unit is not None:
@@ -245,7 +244,7 @@ def _finish(
     report: Report,
 ) -> TracedCampaign:
     session = campaign.session
-    faults = {label.record: names for label, names in campaign.faults.items()}
+    faults = {label.record: truth.faults for label, truth in campaign.truths.items()}
     tell = _bind(report, "estimating", len(session.names))
     tell(0)
     found = session.estimate_all(tell)

@@ -1,7 +1,7 @@
 """Hits and mean traces of a recording as arrays, and as channels for other tools, in m/s^2."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -90,7 +90,7 @@ class Hit:
 
     @property
     def hammer(self) -> FloatArray:
-        """As recorded, calibrated [m/s^2], shape (n,)."""
+        """As recorded, calibrated [m/s^2], shape (n,); a force without a mass stays in N."""
         return self.block.hammer.acceleration
 
     @property
@@ -142,6 +142,7 @@ class ExportedCampaign:
     """One campaign of a recording, judged as the estimator does it live."""
 
     session: Session
+    truths: Mapping[HitLabel, Truth]
     prefix: str = ""  # of the names of its hits, where there are several campaigns
     records: list[tuple[Record, JudgedHit]] = field(default_factory=list)
 
@@ -161,7 +162,7 @@ class ExportedCampaign:
             if seen[label] > 1:
                 name += f" ({seen[label]})"
             accepted = (label, judged.stamp) in kept
-            hits.append(Hit(record, judged, accepted, name))
+            hits.append(Hit(record, judged, accepted, name, self.truths.get(label)))
         return tuple(hits)
 
     def make_mean_channels(self, name: str) -> tuple[MeasuredChannel, ...]:
@@ -196,7 +197,7 @@ def read_campaigns(source: HitSource) -> tuple[ExportedCampaign, ...]:
     found: list[ExportedCampaign] = []
     for session, _, hits in judge(source):
         if hits and (not found or found[-1].session is not session):
-            found.append(ExportedCampaign(session))
+            found.append(ExportedCampaign(session, source.truths))
         if hits:
             found[-1].records += hits
     if len(found) > 1:

@@ -88,7 +88,7 @@ class MeasuredArrays(MeasuredHits):
         self.setup.samples.find(on)
         sampling_rate = _read("rate", rate, "Hz", "2.5 MHz")
         check_between("rate", sampling_rate, *RATES)
-        compute_scale(str(unit), self.setup.hammer_mass)
+        compute_scale(str(unit), mass=1.0)  # refuses a unit that is none
         bodies = {"hammer": (take_traces("hammer", hammer), unit)}
         if specimen is not None:
             other = "m/s^2" if normalize_unit(unit) in FORCES else unit
@@ -119,7 +119,6 @@ class MeasuredArrays(MeasuredHits):
             Measurement(Path(f"hit {number}"), channels),
             self.series.plan,
             self.series.setup.hammer_mass,
-            needs_scale=True,
         )
         label = HitLabel(sample, number, attempts[sample] + 1)
         block = replace(

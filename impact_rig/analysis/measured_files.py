@@ -16,7 +16,7 @@ from impact_rig.core.errors import ParameterError, RigError, SignalError
 from impact_rig.core.filtering import check_cutoff
 from impact_rig.core.findings import Reason
 from impact_rig.core.overrules import NO_OVERRULES
-from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.records import Block, HitLabel, Truth
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.setup import RigSetup, Sample, SampleSet
 from impact_rig.core.verdict import check_channels, check_stream
@@ -177,7 +177,7 @@ class MeasuredHits:
 
     def __init__(self, path: Path, series: TraceSeries) -> None:
         self.path = path
-        self.faults: dict[HitLabel, tuple[str, ...]] = {}
+        self.truths: dict[HitLabel, Truth] = {}
         self.overrules = NO_OVERRULES
         self.hits: list[MeasuredHit] = []
         self.series = series

@@ -255,16 +255,22 @@ class Record(Block):
 
 @dataclass(frozen=True)
 class Truth:
-    """Truth of a hit of the virtual rig, in SI units; NaN: its plant has no such quantity."""
+    """Truth of a hit of the virtual rig; NaN: its plant has no such quantity.
 
-    contact_time: float  # [s]; on the plant "contact" from first touch to separation
-    peak_force: float  # [N]
-    impact_speed: float  # [m/s]
-    stiffness: float  # k2 of the sample [N/m]
-    damping_coefficient: float  # c2 of the sample [N s/m]
-    exponent: float  # n of the contact law [-]
-    restitution: float  # e of the contact law [-]
-    faults: tuple[str, ...]  # that were injected
+    `contact_time` [s], on the plant "contact" from first touch to separation, `peak_force` [N];
+    `impact_speed` [m/s]; `stiffness` [N/m] and `damping_coefficient` [N s/m] of the sample;
+    `exponent` and `restitution` of the contact law [-]; `faults`, which were injected. A recording
+    holds contact time, peak force and faults.
+    """
+
+    contact_time: float
+    peak_force: float
+    impact_speed: float = math.nan
+    stiffness: float = math.nan
+    damping_coefficient: float = math.nan
+    exponent: float = math.nan
+    restitution: float = math.nan
+    faults: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

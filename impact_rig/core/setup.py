@@ -51,9 +51,17 @@ class AnalysisSettings:
         check_positive("pre_trigger", self.pre_trigger, "s")
         if self.pre_trigger >= self.record_duration:
             raise ParameterError(
-                f"pre_trigger is {self.pre_trigger} s: it must be shorter than the record"
-                f" of {self.record_duration} s",
+                f"pre_trigger is {self.pre_trigger} s: it must be shorter than record_duration,"
+                f" which is {self.record_duration} s",
                 "pre_trigger",
+            )
+        # A slower low-pass makes every pulse as long as the record.
+        slowest = 2.0 / self.record_duration
+        if 0.0 < self.cutoff_frequency < slowest:
+            raise ParameterError(
+                f"cutoff_frequency is {self.cutoff_frequency} Hz: in a record of"
+                f" {self.record_duration} s it must be {slowest:g} Hz or more",
+                "cutoff_frequency",
             )
         for name, low, high in (
             ("pulse_factor", 1.0, 4.0),

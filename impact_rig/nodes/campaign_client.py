@@ -31,9 +31,9 @@ from impact_rig.page.states import HammerStatus, RecorderStatus, Step, Task
 from impact_rig.page.status import RigStatus
 from impact_rig.recordings.messages import (
     VIRTUAL_IMPACT_TYPE,
-    InjectedFaults,
+    RecordedTruth,
     campaign_id_from_msg,
-    faults_from_msg,
+    truth_from_msg,
 )
 from impact_rig.recordings.run import Run
 from impact_rig.results.campaign import Results
@@ -398,10 +398,10 @@ class CampaignClient(RigClient):
             self._is_to_let_go = False
             self._operator.hold_back(hammer.message)
 
-    def _on_virtual_impact(self, received: Received[InjectedFaults]) -> None:
+    def _on_virtual_impact(self, received: Received[RecordedTruth]) -> None:
         """Keep the faults that the virtual rig injected."""
         key = (received.identity.campaign_id, received.value.label.record)
-        self._faults[key] = received.value.faults
+        self._faults[key] = received.value.truth.faults
 
     @property
     def run_folder(self) -> Path | None:
@@ -429,5 +429,5 @@ class CampaignClient(RigClient):
         run = Run(folder)
         for raw in run.read_messages({VIRTUAL_IMPACT_TYPE}):
             campaign_id = run.convert(raw, campaign_id_from_msg)
-            label, faults = run.convert(raw, faults_from_msg)
-            self._faults.setdefault((campaign_id, label.record), faults)
+            label, truth = run.convert(raw, truth_from_msg)
+            self._faults.setdefault((campaign_id, label.record), truth.faults)

@@ -136,7 +136,7 @@ ACCELERATION = Topic("acceleration", AccelerationBlock, make_qos(200, latched=Fa
 STREAM = Topic("acceleration/stream", StreamBlock, make_qos(STREAM_DEPTH, latched=False), _BLOCK)
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
 RELEASE = Topic("release", HammerRelease, _RESULT, _inward("check_release"))
-VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _RESULT, _recorded("faults_from_msg"))
+VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _RESULT, _recorded("truth_from_msg"))
 IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"))
 OVERRULE = Topic("overrule", Overrule, _RESULT, _by("recordings.overrules", "overrule_from_msg"))
 """Persons' verdicts on hits; the newest of a hit counts."""

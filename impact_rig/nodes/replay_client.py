@@ -10,7 +10,7 @@ from impact_rig_msgs.srv import GetResults
 from rclpy.logging import LoggingSeverity, set_logger_level
 
 from impact_rig.core.errors import RigError
-from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.records import Block, HitLabel, Truth
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
 from impact_rig.nodes.estimator import EstimatorNode
@@ -74,24 +74,24 @@ class ReplayClient(RigClient):
             20.0,
         )
         stamp, identity = stamp_to_msg(1), NO_IDENTITY
-        faults: Mapping[HitLabel, tuple[str, ...]] | None = None  # None: no block of a campaign
+        truths: Mapping[HitLabel, Truth] | None = None  # None: no block of a campaign
         for event in run.events(report):
             if isinstance(event, Block):
-                faults = run.faults
+                truths = run.truths
                 self._send(interfaces.ACCELERATION, block_to_msg(event, identity))
                 if event.last:
                     # No record is taken for another of the same number.
                     identity = replace(identity, stream_id=make_id())
                 continue
-            if faults is not None:
-                yield from self._collect(faults)
-            faults = None
+            if truths is not None:
+                yield from self._collect(truths)
+            truths = None
             self._send(interfaces.SETUP, setup_to_msg(event, stamp))
             for overrule in chain.from_iterable(run.overrules.recorded.values()):
                 message = overrule_to_msg(overrule, NO_IDENTITY, stamp)
                 self._send(interfaces.OVERRULE, message)
-        if faults is not None:
-            yield from self._collect(faults)
+        if truths is not None:
+            yield from self._collect(truths)
 
     def _send(self, topic: interfaces.Topic, message: Any) -> None:
         self._outputs[topic.name].publish(message)
@@ -101,11 +101,12 @@ class ReplayClient(RigClient):
         ):
             raise RigError(f"the estimator took no message of {topic.name} for {BLOCK_TIMEOUT} s")
 
-    def _collect(self, faults: Mapping[HitLabel, tuple[str, ...]]) -> Iterator[Results]:
+    def _collect(self, truths: Mapping[HitLabel, Truth]) -> Iterator[Results]:
         if self._estimator.fault:
             raise RigError(self._estimator.fault)
         request = GetResults.Request()
         answer = self.call(GetResults, interfaces.GET_RESULTS, request, RESULTS_TIMEOUT)
-        results = results_from_msg(answer, {label.record: faults[label] for label in faults})
+        faults = {label.record: truth.faults for label, truth in truths.items()}
+        results = results_from_msg(answer, faults)
         if results.hits:
             yield results

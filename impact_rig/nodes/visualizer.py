@@ -30,7 +30,7 @@ from impact_rig.page.states import NodeHealth
 from impact_rig.page.status import RigStatus
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.view_log import ViewLog
-from impact_rig.recordings.messages import InjectedFaults
+from impact_rig.recordings.messages import RecordedTruth
 from impact_rig.recordings.new_file import choose_free
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.traces import JudgedTraces, SampleTraces, TraceAssembler
@@ -49,7 +49,7 @@ def is_shown(number: int) -> bool:
 
 
 Finding: TypeAlias = (
-    InjectedFaults | HitResults | JudgedTraces | SampleEstimate | HammerEstimate | SampleTraces
+    RecordedTruth | HitResults | JudgedTraces | SampleEstimate | HammerEstimate | SampleTraces
 )
 LARGEST_CAMPAIGN = 1000
 """Most hits that tables show, the newest [-]: eight of the paper's campaigns."""
@@ -79,8 +79,8 @@ class ShownCampaign:
     def add(self, found: Finding) -> None:
         """Keep a finding in place of the older one of its hit, sample or model."""
         match found:
-            case InjectedFaults():
-                self._faults[found.label] = found.faults
+            case RecordedTruth():
+                self._faults[found.label] = found.truth.faults
             case HitResults():
                 label = found.label
                 self._hits[label] = replace(found, injected_faults=self._faults.get(label, ()))

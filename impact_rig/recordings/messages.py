@@ -29,6 +29,7 @@ from impact_rig.core.records import (
     MeasuredSpeed,
     Origin,
     RawArray,
+    Truth,
 )
 from impact_rig.core.setup import RigSetup
 from impact_rig.recordings.schemas import (
@@ -74,16 +75,17 @@ def label_from_msg(message: Any) -> HitLabel:
     return from_message(HitLabel, message)
 
 
-class InjectedFaults(NamedTuple):
-    """The faults that the virtual rig injected into one hit."""
+class RecordedTruth(NamedTuple):
+    """What is recorded of the truth of one hit of the virtual rig."""
 
     label: HitLabel
-    faults: tuple[str, ...]
+    truth: Truth
 
 
-def faults_from_msg(message: Any) -> InjectedFaults:
-    """Return the injected faults of a `VirtualImpact`."""
-    return InjectedFaults(label_from_msg(message), tuple(str(it) for it in message.faults))
+def truth_from_msg(message: Any) -> RecordedTruth:
+    """Return the truth of a `VirtualImpact`."""
+    truth = Truth(message.contact_time, message.peak_force, faults=tuple(map(str, message.faults)))
+    return RecordedTruth(label_from_msg(message), truth)
 
 
 def origin_from_msg(message: Any) -> Origin:

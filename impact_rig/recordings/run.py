@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from impact_rig.core.errors import FileError, RigError
 from impact_rig.core.overrules import NO_OVERRULES
-from impact_rig.core.records import Block, HitLabel
+from impact_rig.core.records import Block, HitLabel, Truth
 from impact_rig.core.setup import RigSetup
 from impact_rig.core.stream import StreamCutter
 from impact_rig.recordings.campaigns import CampaignWatch
@@ -19,8 +19,8 @@ from impact_rig.recordings.messages import (
     VIRTUAL_IMPACT_TYPE,
     block_from_msg,
     campaign_id_from_msg,
-    faults_from_msg,
     setup_from_msg,
+    truth_from_msg,
 )
 from impact_rig.recordings.overrules import OVERRULE_TYPE, read_overrules
 from impact_rig.recordings.records import Channel, RawMessage
@@ -64,9 +64,9 @@ class Run:
         self.path = Path(path)  # as a person named it
         self.files = find_recordings(self.path)  # in the order of their recording
         self.size = sum(file.stat().st_size for file in self.files)  # [byte]
-        # Injected by the virtual rig into the hits of the campaign that `events` has come to, each
-        # with a mapping of its own; empty: a good hit.
-        self.faults: dict[HitLabel, tuple[str, ...]] = {}
+        # Of the virtual rig's hits of the campaign that `events` has come to, each with a mapping
+        # of its own.
+        self.truths: dict[HitLabel, Truth] = {}
         self.overrules = NO_OVERRULES  # by persons, of the same campaign
         # The rig that was chosen; None: the only one.
         self.wanted = None if namespace is None else "/" + namespace.strip("/")
@@ -164,7 +164,7 @@ class Run:
         overrules = read_overrules(
             self.scans, partial(self.is_wanted, {OVERRULE_TYPE}), self.convert
         )
-        (setup, campaign), self.faults = self._first, {}
+        (setup, campaign), self.truths = self._first, {}
         self.overrules = overrules.get(campaign, NO_OVERRULES)
         yield setup
         is_first = True
@@ -174,11 +174,11 @@ class Run:
             cutter = StreamCutter(setup.analysis) if kinds[scan] == STREAM_TYPE else None
             for raw in messages:
                 if raw.channel.type_name == VIRTUAL_IMPACT_TYPE:
-                    label, faults = self.convert(raw, faults_from_msg)
-                    self.faults[label] = faults
+                    label, truth = self.convert(raw, truth_from_msg)
+                    self.truths[label] = truth
                 elif raw.channel.type_name == SETUP_TYPE:
                     if not is_first:
-                        (setup, campaign), self.faults = self.convert(raw, _read_setup), {}
+                        (setup, campaign), self.truths = self.convert(raw, _read_setup), {}
                         self.overrules = overrules.get(campaign, NO_OVERRULES)
                         yield setup
                         if cutter is not None:

@@ -91,7 +91,7 @@ UNREADABLE = [
     ('cutoff_frequency = "50 kHz"', "cutoff_frequency = 50", r"line 12: cutoff_frequency"),
     ("minimum_peak = 0.15", "minimum_peak = 1.5", r"line 16: .*between"),
     ("maximum_peak = 0.95", "maximum_peak = 0.1", r"line 17: .*above the minimum_peak"),
-    ('pre_trigger = "200 us"', 'pre_trigger = "3 ms"', r"line 13: .*shorter than the record"),
+    ('pre_trigger = "200 us"', 'pre_trigger = "3 ms"', r"line 13: .*shorter than record_duration"),
     ('"10 mV/g"', '"10 mV"', r"line 28: sensitivity"),
     ('"10 mV/g"', '"0 mV/g"', r"line 28: sensitivity"),
     ('full_scale = "200 g"', 'full_scale = "200 N"', r"line 29: full_scale"),

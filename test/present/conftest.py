@@ -12,6 +12,7 @@ from impact_rig.core.records import HitLabel
 from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.devices.virtual.truth import make_truth
 from impact_rig.results.traces import TracedCampaign
 
 START = 1_700_000_000_123_456_789
@@ -38,7 +39,7 @@ def trace_campaign(
         size=0,
         has_scale=True,
         hammer_unit=None,
-        faults={label: tuple(fault.value for fault in struck[label].faults) for label in labels},
+        truths={label: make_truth(struck[label]) for label in labels},
         overrules=NO_OVERRULES,
         events=lambda _: iter([setup, *blocks]),
     )

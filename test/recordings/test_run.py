@@ -50,8 +50,8 @@ def test_injected_faults_are_those_of_the_campaign_that_is_read(make_recording):
     maker.add_block(1, first_sample=5)
     recording = Run(maker.close())
     for _ in range(2):
-        faults = [recording.faults for event in recording.events() if isinstance(event, Block)]
-        assert faults == [
+        truths = [recording.truths for event in recording.events() if isinstance(event, Block)]
+        assert [{label: truth.faults for label, truth in each.items()} for each in truths] == [
             {
                 HitLabel("brass", 1, 3, 2): (),
                 HitLabel("brass", 2, 3, 2): ("double_hit", "overload"),

@@ -57,7 +57,6 @@ class VirtualCampaign:
         hits = {label: rig.strike(label) for label in labels}
         self.setup = setup
         self.truths = {label: make_truth(hit) for label, hit in hits.items()}
-        self.faults = {label: truth.faults for label, truth in self.truths.items()}
         self._blocks = [block for hit in hits.values() for block in hit.split(BLOCK_POINTS, 0)]
 
     def events(self, _report: Any) -> Iterator[RigSetup | Block]:
