@@ -33,7 +33,7 @@ from impact_rig.present.report.setup import find_test_days, list_calibration_war
 from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import compute_sha256
-from impact_rig.recordings.records import PROVENANCE_RECORD
+from impact_rig.recordings.records import IMPORT_REMARKS, PROVENANCE_RECORD
 from impact_rig.results.traces import Provenance, RecordedFile, ReportedCampaign
 
 EXIT_LACKING = 1  # the run can be reported, but a formal report would lack something
@@ -42,7 +42,8 @@ EXIT_LACKING = 1  # the run can be reported, but a formal report would lack some
 def make_provenance(contents: Contents) -> Provenance:
     """Return when, by what and how a run was recorded; raises `FileError` on a lost file."""
     notes = [(note.time, note.text) for note in contents.notes]
-    if first := read_fields(contents, PROVENANCE_RECORD).get("notes", ""):
+    fields = read_fields(contents, PROVENANCE_RECORD)
+    if first := fields.get("notes", ""):
         notes.insert(0, (0, first))
     return Provenance(
         start_time=contents.start_time,
@@ -56,6 +57,7 @@ def make_provenance(contents: Contents) -> Provenance:
         ended=describe_end(contents),
         versions=tuple(read_versions(contents).items()),
         notes=tuple(notes),
+        import_remarks=tuple(fields.get(IMPORT_REMARKS, "").splitlines()),
     )
 
 

@@ -27,7 +27,7 @@ from impact_rig.files.plan import ChannelPlan
 from impact_rig.recordings.messages import NANOSECONDS, MessageEncoder
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import compute_sha256
-from impact_rig.recordings.records import PROVENANCE_RECORD, OfferedQos
+from impact_rig.recordings.records import IMPORT_REMARKS, PROVENANCE_RECORD, OfferedQos
 from impact_rig.recordings.writer import RecordingWriter
 
 FIRST_STAMP = NANOSECONDS
@@ -176,7 +176,9 @@ def write_imported(output: Path, setup: RigSetup, hits: Sequence[MeasuredHit]) -
     """
     encoder = MessageEncoder()
     with write_new_file(output) as part, RecordingWriter(part, library=LIBRARY) as writer:
-        writer.add_metadata(PROVENANCE_RECORD, {"software_version": __version__})
+        remarks = dict.fromkeys(remark for hit in hits for remark in hit.remarks)
+        made = {"software_version": __version__, IMPORT_REMARKS: "\n".join(remarks)}
+        writer.add_metadata(PROVENANCE_RECORD, made)
         writer.add_metadata(
             "impact_rig/import", {str(hit.block.label.record): _describe(hit) for hit in hits}
         )

@@ -52,7 +52,7 @@ def format_html(table: Table) -> str:
         for tag, cells in rows
     )
     body = "".join(f"<tr>{line}</tr>" for line in lines)
-    notes = "".join(f"<p><small>{html.escape(note)}</small></p>" for note in table.notes)
+    notes = "".join(f"<p><small>{html.escape(note)}</small></p>" for note in table.explanations)
     return f"<table><caption>{html.escape(table.caption)}</caption>{body}</table>{notes}"
 
 

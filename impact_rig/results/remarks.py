@@ -113,7 +113,7 @@ def _compare_dampings(sample: SampleEstimate) -> float:
 Check = Callable[[SampleEstimate], float]
 CHECKS: dict[Check, str] = {
     _compare_with_law: (
-        "the pulse is no versed-sine: k by the contact law differs by {percent} %."
+        "the pulse is no versed-sine: k_eq by the contact law differs by {percent} %."
         " Use the contact law."
     ),
     _compare_dampings: (

@@ -53,6 +53,12 @@ class Table:
     marked: frozenset[int] = frozenset()  # rows that stand out, from 0; a word in them, too
 
     @property
+    def explanations(self) -> tuple[str, ...]:
+        """Its notes, and in one more what its columns say."""
+        by_columns = " ".join(dict.fromkeys(filter(None, (it.note for it in self.columns))))
+        return (*self.notes, by_columns) if by_columns else self.notes
+
+    @property
     def is_short(self) -> bool:
         """Whether it is kept on one page of paper."""
         return len(self.rows) <= LONGEST_UNBROKEN

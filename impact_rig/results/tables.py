@@ -230,7 +230,8 @@ def _tabulate_bodies(
     notes: Sequence[str],
 ) -> Table:
     """Return one quantity, expected and measured, of the samples and, if it has it, the hammer."""
-    rows = _make_rows(results, with_hammer=quantity in HAMMER_MEASURANDS)
+    has_hammer = quantity in HAMMER_MEASURANDS and quantity.read(results.hammer).is_known
+    rows = _make_rows(results, with_hammer=has_hammer)
     expected = {row.name: quantity.read_reference(row.reference) for row in rows}
     known = [row for row in rows if math.isfinite(expected[row.name])]
     is_whole = all(expected[row.name] * quantity.scale % 1.0 == 0.0 for row in known)
@@ -246,7 +247,7 @@ def _tabulate_bodies(
         ),
         Column(f"Measured [{quantity.unit}]", [row.format(quantity) for row in rows]),
         _make_deviations(rows, quantity),
-        *more,
+        *(replace(column, cells=column.cells[: len(rows)]) for column in more),
     ]
     if quantity is CONTACT_TIME:
         has_deviation = any(math.isfinite(row.compute_deviation(quantity)) for row in rows)
@@ -282,7 +283,7 @@ def tabulate_summary(results: Results) -> list[Table]:
     ]
     by_law = [
         read_column("τ, law [µs]", laws, "duration", 2),
-        read_optional("k, law [MN/m]", laws, "equivalent_stiffness", 2),
+        read_optional("k_eq, law [MN/m]", laws, "equivalent_stiffness", 2),
     ]
     columns += by_law
     marked = [place for item in SAMPLE_MEASURANDS for place in _mark(rows, item)]
@@ -423,23 +424,26 @@ def tabulate_momenta(samples: Sequence[SampleEstimate]) -> list[Table]:
     """Return the checks by momenta, without a contact law."""
     known = [sample for sample in samples if sample.checks.impulse.is_known]
     checks = [sample.checks for sample in known]
+    ratio = "m2Δv2/m1Δv1: 1 for free bodies, right masses and gains."
+    by_speed = (
+        "e, by v1: J / (m_eq v1) - 1, with the hammer's speed v1 as measured at the hits, else as"
+        " stated."
+    )
+    both = "e, both bodies: (Δv1 + Δv2) / v1 - 1."
     columns = [
         make_text_column("Sample", [sample.name for sample in known]),
         read_optional("J [mN s]", checks, "impulse", 2),
-        read_column("m2Δv2/m1Δv1", checks, "momentum_ratio", 3),
+        read_column("m2Δv2/m1Δv1", checks, "momentum_ratio", 3, ratio),
         read_column("m2, traces [g]", checks, "traced_mass", 1),
         read_column("m2, stated [g]", checks, "stated_mass", 1),
         read_optional("v1 [cm/s]", checks, "impact_speed", 2),
-        read_column("e, by v1", checks, "stated_restitution", 3),
-        read_optional("e, both bodies", checks, "separation_restitution", 3),
+        read_column("e, by v1", checks, "stated_restitution", 3, by_speed),
+        read_optional("e, both bodies", checks, "separation_restitution", 3, both),
         make_text_column("Sample is", [HELD.get(item.hold, "") for item in checks]),
     ]
     note = (
         "By integrating both traces over the contact, whatever its law is. J: impulse."
-        " m2Δv2/m1Δv1: 1 for free bodies, right masses and gains. m2: with the accelerometer; on a"
-        " spring by Newton's law over the contact. e, by v1: J / (m_eq v1) - 1; both bodies:"
-        " (Δv1 + Δv2) / v1 - 1; v1: the hammer's speed, as measured at the hits, else as"
-        " stated."
+        " m2: with the accelerometer; on a spring by Newton's law over the contact."
     )
     return list_table("Momenta", columns, [note])
 

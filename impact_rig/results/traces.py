@@ -392,6 +392,7 @@ class Provenance:
     versions: tuple[tuple[str, str], ...] = ()  # of software and libraries
     # What an operator said, and when [ns since the epoch]; 0: before the recording.
     notes: tuple[tuple[int, str], ...] = ()
+    import_remarks: tuple[str, ...] = ()  # what was assumed of the files that it was made of
 
 
 @dataclass(frozen=True)

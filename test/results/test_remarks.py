@@ -93,7 +93,7 @@ def test_a_contact_law_says_how_far_k_is_off():
     long = make_sample("zinc", **{**CONTACT, "contact_time": Quantity(240e-6)})
     ((about, text),) = tell(make_sample(**CONTACT), long)
     assert about == "all samples"
-    assert "k by the contact law differs by 21 to 44 %" in text
+    assert "k_eq by the contact law differs by 21 to 44 %" in text
 
 
 @pytest.mark.parametrize(

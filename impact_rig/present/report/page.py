@@ -70,6 +70,9 @@ class Document:
     sections: tuple[Section, ...]
     laws: frozenset[str] = frozenset()  # forms of loss in its contact laws, whose sources it names
     signatory: str = ""  # who authorises it
+    has_damping: bool = True
+    has_models: bool = True  # whether one is held against the traces
+    has_expected: bool = True  # whether anything is expected of a sample
 
 
 def drop_empty(*sections: Section | None) -> tuple[Section, ...]:

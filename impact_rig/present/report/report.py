@@ -226,7 +226,7 @@ def gather_run_remarks(run: ReportedCampaign, stated: Particulars) -> list[Remar
     results, provenance = run.campaign.results, run.provenance
     texts = list(run.warnings)
     if provenance is not None:
-        texts += provenance.problems
+        texts += (*provenance.problems, *provenance.import_remarks)
         if provenance.losses is not None:
             texts.append(f"lost while recording: {provenance.losses}")
     old = list_calibration_warnings(results.setup, stated, provenance)
@@ -270,7 +270,8 @@ def make_report(
             parts = make_run_sections(shown, stated)
             sections += parts if len(runs) == 1 else [Section(run.name, (), parts)]
             report(number)
-    laws = [item.contact_law for run in runs for item in run.campaign.results.samples]
+    samples = [item for run in runs for item in run.campaign.results.samples]
+    laws = [item.contact_law for item in samples]
     return Document(
         title=TITLE if kind == MEASURED else f"{TITLE}: {kind}",
         subtitle=_describe_rigs(runs),
@@ -281,6 +282,9 @@ def make_report(
         is_warning=kind not in (MEASURED, IMPORTED),
         facts=_list_facts(runs, stated),
         sections=tuple(sections),
+        has_damping=any(item.paper.damping_ratio.is_known for item in samples),
+        has_models=any(item.models for run in runs for item in run.campaign.samples),
+        has_expected=any(any(tables.count_expected(run.campaign.results)) for run in runs),
         laws=frozenset(form for law in laws for form in law.form.split(" + ") if form),
     )
 

@@ -171,6 +171,7 @@ def _tabulate_bodies(results: Results, stated: Particulars) -> Table:
         "control sample" if item.name == carried.find_control(item.release_angle) else ""
         for item in samples
     ]
+    expected = "Ref.: expected of the sample, as published or from earlier work."
     wide = [body.mass_uncertainty * GRAM for body in bodies]
     columns = [
         make_text_column("Item", [body.body for body in bodies]),
@@ -182,17 +183,17 @@ def _tabulate_bodies(results: Results, stated: Particulars) -> Table:
             for entry in SAMPLE
         ),
         read_column("Mass [g]", bodies, "mass", 2),
-        Column("u [g]", [f"{value:.2g}" if value else MISSING for value in wide]),
-        read_column("Ref. τp [µs]", bodies, "reference_contact_time", 2),
-        read_column("Ref. k2 [MN/m]", bodies, "reference_stiffness", 2),
-        read_column("Ref. c2 [N s/m]", bodies, "reference_damping_coefficient", 0),
+        Column(
+            "u [g]",
+            [f"{value:.2g}" if value else MISSING for value in wide],
+            note="u: standard uncertainty.",
+        ),
+        read_column("Ref. τp [µs]", bodies, "reference_contact_time", 2, expected),
+        read_column("Ref. k2 [MN/m]", bodies, "reference_stiffness", 2, expected),
+        read_column("Ref. c2 [N s/m]", bodies, "reference_damping_coefficient", 0, expected),
         make_text_column("Role", roles),
     ]
-    note = (
-        "Masses of samples are without accelerometer. u: standard uncertainty. Ref.: what the"
-        " sample is expected to show, published or from earlier work."
-    )
-    return make_table("Items", columns, [note])
+    return make_table("Items", columns, ["Masses of samples are without accelerometer."])
 
 
 def list_calibration_warnings(

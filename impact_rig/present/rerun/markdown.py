@@ -143,7 +143,7 @@ def format_table(table: Table) -> str:
         cells = [escape_markdown(cell).replace("\n", " ") for cell in row]
         lines.append([f"**{cell}**" if cell and place in table.marked else cell for cell in cells])
     text = "\n".join("| " + " | ".join(line) + " |" for line in lines)
-    notes = (escape_markdown(note) for note in table.notes)
+    notes = (escape_markdown(note) for note in table.explanations)
     return "\n\n".join([f"## {escape_markdown(table.caption)}", text, *notes])
 
 
