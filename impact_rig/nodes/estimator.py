@@ -57,6 +57,9 @@ class EstimatorNode(RigNode):
     campaign that asks, it follows the set-ups that it receives: those of a replay.
     """
 
+    # How long the answer with the results waits for other nodes to have what was published [s].
+    patience = 2.0
+
     def __init__(self, **options: Any) -> None:
         super().__init__("estimator", **options)
         self._setup: msg.RigSetup | None = None
@@ -347,4 +350,11 @@ class EstimatorNode(RigNode):
         self._incomplete.clear()
         response.accepted = [hit_to_msg(hit, identity) for hit in results.accepted]
         response.rejected = [hit_to_msg(hit, identity) for hit in results.rejected]
+        # The rig may end with the answer, and what was lost on its way has to be sent again.
+        found = self._impact, self._trace, self._estimate, self._hammer_estimate, self._comparison
+        if not self.wait_for_acks(found, self.patience):
+            self.get_logger().warning(
+                f"a node has not taken all results within {self.patience:g} s: its recording or"
+                " view may lack the last ones"
+            )
         return response

@@ -1,6 +1,7 @@
 """Common part of the rig's nodes: topics with one way in, campaigns, and diagnostics."""
 
-from collections.abc import Callable, Iterable
+import time
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias
 
@@ -109,6 +110,17 @@ class RigNode(ManagedNode):
         count: int = publisher.get_subscription_count()
         return count >= self.count_subscribers(publisher.topic_name)
 
+    @staticmethod
+    def wait_for_acks(publishers: Sequence[Any], timeout: float) -> bool:
+        """Wait until all subscribers have what was published; return whether they have."""
+        deadline = time.monotonic() + timeout
+        # rclpy's own wait holds Python's lock.
+        while not all(publisher.wait_for_all_acked(Duration()) for publisher in publishers):
+            if time.monotonic() >= deadline:
+                return False
+            time.sleep(0.01)
+        return True
+
     def advertise_state(self, topic: Topic) -> Callable[..., None]:
         """Create a publisher of a state topic; return a function that publishes its fields."""
         publisher = self.advertise(topic)
@@ -213,5 +225,4 @@ class RigNode(ManagedNode):
         """Close, and let the last states reach all subscribers before the middleware ends."""
         super().close()
         if self.context.ok():
-            for publisher, _ in self._states:
-                publisher.wait_for_all_acked(Duration(seconds=0.2))
+            self.wait_for_acks([publisher for publisher, _ in self._states], 0.5)

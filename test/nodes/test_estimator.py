@@ -1,5 +1,7 @@
 """The estimator node says what the core says, bit for bit, hit by hit."""
 
+import signal
+
 import pytest
 from impact_rig_msgs.msg import Finding, RecordStored
 from impact_rig_msgs.srv import GetResults, JoinCampaign
@@ -108,6 +110,27 @@ def test_all_that_is_found_carries_the_id_of_its_campaign(harness):
         results = harness.call(GetResults, interfaces.GET_RESULTS)
         for found in (results.setup, results.hammer, *results.samples, *results.accepted):
             assert found.campaign_id == setup.campaign_id
+
+
+def test_results_are_answered_once_all_who_listen_have_them_or_do_not_take_them(
+    harness, estimator, start_process, tmp_path
+):
+    node, publisher, impacts = estimator
+    listener = start_process("recorder", output=tmp_path / "session.mcap").process
+    harness.wait_until(lambda: node._estimate.get_subscription_count() == 1)
+    feed(harness, publisher, make_blocks(CONTROL_SAMPLE, 1))
+    impacts.wait_for_count(1)
+    listener.send_signal(signal.SIGSTOP)
+    node.patience = 0.0
+    assert harness.call(GetResults, interfaces.GET_RESULTS).samples
+    node.patience = 1000.0
+    answers = harness.make_collector()
+    client = harness.run(lambda: harness.peer.create_client(GetResults, interfaces.GET_RESULTS))
+    harness.wait_until(client.service_is_ready)
+    client.call_async(GetResults.Request()).add_done_callback(answers.take)
+    assert not answers.has_come(1.0)
+    listener.send_signal(signal.SIGCONT)
+    answers.wait_for_count(1)
 
 
 def test_what_the_control_sample_changes_follows_once_and_behind_its_hits(harness, estimator):
