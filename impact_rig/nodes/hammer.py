@@ -1,6 +1,7 @@
 """The hammer: holds it, and releases it when the rest of the rig can record the hit."""
 
 import functools
+import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -34,7 +35,8 @@ class HammerNode(DeviceNode):
     """
 
     def __init__(self, **options: Any) -> None:
-        self._last_seen, self._is_caught_up_at = _read_clock(), 0.0
+        # From the first callback on: a start may take longer than a lease, and nothing is armed.
+        self._last_seen, self._is_caught_up_at = math.inf, 0.0
         super().__init__("hammer", **options)
         self._patience = 0.0  # [s], within which an operator releases by hand; 0: a device does
         self._holder = ""
