@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import click
@@ -37,6 +38,7 @@ from impact_rig.recordings.records import IMPORT_REMARKS, PROVENANCE_RECORD
 from impact_rig.results.traces import Provenance, RecordedFile, ReportedCampaign
 
 EXIT_LACKING = 1  # the run can be reported, but a formal report would lack something
+MOST_KEYS = 5  # that a warning names
 
 
 def make_provenance(contents: Contents) -> Provenance:
@@ -63,14 +65,28 @@ def make_provenance(contents: Contents) -> Provenance:
 
 def find_particulars(contents: Contents | None, rig_file: Path | None) -> Particulars:
     """Return a person's statements: by the named rig file, then by the recording's."""
-    named = read_toml_file(rig_file, "rig file", read_particulars) if rig_file else NOTHING_STATED
+    recorded = _read_recorded(contents)
+    if rig_file is None:
+        return recorded
+    named = read_toml_file(rig_file, "rig file", read_particulars)
+    left = [name for name, value in named.unused.items() if recorded.unused.get(name) != value]
+    if left:
+        more = f" and {len(left) - MOST_KEYS} more" if len(left) > MOST_KEYS else ""
+        print_warning(
+            f"of the rig file {rig_file} only texts, instruments and limits are taken:"
+            f" {', '.join(left[:MOST_KEYS])}{more} as recorded"
+        )
+    return named.put_over(recorded)
+
+
+def _read_recorded(contents: Contents | None) -> Particulars:
     for item in contents.attachments if contents is not None else ():
         if item.name.endswith(".toml"):
             try:
-                return named.put_over(read_particulars(item.data.decode("utf-8-sig")))
+                return read_particulars(item.data.decode("utf-8-sig"))
             except (UnicodeDecodeError, ParameterError) as error:
                 print_warning(f"the rig file {item.name} in the recording is not used: {error}")
-    return named
+    return NOTHING_STATED
 
 
 def run(
@@ -99,7 +115,7 @@ def run(
             contents = inspect_with_progress(source.run)
             provenance = make_provenance(contents)
             runs = tuple(replace(run, provenance=provenance) for run in runs)
-        stated = find_particulars(contents, rig_file).set(texts)
+        stated = find_particulars(contents, rig_file).set(texts, _list_bodies(runs))
         doubts = _list_doubts(runs, stated)
         if is_check:
             _print_lacking(runs, stated, doubts)
@@ -131,17 +147,22 @@ def _check_reason(asked: ByHand, source: RunSource) -> None:
         raise ParameterError(f"{source.named} has no traces: --accept and --reject need them")
 
 
+def _list_bodies(runs: Sequence[ReportedCampaign]) -> list[str]:
+    samples = (sample for run in runs for sample in run.campaign.results.setup.samples.samples)
+    return list(dict.fromkeys(sample.body for sample in samples))
+
+
 def _list_doubts(runs: Sequence[ReportedCampaign], stated: Particulars) -> list[str]:
     """Return which statements cannot be true of the runs: of other samples, of other days."""
-    samples = (sample for run in runs for sample in run.campaign.results.setup.samples.samples)
-    known = list(dict.fromkeys(sample.body for sample in samples))
+    known = _list_bodies(runs)
     doubts = [
         f"facts or limits are stated of {name!r}, and the run has no such sample, so they are not"
         f" in the report: its samples are {', '.join(known)}"
         for name in stated.samples
         if name not in known
     ]
-    return doubts + stated.list_contradictions(*find_test_days(runs[0].provenance))
+    today = datetime.now(UTC).date().isoformat()
+    return doubts + stated.list_contradictions(*find_test_days(runs[0].provenance), today)
 
 
 def _print_lacking(

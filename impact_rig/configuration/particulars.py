@@ -2,12 +2,12 @@
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Self
+from typing import Any, Self
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable, parse_toml_table
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.errors import ParameterError, check_name
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,11 @@ MEASURANDS = {
     "damping_coefficient": ("N*s/m", "1170 N*s/m"),
 }
 """Quantities of a sample with stated values and limits: unit, and an example."""
+LIMIT_KEYS = [f"{bound}_{name}" for bound in ("minimum", "maximum") for name in MEASURANDS]
+NO_LIMITS = -math.inf, math.inf
 SAMPLE_KEYS = (
     "name", "material", "mass", "mass_uncertainty", *(entry.key for entry in SAMPLE),
-    *(f"{of}_{name}" for of in ("reference", "minimum", "maximum") for name in MEASURANDS),
+    *(f"reference_{name}" for name in MEASURANDS), *LIMIT_KEYS,
 )  # fmt: skip
 FILE_KEYS = (
     "name", "description", "hammer", "digitizer", "analysis", "samples", "sample", "check_mass",
@@ -97,6 +99,8 @@ class Particulars:
     texts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # by table and key
     # Least and largest value by sample and `MEASURANDS` [SI units]; infinite: there is no limit.
     limits: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+    # What else the file says, by dotted key: a report takes that from the recording.
+    unused: Mapping[str, object] = field(default_factory=dict)
 
     def get(self, table: str, key: str) -> str:
         """Return one text; empty: it is not stated."""
@@ -122,29 +126,39 @@ class Particulars:
         texts = dict(other.texts)
         for table, own in self.texts.items():
             texts[table] = own if own and table in INSTRUMENTS else {**texts.get(table, {}), **own}
-        return Particulars(texts, {**other.limits, **self.limits})
+        return Particulars(texts, {**other.limits, **self.limits}, other.unused)
 
-    def set(self, assignments: Iterable[str]) -> Self:
-        """Return them with texts in place of others.
+    def set(self, assignments: Iterable[str], samples: Collection[str] | None = None) -> Self:
+        """Return them with texts and limits in place of others.
 
         Parameters
         ----------
         assignments : iterable of str
             As ``report.number=4711`` or ``sample.steel small.serial_number=7``; an empty text
             takes one away.
+        samples : collection of str, optional
+            Those that there are.
 
         Raises
         ------
         ParameterError
-            If one is no assignment, there is no such key, or it wants a date.
+            If one is no assignment, there is no such key or sample, or it wants a date or limit.
         """
         texts = {table: dict(found) for table, found in self.texts.items()}
         known = [f"{table}.{entry.key}" for table, entries in TABLES.items() for entry in entries]
         known += [f"{OF_SAMPLE}NAME.{entry.key}" for entry in SAMPLE]
+        known += [f"{OF_SAMPLE}NAME.{key}" for key in LIMIT_KEYS]
+        bounds: dict[str, dict[str, str]] = {}
         for assignment in assignments:
             name, _, text = assignment.partition("=")
             table, _, key = name.strip().rpartition(".")
-            entries = SAMPLE if table.startswith(OF_SAMPLE) else TABLES.get(table, ())
+            is_of_sample = table.startswith(OF_SAMPLE)
+            if is_of_sample and samples is not None:
+                check_name("sample", table.removeprefix(OF_SAMPLE), samples)
+            if is_of_sample and key in LIMIT_KEYS and "=" in assignment:
+                bounds.setdefault(table.removeprefix(OF_SAMPLE), {})[key] = text.strip()
+                continue
+            entries = SAMPLE if is_of_sample else TABLES.get(table, ())
             entry = next((entry for entry in entries if entry.key == key), None)
             if entry is None or "=" not in assignment:
                 (hint,) = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
@@ -155,7 +169,11 @@ class Particulars:
             found = texts.setdefault(table, {})
             found.pop(key, None)
             found |= _take_texts(TomlTable({key: text.strip()}, f"[{table}]"), [entry])
-        return type(self)(texts, self.limits)
+        changed = {
+            name: _take_limits(TomlTable(found, f"sample {name!r}"), self.limits.get(name, {}))
+            for name, found in bounds.items()
+        }
+        return type(self)(texts, {**self.limits, **changed}, self.unused)
 
     def list_lacking(self, samples: Sequence[str], *, is_dated: bool) -> list[str]:
         """Return what ISO/IEC 17025 asks for and is not stated, with where to state it.
@@ -189,8 +207,8 @@ class Particulars:
                 )
         return lacking
 
-    def list_contradictions(self, first: str, last: str) -> list[str]:
-        """Return which dates cannot be true of tests between two days, year-month-day or empty."""
+    def list_contradictions(self, first: str, last: str, today: str) -> list[str]:
+        """Return what cannot be true of tests between two days, year-month-day or empty."""
         received, tested, issued = (
             self.get("report", key) for key in ("received", "tested", "issued")
         )
@@ -205,6 +223,10 @@ class Particulars:
             told.append(f"the report was issued on {issued}, before the tests ended on {last}")
         elif issued and issued < received:
             told.append(f"the report was issued on {issued}, before the items came on {received}")
+        elif issued > today:
+            told.append(f"the report is issued on {issued}, and today is {today}")
+        if (number := self.get("report", "number")) and number == self.get("report", "replaces"):
+            told.append(f"the report {number} replaces itself: it needs a number of its own")
         return told
 
 
@@ -238,7 +260,25 @@ def parse_particulars(document: TomlTable) -> Particulars:
         name = table.take_text("name", REQUIRED, "steel small")
         texts[OF_SAMPLE + name] = _take_texts(table, SAMPLE)
         limits[name] = _take_limits(table)
-    return Particulars(texts, {name: found for name, found in limits.items() if found})
+    limits = {name: found for name, found in limits.items() if found}
+    return Particulars(texts, limits, dict(_list_unused(document)))
+
+
+def _list_unused(values: Mapping[str, Any], table: str = "") -> Iterator[tuple[str, object]]:
+    """Return the values that a report does not take from a rig file, with their dotted keys."""
+    entries = SAMPLE if table.startswith(OF_SAMPLE) else TABLES.get(table, ())
+    used = {entry.key for entry in entries}
+    if table.startswith(OF_SAMPLE):
+        used |= {"name", *LIMIT_KEYS}
+    for key, value in values.items():
+        name = f"{table}.{key}" if table else key
+        if isinstance(value, Mapping):
+            yield from _list_unused(value, name)
+        elif name == "sample":
+            for sample in value:
+                yield from _list_unused(sample, OF_SAMPLE + sample["name"])
+        elif key not in used:
+            yield name, value
 
 
 def _take_texts(table: TomlTable, entries: Iterable[Entry]) -> dict[str, str]:
@@ -249,15 +289,22 @@ def _take_texts(table: TomlTable, entries: Iterable[Entry]) -> dict[str, str]:
     return {key: text.strip() for key, text in texts.items() if text.strip()}
 
 
-def _take_limits(table: TomlTable) -> dict[str, tuple[float, float]]:
+def _take_limits(
+    table: TomlTable, stated: Mapping[str, tuple[float, float]] | None = None
+) -> dict[str, tuple[float, float]]:
+    """Return the limits in a table, with those stated before it; an empty text takes one away."""
     limits = {}
     for name, (unit, example) in MEASURANDS.items():
+        keys, ends = (f"minimum_{name}", f"maximum_{name}"), (stated or {}).get(name, NO_LIMITS)
         low, high = (
-            table.take_quantity(f"{bound}_{name}", unit, example, default, low=0.0)
-            for bound, default in (("minimum", -math.inf), ("maximum", math.inf))
+            none
+            if table.get(key) == ""
+            else table.take_quantity(key, unit, example, before, low=0.0)
+            for key, before, none in zip(keys, ends, NO_LIMITS, strict=True)
         )
         if low >= high:
-            raise table.refuse(f"minimum_{name}", f"below maximum_{name}")
-        if math.isfinite(low) or math.isfinite(high):
+            wanted = f"below {keys[1]}" if keys[0] in table else f"above {keys[0]}"
+            raise table.refuse(keys[keys[0] not in table], wanted)
+        if (low, high) != NO_LIMITS:
             limits[name] = low, high
     return limits

@@ -273,7 +273,7 @@ def _judge_chain(checks: Checks, setup: RigSetup, sample: str) -> Checks:
     )
     if conformity is Conformity.PASSED:
         return replace(checks, notes=(*checks.notes, Note(Subject.OPERATIONAL_CHECK, text)))
-    text += "; the whole ± must lie within it: state sensitivity_uncertainty, strike more hits"
+    text += "; the whole ± must lie within it: a calibrated sensor, or more hits, would narrow it"
     return replace(checks, warnings=(*checks.warnings, Note(Subject.OPERATIONAL_CHECK, text)))
 
 
@@ -286,8 +286,8 @@ def ask_for_sample(traced: float, stated: float, expanded: float = 0.0) -> str |
         return None
     return (
         f"the sample moves as {traced * 1e3:.3g} g would, accelerometer included, where"
-        f" {stated * 1e3:.3g} g are stated: is it the one that was asked for, and are masses and"
-        " sensitivities right"
+        f" {stated * 1e3:.3g} g are stated: another sample was struck, or a mass or sensitivity"
+        " is not as stated"
     )
 
 

@@ -60,8 +60,8 @@ class SessionResults:
 
 NO_CONTROL = Note(
     Subject.K1,
-    "no control sample: state hammer_stiffness, or control_sample, one that is alike to the"
-    " hammer; without it k_eq is given, and neither k nor c of a sample",
+    "no control sample, which is alike to the hammer, and no stiffness of the hammer is stated:"
+    " k_eq is given, and neither k nor c of a sample",
 )
 """Properties to be stated for k and c."""
 

@@ -281,13 +281,13 @@ class RigInputs:
         if gains:
             told = (
                 f"the gains of {gains} within {100.0 * ASSUMED_GAIN:g} %, standard, since"
-                " nothing states it: state sensitivity_uncertainty"
+                " nothing states it"
             )
             notes.append(Note(Subject.ASSUMED_GAIN, told))
         if unstated:
             told = (
                 f"the mass of {unstated} within {100.0 * ASSUMED_MASS:g} %, standard,"
-                " since nothing states it: state mass_uncertainty"
+                " since nothing states it"
             )
             notes.append(Note(Subject.ASSUMED_MASS, told))
         return RigNumbers(

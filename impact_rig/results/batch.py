@@ -44,10 +44,10 @@ SPREAD_NOTE = (
 
 CHANGE_NOTE = (
     "En is the difference over its expanded uncertainty √(U1² + U2²), not known where a value is"
-    " of one hit. Marked: |En| above 1, the value changed by more than its uncertainty explains."
-    " Masses and clock that both runs share cancel in the difference, so that a change has to be"
-    " larger than need be to be marked. Of many comparisons without any change, one in twenty at"
-    " most goes beyond 1 by chance."
+    " of fewer than four hits. Marked: |En| above 1, the value changed by more than its"
+    " uncertainty explains. Masses and clock that both runs share cancel in the difference, so"
+    " that a change has to be larger than need be to be marked. Of many comparisons without any"
+    " change, one in twenty at most goes beyond 1 by chance."
 )
 
 

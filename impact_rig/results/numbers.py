@@ -113,6 +113,15 @@ def format_quantity(quantity: Quantity, digits: int, scale: float = 1.0) -> str:
     return "{} +{} -{}".format(*_round_alike(min(below, above), value, above, below))
 
 
+def format_rounded(quantity: Quantity, digits: int, scale: float = 1.0) -> str:
+    """Return a value rounded as `format_quantity` does, alone."""
+    width = quantity.compute_half_width(-math.inf)
+    if not (math.isfinite(width) and is_beyond_rounding(width, quantity.value)):
+        return format_number(quantity.value * scale, digits)
+    (text,) = _round_alike(width * scale, quantity.value * scale)
+    return text
+
+
 def format_relative(quantity: Quantity) -> str:
     """Return the expanded uncertainty in per cent of the value."""
     part = 100.0 * quantity.expanded / abs(quantity.value) if quantity.value else math.nan

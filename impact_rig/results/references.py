@@ -14,7 +14,6 @@ from impact_rig.core.setup import (
     PAPER_SETUP,
     Sample,
 )
-from impact_rig.core.uncertainty import LEAST_HITS
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import CONTACT_TIME, HAMMER_NAME, Measurand
 
@@ -115,10 +114,15 @@ def find_expected(results: Results, name: str) -> Reference:
     )
 
 
+SCATTER_HITS = 4
+"""Hits from which the t-distribution of their mean has a standard deviation (JCGM 101, 6.4.9.4):
+fewer that lie near each other by chance show almost no scatter."""
+
+
 def shows_scatter(results: Results, name: str, quantity: Measurand) -> bool:
     """Return whether what scatters from hit to hit is in the uncertainty of a value.
 
-    It takes two hits and, for k and c, two on the control sample.
+    It takes four hits and, for k and c, four on the control sample.
     """
     samples, needed = results.setup.samples, {name}
     # k1 may be that of an earlier control experiment.
@@ -127,7 +131,7 @@ def shows_scatter(results: Results, name: str, quantity: Measurand) -> bool:
         angle = math.nan if name == HAMMER_NAME else samples.find(name).release_angle
         needed.add(samples.find_control(angle))
     return all(
-        sample.impacts_accepted >= LEAST_HITS
+        sample.impacts_accepted >= SCATTER_HITS
         for sample in results.samples
         if sample.name in needed
     )

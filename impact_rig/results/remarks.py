@@ -21,8 +21,17 @@ from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PULSE_NAME, RigSetup
 from impact_rig.core.uncertainty import LEAST_HITS
 from impact_rig.results.campaign import FileResults, HitResults, Results
-from impact_rig.results.numbers import MISSING, format_number, format_time, show_unit
-from impact_rig.results.references import Plant, find_plant
+from impact_rig.results.numbers import (
+    CONTACT_TIME,
+    DAMPING_COEFFICIENT,
+    MISSING,
+    STIFFNESS,
+    Measurand,
+    format_number,
+    format_time,
+    show_unit,
+)
+from impact_rig.results.references import SCATTER_HITS, Plant, find_plant
 from impact_rig.results.table import (
     Column,
     Table,
@@ -110,19 +119,41 @@ def _compare_dampings(sample: SampleEstimate) -> float:
     return difference / decay.value if is_beyond else math.nan
 
 
-Check = Callable[[SampleEstimate], float]
-CHECKS: dict[Check, str] = {
-    _compare_with_law: (
-        "the pulse is no versed-sine: k_eq by the contact law differs by {percent} %."
-        " Use the contact law."
+@dataclass(frozen=True)
+class Check:
+    """What the numbers of a sample show against the paper's method."""
+
+    compare: Callable[[SampleEstimate], float]  # its effect on a result [-]; NaN: none
+    text: str  # with {change} for the effects on all samples
+    method: str  # to use instead
+    quantities: tuple[Measurand, ...]  # for these
+
+
+CHECKS = (
+    Check(
+        _compare_with_law,
+        "the pulse is no versed-sine: k_eq by the contact law is {change}.",
+        "contact law",
+        (CONTACT_TIME, STIFFNESS),
     ),
-    _compare_dampings: (
-        "c by the log decrement differs from the free decay by {percent} %, since the contact"
-        " still drives the body at its largest peak. Use the free decay."
+    Check(
+        _compare_dampings,
+        "c by the log decrement is {change} than by the free decay, since the contact still drives"
+        " the body at its largest peak.",
+        "free decay",
+        (DAMPING_COEFFICIENT,),
     ),
-}
-"""What the numbers of a sample show: its effect on a result [-], NaN for none, and the text, with
-{percent} for the effects on all samples."""
+)
+
+
+def find_better_method(sample: SampleEstimate, quantity: Measurand) -> str | None:
+    """Return the method that a remark says to use for a quantity; None: the paper's stands."""
+    advised = (
+        check.method
+        for check in CHECKS
+        if quantity in check.quantities and math.isfinite(check.compare(sample))
+    )
+    return next(advised, None)
 
 
 def gather_remarks(results: Results, reading: Iterable[str] = ()) -> list[Remark]:
@@ -138,6 +169,7 @@ def gather_remarks(results: Results, reading: Iterable[str] = ()) -> list[Remark
     warnings = [(sample.name, note) for sample in samples for note in sample.warnings]
     remarks = [
         *_list_samples_without_hits(results),
+        *_list_samples_of_few_hits(struck),
         *_check(struck),
         *_merge([item for item in warnings if item[1].about is FALSE], samples, NO_RESULT),
         *_merge([item for item in warnings if item[1].about is not FALSE], samples),
@@ -177,7 +209,11 @@ def find_common(results: Results) -> set[Note | Check]:
     common = set.intersection(*map(set, notes)) if notes else set()
     explained = plant.explained if plant is not None else frozenset()
     common |= {note for own in notes for note in own if note.about in explained}
-    return {*common, *(check for check in CHECKS if all(map(math.isfinite, map(check, struck))))}
+    return {*common, *(check for check in CHECKS if _is_of_all(check, struck))}
+
+
+def _is_of_all(check: Check, samples: Sequence[SampleEstimate]) -> bool:
+    return all(map(math.isfinite, map(check.compare, samples)))
 
 
 def _list_own(sample: SampleEstimate) -> list[Note]:
@@ -193,18 +229,25 @@ def _list_told(sample: SampleEstimate) -> list[Note]:
 
 def _check(samples: Sequence[SampleEstimate], left_out: Common = ()) -> list[Remark]:
     remarks = []
-    for compute, text in CHECKS.items():
-        if compute in left_out:
+    for check in CHECKS:
+        if check in left_out:
             continue
-        effects = {sample.name: abs(compute(sample)) for sample in samples}
+        effects = {sample.name: check.compare(sample) for sample in samples}
         found = {name: value for name, value in effects.items() if math.isfinite(value)}
         if found:
-            least, most = min(found.values()), max(found.values())
-            percents = dict.fromkeys(f"{100.0 * part:.2g}" for part in (least, most))
             about = _name_subjects([*found], len(samples))
-            said = text.format(percent=" to ".join(percents))
-            remarks.append(Remark(said, about, most, is_opinion=True))
+            said = f"{check.text.format(change=_span_changes(found.values()))} Use the"
+            most = max(map(abs, found.values()))
+            remarks.append(Remark(f"{said} {check.method}.", about, most, is_opinion=True))
     return remarks
+
+
+def _span_changes(parts: Collection[float]) -> str:
+    """Return by how many per cent values are higher or lower."""
+    sizes = [*map(abs, parts)]
+    percents = dict.fromkeys(f"{100.0 * size:.2g}" for size in (min(sizes), max(sizes)))
+    signs = dict.fromkeys("lower" if part < 0.0 else "higher" for part in sorted(parts))
+    return f"{' to '.join(percents)} % {' or '.join(signs)}"
 
 
 def _name_subjects(names: Sequence[str], count: int) -> str:
@@ -273,6 +316,18 @@ def _list_samples_without_hits(results: Results) -> list[Remark]:
     rejected = [hit for hit in results.rejections if hit.sample in names]
     text = f"no hit was accepted: {count_reasons(rejected)}. Strike again."
     return [Remark(text, _name_subjects(names, len(results.samples)), NO_RESULT)]
+
+
+def _list_samples_of_few_hits(struck: Sequence[SampleEstimate]) -> list[Remark]:
+    names = [sample.name for sample in struck if sample.impacts_accepted < SCATTER_HITS]
+    if not names:
+        return []
+    text = (
+        f"of fewer than {SCATTER_HITS} hits: their scatter is hardly known, so ± may be too small"
+        f" and decides nothing. Strike at least {SCATTER_HITS}."
+    )
+    # It makes no value wrong, so it comes behind what is missing.
+    return [Remark(text, _name_subjects(names, len(struck)), 0.1 * MISSING_RESULT)]
 
 
 def _list_rejections(results: Results) -> list[Remark]:

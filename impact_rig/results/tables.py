@@ -39,6 +39,7 @@ from impact_rig.results.numbers import (
     is_beyond_rounding,
 )
 from impact_rig.results.references import (
+    SCATTER_HITS,
     Reference,
     explain_misprint,
     find_expected,
@@ -124,15 +125,16 @@ def _make_row(results: Results, name: str, body: SampleEstimate | HammerEstimate
     return _Row(name, body, find_expected(results, name), frozenset(unscattered))
 
 
-def _explain_one_hit(rows: Sequence[_Row], *quantities: Measurand) -> list[str]:
-    """Return what is not known of values by one hit; empty where there are none."""
+def _explain_few_hits(rows: Sequence[_Row], *quantities: Measurand) -> list[str]:
+    """Return what is not known of values by few hits; empty where there are none."""
     known = {row.name: [item for item in quantities if row.read(item).is_known] for row in rows}
     found = [row.name for row in rows if row.unscattered.intersection(known[row.name])]
     if not found:
         return []
     is_of_some = len(found) < sum(map(bool, known.values()))
     names = f"{', '.join(found)}: by" if is_of_some else "By"
-    return [f"{names} one hit: how hits scatter is not known, and not in ±."]
+    few = f"{names} fewer than {SCATTER_HITS} hits: how hits scatter is hardly known"
+    return [f"{few}, so ± may be too small (JCGM 101, 6.4.9.4)."]
 
 
 def _make_deviations(rows: Sequence[_Row], quantity: Measurand) -> Column:
@@ -252,7 +254,7 @@ def _tabulate_bodies(
     if quantity is CONTACT_TIME:
         has_deviation = any(math.isfinite(row.compute_deviation(quantity)) for row in rows)
         notes = [*[DEVIATION] * has_deviation, *notes]
-    notes = [*_explain_one_hit(rows, quantity), *notes]
+    notes = [*_explain_few_hits(rows, quantity), *notes]
     misprints = [
         row.reference.published
         for row in rows
@@ -297,7 +299,7 @@ def tabulate_summary(results: Results) -> list[Table]:
         note += DEVIATION.removeprefix("±: 95 %.")
         if any(row.reference.is_misprinted for row in rows):
             note += " * Its τp is misprinted in the paper, see Table 2."
-    return [replace(table, notes=(note, *_explain_one_hit(rows, *SAMPLE_MEASURANDS)))]
+    return [replace(table, notes=(note, *_explain_few_hits(rows, *SAMPLE_MEASURANDS)))]
 
 
 def tabulate_results(results: Results) -> list[Table]:
@@ -544,7 +546,7 @@ def tabulate_methods(results: Results, sample: SampleEstimate) -> Table:
         Column("DoF", [format_freedom(quantity) for quantity in found]),
         Column("Expected", [expected for *_, expected in lines]),
     ]
-    notes = _explain_one_hit([_make_row(results, sample.name, sample)], *SAMPLE_MEASURANDS)
+    notes = _explain_few_hits([_make_row(results, sample.name, sample)], *SAMPLE_MEASURANDS)
     return make_table("By method", columns, notes)
 
 

@@ -76,6 +76,7 @@ def test_a_file_with_a_laboratory_alone_says_what_the_recording_does_not(run, fo
     rig = folder / "lab.toml"
     rig.write_text(
         '[laboratory]\nname = "Lab 7"\n[report]\nissued = 2020-01-01\n'
+        '[hammer]\nmass = "200 g"\n'
         '[[sample]]\nname = "brass medium"\nmaximum_contact_time = "100 us"\n'
         '[[sample]]\nname = "brass mediun"\ndimensions = "30 mm"\n'
     )
@@ -83,13 +84,15 @@ def test_a_file_with_a_laboratory_alone_says_what_the_recording_does_not(run, fo
     early = "the report was issued on 2020-01-01, before the tests ended on"
     outcome = run("report", folder, "--rig-file", rig)
     assert outcome.exit_code == 0
+    assert f"warning: of the rig file {rig} only texts, instruments and limits" in outcome.stderr
+    assert "are taken: hammer.mass as recorded" in outcome.stderr
     for text in (told, early):
         assert f"warning: {text}" in outcome.stderr
         checked = run("report", folder, "--check", "--rig-file", rig).stdout
         assert text[1:] in checked
     text = read_text(folder / "report.html")
     assert "Lab 7" in text
-    assert "of 1 value with limits 1 failed" in text
+    assert "of 1 value with limits 1 undecided" in text
 
 
 def test_a_recording_brings_its_rig_file_and_what_a_person_decided(run, folder):

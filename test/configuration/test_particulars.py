@@ -101,17 +101,18 @@ def test_a_text_is_set_in_place_of_that_of_the_file_or_taken_away():
 def test_dates_that_cannot_be_true_are_named():
     tested = "2026-05-04", "2026-05-05"
     good = {"received": "2026-05-04", "tested": "2026-05-05", "issued": "2026-05-05"}
-    assert Particulars({"report": good}).list_contradictions(*tested) == []
+    assert Particulars({"report": good}).list_contradictions(*tested, "2026-06-01") == []
     for key, day, told in (
         ("received", "2026-05-05", "received on 2026-05-05, after the tests began on 2026-05-04"),
+        ("issued", "2026-06-02", "issued on 2026-06-02, and today is 2026-06-01"),
         ("issued", "2026-05-04", "issued on 2026-05-04, before the tests ended on 2026-05-05"),
         ("tested", "2026-05-06", "the tests are dated 2026-05-06, and the recording 2026-05-04"),
     ):
-        (found,) = Particulars({"report": {key: day}}).list_contradictions(*tested)
+        (found,) = Particulars({"report": {key: day}}).list_contradictions(*tested, "2026-06-01")
         assert told in found
     (found,) = Particulars(
         {"report": {"tested": "2026-05-06", "issued": "2026-05-04"}}
-    ).list_contradictions("", "")
+    ).list_contradictions("", "", "2026-06-01")
     assert "before the tests ended on 2026-05-06" in found
 
 
@@ -136,3 +137,26 @@ def test_what_the_standard_asks_for_is_listed_until_it_is_stated():
     assert [item[:24] for item in whole.list_lacking(["oak", "ash"], is_dated=True)] == [
         "Serial or batch of ash (", "Dimensions of ash (7.8.2",
     ]  # fmt: skip
+
+
+def test_a_limit_is_set_beside_that_of_the_file_or_taken_away():
+    stated = read('maximum_contact_time = "1 ms"')
+    (name,) = stated.samples
+    key = f"sample.{name}.minimum_contact_time"
+    limited = stated.set([f"{key}=169.9 us"], [name])
+    assert limited.limits[name]["contact_time"] == pytest.approx((169.9e-6, 1e-3))
+    assert limited.set([f"{key}="]).limits == stated.limits
+    for wrong, told in (
+        (f"{key}=2 ms", "is '2 ms': it must be below maximum_contact_time"),
+        (f"sample.{name}.maximum_contact_time=1 us", "must be above minimum_contact_time"),
+        (f"{key}=2 kg", "is no s"),
+        ("sample.oka.dimensions=3", f"unknown sample 'oka': there are '{name}'"),
+    ):
+        with pytest.raises(ParameterError, match=told):
+            limited.set([wrong], [name])
+
+
+def test_what_no_report_takes_of_a_rig_file_is_known():
+    text = '[hammer]\nmass = "1 g"\n[source.hammer]\nmodel = "X"\ngain = 2\n[[sample]]\n'
+    unused = read_particulars(text + 'name = "oak"\nmass = "2 g"\ndimensions = "3 mm"\n').unused
+    assert unused == {"hammer.mass": "1 g", "source.hammer.gain": 2, "sample.oak.mass": "2 g"}

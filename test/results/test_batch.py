@@ -80,9 +80,9 @@ def test_of_two_runs_each_quantity_stands_with_its_difference_and_whether_it_cha
     assert table.notes[0] == "1 of 2 values changed beyond their uncertainty."
     (back,) = tabulate_changes(second, first)
     assert (back.rows[0][-1], back.marked) == ("-1.20", {0})
-    # How one hit would scatter is not known, so nothing says that it changed.
+    # How three hits scatter is hardly known, so nothing says that it changed.
     (sample,) = second.results.samples
-    of_one = replace(second.results, samples=(replace(sample, impacts_accepted=1),))
+    of_one = replace(second.results, samples=(replace(sample, impacts_accepted=3),))
     (table,) = tabulate_changes(first, replace(second, results=of_one))
     assert "En" not in [column.header for column in table.columns]
     assert table.marked == frozenset()

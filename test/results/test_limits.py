@@ -35,8 +35,10 @@ def test_the_guard_band_is_the_expanded_uncertainty(value, low, high, stated):
     found = Quantity(value, 0.5, 1.0) if math.isfinite(value) else UNKNOWN
     judged = JudgedValue("oak", CONTACT_TIME, found, low, high)
     assert judged.conformity is stated
-    # How one hit would scatter is not known, and so not in the guard band.
+    # How few hits scatter is hardly known, and so not in the guard band.
     assert replace(judged, has_scatter=False).conformity is UNDECIDED
+    other = replace(judged, better_method="free decay")
+    assert (other.conformity, other.statement) == (UNDECIDED, "undecided: use the free decay")
 
 
 def test_series_of_all_release_angles_have_the_limits_of_their_sample():
@@ -45,13 +47,14 @@ def test_series_of_all_release_angles_have_the_limits_of_their_sample():
         contact_time=Quantity(170e-6, 1e-7, 2e-7), stiffness=Quantity(3e7, 1e5, 2e5)
     )
     names = setup.samples.find_series(["steel small", "brass small"])
-    samples = tuple(SampleEstimate(name, 2, 0, paper=paper) for name in names)
+    samples = tuple(SampleEstimate(name, 4, 0, paper=paper) for name in names)
     results = Results(setup, HammerEstimate(), samples, ())
     limits = {"steel small": {"contact_time": (160e-6, 169e-6), "stiffness": (2e7, math.inf)}}
     judged = judge_values(results, limits)
     assert [item.sample for item in judged] == [names[0], names[0], names[1], names[1]]
     (table,) = tabulate_conformity(judged)
-    assert table.rows[0] == (names[0], "τp [µs]", "160.00", "170.00 ± 0.20", "169.00", "failed")
+    assert table.rows[0][:3] == (names[0], "τp [µs]", "versed-sine")
+    assert table.rows[0][3:] == ("160.00", "170.00 ± 0.20", "169.00", "failed")
     assert table.rows[1][-2:] == ("-", "passed")
     assert table.marked == {0, 2}
     assert "ILAC-G8" in table.notes[0]

@@ -18,10 +18,12 @@ from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.numbers import SAMPLE_MEASURANDS
 from impact_rig.results.references import PLANTS
 from impact_rig.results.remarks import (
     Remark,
     describe_origin,
+    find_better_method,
     find_common,
     gather_remarks,
     gather_sample_remarks,
@@ -47,7 +49,7 @@ def make_sample(name: str = "tin", *warnings: Note, **values: object) -> SampleE
     names = {item.name for item in fields(PaperEstimate)} - {"warnings", "notes"}
     numbers = names & values.keys()
     paper = PaperEstimate(**{name: values.pop(name) for name in numbers})
-    return SampleEstimate(name, 2, 0, warnings=warnings, paper=paper, **values)
+    return SampleEstimate(name, 4, 0, warnings=warnings, paper=paper, **values)
 
 
 def gather(*samples: SampleEstimate, hammer: HammerEstimate = HAMMER, **values: object):
@@ -68,7 +70,9 @@ def test_the_same_warning_is_said_once_of_all_samples():
 def test_what_one_hit_leaves_open_its_table_says():
     lone = make_sample(notes=(Note(Subject.UNCERTAINTY, "of one hit"), Note(Subject.MASS, "x")))
     assert len(tell(lone)) == 2
-    assert tell(replace(lone, impacts_accepted=1)) == [("tin", "mass: x")]
+    few = tell(replace(lone, impacts_accepted=3))
+    assert "Strike at least 4" in few[0][1]
+    assert tell(replace(lone, impacts_accepted=1)) == [few[0], ("tin", "mass: x")]
 
 
 def test_two_notes_on_one_subject_are_both_told():
@@ -93,7 +97,7 @@ def test_a_contact_law_says_how_far_k_is_off():
     long = make_sample("zinc", **{**CONTACT, "contact_time": Quantity(240e-6)})
     ((about, text),) = tell(make_sample(**CONTACT), long)
     assert about == "all samples"
-    assert "k_eq by the contact law differs by 21 to 44 %" in text
+    assert "k_eq by the contact law is 21 to 44 % higher" in text
 
 
 @pytest.mark.parametrize(
@@ -116,7 +120,7 @@ def test_dampings_that_differ_beyond_their_uncertainties_are_named():
         for ratio in (0.25, 0.215)
     )
     ((_, text),) = tell(far)
-    assert "differs from the free decay by 25 %" in text
+    assert "log decrement is 25 % higher than by the free decay" in text
     assert tell(near) == []
 
 
@@ -126,7 +130,7 @@ def test_what_changes_a_result_most_comes_first_and_further_methods_need_no_atte
         Note(Subject.FREE_DECAY, "too short"),
         Note(Subject.CONTACT_LAW, "no law fits"),
     )
-    bare = SampleEstimate("lead", 2, 0, notes=notes)
+    bare = SampleEstimate("lead", 4, 0, notes=notes)
     lost = SampleEstimate("iron", 0, 1)
     hits = (
         HitResults("iron", 1, 1, 1, reasons=(Finding(Reason.WEAK, "3 %"),)),
@@ -158,7 +162,7 @@ def test_a_sample_by_itself_has_its_own_numbers():
     odd, notes = Note(Subject.HITS, "odd"), (Note(Subject.FREE_DECAY, "none"),)
     sample = make_sample("tin", odd, notes=notes, **CONTACT)
     law, *others = gather_sample_remarks(sample)
-    assert "differs by 21 %" in law.text
+    assert "is 21 % higher" in law.text
     assert others == [
         Remark("hits: odd"),
         Remark("free decay: none"),
@@ -220,3 +224,9 @@ def test_a_plant_without_damping_lacks_nothing():
     hit = HitResults("tin", 1, 1, 1, accepted=True, origin=origin)
     assert not select_attention(gather(sample, hits=(hit,)))
     assert select_attention(gather(sample))
+
+
+def test_a_remark_that_says_to_use_another_method_names_its_quantities():
+    struck = make_sample(**CONTACT)
+    found = [find_better_method(struck, item) for item in SAMPLE_MEASURANDS]
+    assert found == ["contact law", "contact law", None]

@@ -124,7 +124,7 @@ def test_the_summary_has_every_result_and_how_far_it_is_from_what_is_expected():
 def test_only_a_plant_with_values_of_its_own_is_held_against_them(plant):
     origin = Origin(SIMULATED, f"virtual rig, plant {plant}")
     sample = SampleEstimate(
-        "steel medium", 2, 0, PaperEstimate(Quantity(204.2e-6, expanded=0.5e-6))
+        "steel medium", 4, 0, PaperEstimate(Quantity(204.2e-6, expanded=0.5e-6))
     )
     hit = HitResults("steel medium", 1, 1, 1, accepted=True, origin=origin)
     (table,) = tables.tabulate_summary(replace(make_results(sample), hits=(hit,)))
@@ -144,7 +144,7 @@ def test_samples_of_ones_own_are_held_against_their_references():
         (Sample("brass medium", 0.2, reference_contact_time=2e-4), Sample("zinc", 0.1)), ""
     )
     samples = [
-        SampleEstimate(name, 2, 0, PaperEstimate(Quantity(2.1e-4, expanded=5e-6)))
+        SampleEstimate(name, 4, 0, PaperEstimate(Quantity(2.1e-4, expanded=5e-6)))
         for name in ("brass medium", "zinc")
     ]
     table = tables.tabulate_contact_times(make_results(*samples, known=known))
@@ -275,20 +275,21 @@ def test_a_deviation_counts_on_the_side_where_the_expected_value_lies():
         assert find_row(table)["Δ/U"] == deviation
 
 
-def test_of_one_hit_or_by_one_on_the_control_sample_no_deviation_is_stated():
+def test_of_few_hits_or_by_few_on_the_control_sample_no_deviation_is_stated():
     paper = PaperEstimate(
         contact_time=Quantity(210e-6, 1e-6, 2e-6), stiffness=Quantity(40e6, 5e6, 10e6)
     )
     bodies = [SampleEstimate("steel medium", 10, 0, paper=paper)]
-    for name, hits in (("steel small", 1), ("aluminium large", 1)):
+    for name, hits in (("steel small", 1), ("aluminium large", 3)):
         bodies.append(SampleEstimate(name, hits, 0, paper=paper))
     results = Results(PAPER_SETUP, HammerEstimate(), tuple(bodies), ())
     table = tables.tabulate_contact_times(results)
     assert [row[3] for row in table.rows] == ["3.4", "-", "-"]
     assert [row[2][-1] for row in table.rows] == ["!", "0", "0"]
-    told = "y one hit: how hits scatter is not known, and not in ±."
+    told = "y fewer than 4 hits: how hits scatter is hardly known, so ± may be too small"
+    told += " (JCGM 101, 6.4.9.4)."
     assert f"steel small, aluminium large: b{told}" in table.notes
-    # k2 of all is by k1, which is by one hit.
+    # k2 of all is by k1, which is by three hits.
     (stiffness,) = tables.tabulate_stiffness(results)
     assert f"B{told}" in stiffness.notes
     assert tables.count_expected(results) == (0, 1)

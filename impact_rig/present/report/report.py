@@ -1,10 +1,10 @@
 """The whole report of a run: its first page, its samples, tables of all, hits, method."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from impact_rig.configuration.particulars import NOTHING_STATED, Particulars
+from impact_rig.configuration.particulars import NOTHING_STATED, REPORT, Particulars
 from impact_rig.core.paper_method import HammerEstimate
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import IMPORTED, MEASURED, join_origins
@@ -25,6 +25,7 @@ from impact_rig.present.report.page import (
     drop_empty,
 )
 from impact_rig.present.report.setup import (
+    find_test_days,
     list_calibration_warnings,
     make_items_section,
     make_setup_section,
@@ -41,7 +42,8 @@ from impact_rig.results.numbers import (
     SAMPLE_MEASURANDS,
     format_count,
     format_date,
-    format_number,
+    format_quantity,
+    format_rounded,
 )
 from impact_rig.results.remarks import (
     UNSTATED_EFFECT,
@@ -119,14 +121,14 @@ def conclude(results: Results, judged: Sequence[JudgedValue]) -> str:
     clauses = [
         f"{item.name} {item.symbol} {spanned} {item.unit}"
         for item in SAMPLE_MEASURANDS
-        if (spanned := _span(map(item.read, results.samples), item.scale, item.digits - 1))
+        if (spanned := _span(map(item.read, results.samples), item.digits, item.scale))
     ]
     text = "; ".join(clauses) or "nothing could be determined"
     laws = [item.contact_law for item in results.samples if item.contact_law.is_known]
     if laws:
         text += f"; by the contact law, of {format_count(len(laws), 'sample')}: duration"
-        text += f" {_span((law.duration for law in laws), 1e6, 1)} µs"
-        if stiffness := _span((law.equivalent_stiffness for law in laws), 1e-6, 1):
+        text += f" {_span((law.duration for law in laws), 2, 1e6)} µs"
+        if stiffness := _span((law.equivalent_stiffness for law in laws), 2, 1e-6):
             text += f", linear stiffness {stiffness} MN/m"
     expected = tables.count_expected(results)
     if any(expected):
@@ -138,12 +140,12 @@ def conclude(results: Results, judged: Sequence[JudgedValue]) -> str:
     return f"{format_count(len(results.samples), 'sample')}: {text}."
 
 
-def _span(found: Iterable[Quantity], scale: float, digits: int) -> str:
-    """Return the least and the largest of what is known, "" of none."""
-    values = [item.value * scale for item in found if item.is_known]
-    if not values:
-        return ""
-    ends = (format_number(end, max(digits, 0)) for end in (min(values), max(values)))
+def _span(found: Iterable[Quantity], digits: int, scale: float) -> str:
+    """Return what is known, as the tables round it: of several the least and the largest."""
+    known = sorted((item for item in found if item.is_known), key=lambda item: item.value)
+    if len(known) < 2:  # noqa: PLR2004 - no span
+        return "".join(format_quantity(item, digits, scale) for item in known)
+    ends = (format_rounded(end, digits, scale) for end in (known[0], known[-1]))
     return " to ".join(dict.fromkeys(ends))
 
 
@@ -316,13 +318,37 @@ def _list_facts(
     """Return the facts below the title: what a person states, and of the runs."""
     results = [run.campaign.results for run in runs]
     rigs = dict.fromkeys(item.setup.name for item in results if item.setup.name)
-    start = runs[0].provenance.start_time if runs[0].provenance is not None else 0
-    tested = "" if stated.get("report", "tested") else "date not known"
     facts = [
         *stated.list_facts("laboratory"),
-        *stated.list_facts("report"),
+        *_list_stated(runs, stated),
         ("Run", ", ".join(run.name for run in runs)),
         ("Rig", ", ".join(rigs)),
-        ("Tested on", format_date(start, results[0].origin) or tested),
+        ("Tested on", _date_tests(runs[0], stated)),
     ]
     return tuple((name, text) for name, text in facts if text)
+
+
+def _list_stated(
+    runs: Sequence[ReportedCampaign], stated: Particulars
+) -> Iterator[tuple[str, str]]:
+    """Return what is stated of the report, without what the run says otherwise."""
+    decided = [str(label) for run in runs for label, _ in run.campaign.overrules]
+    by_hand = ", ".join(dict.fromkeys(decided))
+    for entry in REPORT:
+        text = stated.get("report", entry.key)
+        if entry.key == "deviations" and text and by_hand:
+            text += f", beside the hits on which a person decided: {by_hand}"
+        is_void = entry.key == "specification" and not any(stated.limits.values())
+        if text and not is_void and entry.key != "tested":
+            yield entry.label, text
+
+
+def _date_tests(run: ReportedCampaign, stated: Particulars) -> str:
+    """Return when it was: by the recording; what a person says otherwise stands beside it."""
+    start = run.provenance.start_time if run.provenance is not None else 0
+    recorded = format_date(start, run.campaign.results.origin)
+    tested = stated.get("report", "tested")
+    first, last = find_test_days(run.provenance)
+    if not (tested and recorded) or first <= tested <= last:
+        return recorded or tested or "date not known"
+    return f"{recorded} by the recording, {tested} as stated"

@@ -8,11 +8,13 @@ import pytest
 from impact_rig.configuration.particulars import Particulars
 from impact_rig.core.contact_law import ContactLaw
 from impact_rig.core.findings import Finding, Reason
+from impact_rig.core.overrules import Overrule, Verdict
+from impact_rig.core.paper_estimate import PaperEstimate
 from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import IMPORTED, Origin
+from impact_rig.core.records import IMPORTED, HitLabel, Origin
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.present.report.page import render_page
-from impact_rig.present.report.report import make_report
+from impact_rig.present.report.report import _list_facts, conclude, make_report
 from impact_rig.results.tables import tabulate_results
 from impact_rig.results.traces import TracedCampaign
 
@@ -111,9 +113,10 @@ def test_the_first_page_says_how_far_the_results_reach(read, told):
 
 def test_limits_are_stated_with_their_rule(read):
     (row,) = read.find_table("Conformity with the limits")[1:]
-    assert (row[0], row[2], row[4], row[5]) == ("brass medium", "100.00", "200.00", "failed")
+    assert (row[0], row[3], row[5]) == ("brass medium", "100.00", "200.00")
+    assert row[6] == "undecided: fewer than 4 hits"
     assert "guard band U (ILAC-G8" in read.text
-    assert "of 1 value with limits 1 failed" in read.text
+    assert "of 1 value with limits 1 undecided" in read.text
 
 
 def test_what_a_person_says_of_an_instrument_stands_in_place_of_what_was_recorded(told):
@@ -146,7 +149,7 @@ def test_the_method_names_its_sources_and_the_forms_that_were_used(read, told):
     samples = (replace(results.samples[0], contact_law=law),)
     run = replace(told, campaign=TracedCampaign(replace(results, samples=samples)))
     page = Reader(render_page(make_report([run]))).text
-    assert "; by the contact law, of 1 sample: duration 200.0 µs" in page
+    assert "; by the contact law, of 1 sample: duration 200.00 µs" in page
     sources = page.partition(paper)[2]
     for name in ("H. Hertz", "F. R. E. Crossley", "K. Kono"):
         assert name in sources
@@ -199,3 +202,26 @@ def test_the_clock_of_imported_files_may_be_no_universal_one(told):
     campaign = TracedCampaign(replace(told.campaign.results, hits=hits), (), ())
     read = Reader(render_page(make_report([replace(told, campaign=campaign)])))
     assert "2023-11-14 22:13:20 UTC, if the files' clock was UTC" in read.text
+
+
+def test_what_the_run_says_otherwise_stands_beside_what_is_stated(told):
+    texts = {"tested": "2025-01-01", "deviations": "none", "specification": "drawing 7"}
+    decided = ((HitLabel(1, 2, "oak"), Overrule(Verdict.REJECT, "loose", "Ann")),)
+    run = replace(told, campaign=replace(told.campaign, overrules=decided))
+    facts = dict(_list_facts([run], Particulars({"report": texts})))
+    assert facts["Tested on"].endswith(" by the recording, 2025-01-01 as stated")
+    assert facts["Deviations from the method"].startswith("none, beside the hits on which a")
+    assert not {"Date of the tests", "Limits by"} & facts.keys()
+    day = facts["Tested on"][:10]
+    same = dict(_list_facts([run], Particulars({"report": {"tested": day}})))
+    assert "stated" not in same["Tested on"]
+
+
+def test_the_conclusion_rounds_as_the_tables_do(told):
+    results = told.campaign.results
+    wide = [
+        SampleEstimate(name, 5, 0, paper=PaperEstimate(Quantity(value, 5e-5, 1e-4)))
+        for name, value in (("brass medium", 353.2e-6), (HOSTILE, 567.8e-6))
+    ]
+    for samples, text in ((wide[:1], "τp 350 ± 100 µs"), (wide, "τp 350 to 570 µs")):
+        assert text in conclude(replace(results, samples=tuple(samples)), [])
