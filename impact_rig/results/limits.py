@@ -56,10 +56,14 @@ class JudgedValue:
     @property
     def statement(self) -> str:
         """The conformity, with the reason where no limit decides it."""
-        if self.better_method:
-            return f"{self.conformity.value}: use the {self.better_method}"
-        few = "" if self.has_scatter else f": fewer than {SCATTER_HITS} hits"
-        return f"{self.conformity.value}{few}"
+        reason = ""
+        if not self.found.is_known:
+            reason = ": not determined"
+        elif self.better_method:
+            reason = f": use the {self.better_method}"
+        elif not self.has_scatter:
+            reason = f": fewer than {SCATTER_HITS} hits"
+        return f"{self.conformity.value}{reason}"
 
 
 def judge_values(results: Results, limits: Mapping[str, Limits]) -> list[JudgedValue]:

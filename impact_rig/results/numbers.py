@@ -115,7 +115,7 @@ def format_quantity(quantity: Quantity, digits: int, scale: float = 1.0) -> str:
 
 def format_rounded(quantity: Quantity, digits: int, scale: float = 1.0) -> str:
     """Return a value rounded as `format_quantity` does, alone."""
-    width = quantity.compute_half_width(-math.inf)
+    width = min(quantity.compute_half_width(to) for to in (-math.inf, math.inf))
     if not (math.isfinite(width) and is_beyond_rounding(width, quantity.value)):
         return format_number(quantity.value * scale, digits)
     (text,) = _round_alike(width * scale, quantity.value * scale)

@@ -37,8 +37,18 @@ def test_the_guard_band_is_the_expanded_uncertainty(value, low, high, stated):
     assert judged.conformity is stated
     # How few hits scatter is hardly known, and so not in the guard band.
     assert replace(judged, has_scatter=False).conformity is UNDECIDED
-    other = replace(judged, better_method="free decay")
-    assert (other.conformity, other.statement) == (UNDECIDED, "undecided: use the free decay")
+    assert replace(judged, better_method="free decay").conformity is UNDECIDED
+
+
+def test_what_no_limit_decides_has_its_reason():
+    judged = JudgedValue("oak", CONTACT_TIME, Quantity(100.0, 0.5, 1.0), 90.0, 110.0)
+    for changes, statement in (
+        ({}, "passed"),
+        ({"has_scatter": False}, "undecided: fewer than 4 hits"),
+        ({"better_method": "free decay"}, "undecided: use the free decay"),
+        ({"found": UNKNOWN}, "undecided: not determined"),
+    ):
+        assert replace(judged, **changes).statement == statement
 
 
 def test_series_of_all_release_angles_have_the_limits_of_their_sample():
