@@ -44,6 +44,7 @@ from impact_rig.devices.virtual.rig import VirtualRig as Simulation
 from impact_rig.devices.virtual.truth import VirtualCampaign, make_truth
 from impact_rig.present.printed import Number  # noqa: F401 - public
 from impact_rig.present.printed_results import Comparison, Results, SampleResults
+from impact_rig.recordings.messages import SETUP_TYPE
 from impact_rig.recordings.source import find_bag
 from impact_rig.results.batch import BatchCampaign, tabulate_changes
 from impact_rig.results.campaign import HitResults
@@ -200,6 +201,9 @@ def open_run(
     if source.run is None:
         return _StoredRun(source)
     _ = source.run.namespace  # raises an error at once
+    if campaign is not None:
+        begun = [*source.run.read_messages({SETUP_TYPE})]
+        choose_campaign(source.title, begun, campaign)
     return Run(source.run, source.title, campaign)
 
 

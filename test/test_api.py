@@ -381,7 +381,7 @@ def test_a_recording_is_opened_by_file_and_by_folder(recording, run):
     assert np.array_equal(hit.hammer, run.hits[STEEL][2].hammer)
     assert hit.truth is None
     with pytest.raises(ir.RigError, match="holds 1 campaign: choose one with campaign=1"):
-        ir.open_run(recording, campaign=2).analyze()
+        ir.open_run(recording, campaign=2)
     with pytest.raises(ir.RigError, match="campaign is '1': it must be a whole number"):
         ir.open_run(recording, campaign="1")
 
