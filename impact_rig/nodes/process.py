@@ -15,6 +15,7 @@ import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from impact_rig.configuration.node_claim import claim_node
 from impact_rig.configuration.processes import LAUNCHER
@@ -81,7 +82,7 @@ def _run(make_node: Callable[[], RigNode], argv: Sequence[str] | None) -> int:
         spin_until(executor, node.stop_requested)
         node.stop_requested.result()
         node.wake_waiters()
-        _drain(node, executor)
+        drain(node, executor)
     except ExternalShutdownException:
         pass
     except (InvalidParameterTypeException, InvalidParameterValueException, RigError) as error:
@@ -147,12 +148,12 @@ def _open_launcher() -> list[int]:
         return [os.open(os.devnull, os.O_RDONLY)]
 
 
-def _drain(node: RigNode, executor: Executor) -> None:
+def drain(node: RigNode, executor: Executor) -> None:
     """Handle the messages left in the queues, for at most 2 s."""
     deadline = time.monotonic() + 2.0
-    quiet_since = time.monotonic()
-    handled = node.intake.handled
-    while time.monotonic() < deadline and time.monotonic() - quiet_since < DRAIN_QUIET:
-        executor.spin_once(timeout_sec=DRAIN_QUIET)
-        if node.intake.handled != handled:
-            handled, quiet_since = node.intake.handled, time.monotonic()
+    handled = -1
+    while node.intake.handled != handled and (left := deadline - time.monotonic()) > 0.0:
+        handled = node.intake.handled
+        executor.spin_until_future_complete(Future(), timeout_sec=DRAIN_QUIET)
+        # A callback may have taken all that time: what waits behind it comes before this.
+        executor.spin_until_future_complete(executor.create_task(lambda: None), timeout_sec=left)

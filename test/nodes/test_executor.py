@@ -11,7 +11,9 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from impact_rig.core.errors import DeviceError
+from impact_rig.nodes import interfaces
 from impact_rig.nodes.executor import make_executor, spin_until
+from impact_rig.nodes.process import DRAIN_QUIET, drain
 from impact_rig.nodes.rig_node import RigNode
 
 PATIENCE = 30.0
@@ -65,3 +67,15 @@ def test_an_error_in_such_work_is_a_fault_and_an_unexpected_one_ends_the_process
     spin_until(executor, node.stop_requested)
     with pytest.raises(ValueError, match="not foreseen"):
         node.stop_requested.result()
+
+
+def test_what_waits_at_the_end_behind_a_slow_callback_is_handled_too(node, executor):
+    topic = interfaces.IMPACT
+    node.listen(topic, lambda _: None)
+    publisher = node.advertise(topic)
+    run_until(executor, lambda: publisher.get_subscription_count() == 1)
+    executor.create_task(lambda: time.sleep(3 * DRAIN_QUIET))
+    publisher.publish(topic.type())
+    assert node.wait_for_acks([publisher], PATIENCE)
+    drain(node, executor)
+    assert node.intake.handled == 1
