@@ -62,7 +62,11 @@ def draw_trend(points: Sequence[TrendPoint], item: Measurand) -> "Figure":
     axes.errorbar(times, values, yerr=bars, color=colour, marker="o", linestyle="none")
     if values:
         axes.axhline(sum(values) / len(values), color=colour, linestyle="--", linewidth=1.0)
-    locator = AutoDateLocator(maxticks=6)
+        # An hour at least: runs may be of one minute, by which their times are told.
+        middle, half = (times[0] + times[-1]) / 2, max(0.55 * (times[-1] - times[0]), 1 / 48)
+        axes.set_xlim(middle - half, middle + half)
+    # With fewer ticks allowed some ranges would have none that fit.
+    locator = AutoDateLocator(minticks=3, maxticks=7)
     axes.xaxis.set_major_locator(locator)
     axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
     return panel
