@@ -105,7 +105,7 @@ class ContactLaw(Comparable):
     )
     # of the linear spring with this duration between these masses [N/m]
     equivalent_stiffness: Quantity = field(
-        default=UNKNOWN, metadata=describe("N/m", "k_lin", "linear stiffness", shown="MN/m")
+        default=UNKNOWN, metadata=describe("N/m", "k_eq", "linear stiffness", shown="MN/m")
     )
     form: str = ""  # of the loss, of `LossForm`
     loss: float = math.nan  # [-] of `impact_rig.core.law_pulses`, as `pull`

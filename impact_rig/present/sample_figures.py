@@ -36,6 +36,8 @@ HAMMER = 0
 MakePanel = Callable[..., Any]
 """Makes a panel with axes of these heights, as `reuse_panel` does."""
 TITLES = ("a) hammer", "b) sample")
+LONGEST = 8.0
+"""Largest time of a figure [contact times], our choice: the pulse is a tenth of its width then."""
 MODEL_NAMES = {
     DRIVEN: "force-driven model",
     PRINTED: "model as printed",
@@ -164,7 +166,7 @@ def draw_channel(
     panel: Figure = make_panel(*((TALL, LOW) if has_models else (TALL + LOW,)), bottom=BOTTOM)
     upper, lower = panel.axes[0], panel.axes[-1]
     start = -1.2 * traces.contact_time
-    stop = np.nanmax([4.0 * traces.contact_time, 1.2 * traces.second_peak_time])
+    stop = _find_stop(traces)
 
     def cut(time: FloatArray, values: FloatArray) -> FloatArray:
         shown = (time >= start) & (time <= stop)
@@ -200,6 +202,12 @@ def draw_channel(
     return panel
 
 
+def _find_stop(traces: SampleTraces) -> float:
+    """Return where a figure ends [s]: behind the second peak, if the pulse stays in sight."""
+    wanted = np.nanmax([4.0 * traces.contact_time, 1.2 * traces.second_peak_time])
+    return min(float(wanted), LONGEST * traces.contact_time)
+
+
 def _mark_points(axes: "Axes", traces: SampleTraces, channel: int) -> None:
     """Mark the width of the hammer pulse, and U1 and U2 of the sample."""
     points = traces.peak_points
@@ -208,6 +216,7 @@ def _mark_points(axes: "Axes", traces: SampleTraces, channel: int) -> None:
         names = ("", width)
         ends = zip(names, traces.half_amplitude_points, strict=False)
         points = tuple((name, time, level) for name, (time, level) in ends)
+    points = tuple(point for point in points if not point[1] > _find_stop(traces))
     for name, time, level in points:
         axes.plot([MICRO * time], [level], "o", color="black", markerfacecolor="none")
         axes.annotate(name, (MICRO * time, level), (5.0, 3.0), textcoords="offset points")

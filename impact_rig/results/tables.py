@@ -403,7 +403,7 @@ def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
         ("Force [N]", "peak_force", 1),
         ("Indentation [µm]", "peak_indentation", 2),
         ("Energy lost [µJ]", "energy_loss", 1),
-        ("k, linear [MN/m]", "equivalent_stiffness", 2),
+        ("k_eq [MN/m]", "equivalent_stiffness", 2),
         ("It leaves [%]", "residual_percent", 2),
     )
     columns = [
@@ -414,10 +414,9 @@ def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
     note = (
         "F = k δⁿ and a loss between two free bodies, fitted to the mean hammer pulse; n = 3/2 is"
         " Hertz, 1 a linear spring; duration: first touch to separation; e: restitution;"
-        " k, linear: of the spring with this"
-        " duration. v, force, indentation and energy go with the"
-        " gain of the hammer's channel, exact where the rig file states no uncertainty of it. It"
-        " leaves: RMS of the rest, over the peak."
+        " k_eq: of the linear spring with this duration. v, force, indentation and energy go with"
+        " the gain of the hammer's channel, exact where the rig file states no uncertainty of it."
+        " It leaves: RMS of the rest, over the peak."
     )
     return list_table("Contact law", columns, [note, *remarks])
 
@@ -510,7 +509,7 @@ def tabulate_methods(results: Results, sample: SampleEstimate) -> Table:
         (CONTACT_TIME, "τ", "contact law", law.duration),
         (STIFFNESS, "k2", "free decay", decay.stiffness),
         # Between both bodies, not of the sample.
-        (STIFFNESS, "k_lin", "law's linear spring", law.equivalent_stiffness),
+        (STIFFNESS, "k_eq", "law's linear spring", law.equivalent_stiffness),
         (DAMPING_COEFFICIENT, "c2", "free decay", decay.damping_coefficient),
     ]
     lines = []

@@ -136,7 +136,7 @@ def test_an_imported_hit_keeps_its_file_and_states_only_what_was_measured(
     files = [save(f"hit_{number}.npy", 200e-6 + number * 1e-7) for number in range(5)]
     recording, page = tmp_path / "hits.mcap", tmp_path / "hits.html"
     masses = ("--hammer-mass", "100 g", "--sample-mass", "100 g", *ACCELERATION)
-    masses += channels('[specimen]\nunit = "m/s^2"\ncontrol = true')
+    masses += channels("[specimen]\ncontrol = true")
     assert run("import", *files, "-o", recording, *masses).exit_code == 0
     content = read_json(run("analyze", recording, "--json"))
     assert content["origin"] == "imported"
@@ -152,5 +152,6 @@ def test_an_imported_hit_keeps_its_file_and_states_only_what_was_measured(
     text = page.read_text("utf-8")
     assert "Impact test report: imported" in text
     assert "hit_4.npy" in text
+    assert "the unit of the sample&#39;s channel is not stated: m/s^2 is taken" in text
     for words in ("simulated", "8.19 cm/s", "58 ppm"):
         assert words not in text, words

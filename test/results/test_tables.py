@@ -210,7 +210,7 @@ def test_a_sample_by_itself_has_every_method_with_coverage_factor_and_freedom():
     )  # fmt: skip
     assert rows["c2 [N s/m]", "free decay"][0] == "1180 ± 25"
     assert rows["τ [µs]", "contact law"][0] == "200.00"
-    assert rows["k_lin [MN/m]", "law's linear spring"][0] == "30.00"  # it is of both bodies
+    assert rows["k_eq [MN/m]", "law's linear spring"][0] == "30.00"  # it is of both bodies
     expected = [row[-1] for row in table.rows if row[1] == "the paper's"]
     assert expected == ["203.20", "45.29", "1170.0"]
 

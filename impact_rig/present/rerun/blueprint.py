@@ -37,6 +37,7 @@ def make_blueprint(
     sample_names: Sequence[str],
     contact_times: Sequence[float] = (),
     hammer_unit: str = "m/s^2",
+    last_record: int = 0,
     *,
     is_live: bool = True,
 ) -> rrb.Blueprint:
@@ -51,6 +52,8 @@ def make_blueprint(
         first. Without any, plots show whole records.
     hammer_unit : str
         Unit of the hammer's sensor.
+    last_record : int
+        The last of the campaign; 0: it is still to come.
     is_live : bool
         Whether there is a rig with a state, and nodes with a health.
 
@@ -71,7 +74,7 @@ def make_blueprint(
         layout.Tabs(
             _lay_out_hit(is_live=is_live),
             _lay_out_samples(sample_names, decay),
-            _lay_out_campaign(hammer_unit),
+            _lay_out_campaign(hammer_unit, last_record),
             *([_lay_out_health()] if is_live else []),
             active_tab=0,
         ),
@@ -154,13 +157,19 @@ def _lay_out_sample(sample: str, time_axis: rrb.TimeAxis | None) -> rrb.Containe
     )
 
 
-def _lay_out_campaign(hammer_unit: str) -> rrb.Container:
+def _lay_out_campaign(hammer_unit: str, last_record: int) -> rrb.Container:
     """Return a tab with tables, verdicts, and contact time and peaks of each hit."""
     sdk = import_rerun()
     layout = sdk.blueprint
-    when = "of each hit: 7 s is record 7"
+    when = "of each hit (7 s: record 7; grey: rejected)"
     trends = [
-        _make_time_view(f"{title} {when}", [(*entities.TRENDS, quantity)], _show_all())
+        # A legend would lie over hits.
+        _make_time_view(
+            f"{title} {when}",
+            [(*entities.TRENDS, quantity)],
+            _show_records(last_record),
+            has_legend=False,
+        )
         for title, quantity in (
             ("Contact time τp [µs]", entities.CONTACT_TIME),
             (f"Peak of the hammer [{show_unit(hammer_unit)}]", entities.HAMMER_PEAK),
@@ -204,6 +213,15 @@ def _lay_out_health() -> rrb.Container:
         layout.Vertical(states, losses),
         name=TAB_HEALTH,
     )
+
+
+def _show_records(last: int) -> rrb.TimeAxis:
+    """Return an axis over all records, with room for the points of the outer ones."""
+    if not last:
+        return _show_all()
+    sdk = import_rerun()
+    ends = (sdk.TimeRangeBoundary.absolute(seconds=end) for end in (0.5, last + 0.5))
+    return sdk.blueprint.TimeAxis(view_range=sdk.TimeRange(*ends))
 
 
 def _show_all() -> rrb.TimeAxis:

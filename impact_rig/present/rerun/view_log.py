@@ -88,6 +88,7 @@ class ViewLog:
         self._layout: tuple[object, ...] | None = None
         self._hammer = ACCELERATION
         self._now = ""  # shown last
+        self._last_line = ""  # of the log
         self._summarised: set[str] = set()
 
     def log_setup(
@@ -96,6 +97,7 @@ class ViewLog:
         sample_names: Sequence[str],
         contact_times: Sequence[float] = (),
         hammer_reading: tuple[float, str] = ACCELERATION,
+        last_record: int = 0,
         *,
         is_live: bool = True,
     ) -> None:
@@ -114,6 +116,8 @@ class ViewLog:
             the time in which something happens. Without any they begin with whole records.
         hammer_reading : tuple of float and str
             What the hammer's sensor measures at 1 m/s^2, and its unit.
+        last_record : int
+            The last of the campaign; 0: it is still to come.
         is_live : bool
             Whether there is a rig, whose state and nodes are shown as well.
         """
@@ -125,15 +129,18 @@ class ViewLog:
             self._log_document(path, NO_HIT)
         if is_live:
             self._plots.write_in_blanks(_list_plots(sample_names), NOTHING)
-        self._log_lines([f"campaign of {name or 'the rig'}"], [self._rr.TextLogLevel.INFO])
         if name:
+            # A rig says its set-up before a campaign does: it is one beginning.
+            if self._last_line != (line := f"campaign of {name}"):
+                self._log_lines([line], [self._rr.TextLogLevel.INFO])
             self._stream.send_recording_name(name)
         layout = (*sample_names, hammer_reading[1], is_live)
         if self._layout != layout:
             self._layout = layout
-            self._stream.send_blueprint(
-                make_blueprint(sample_names, contact_times, hammer_reading[1], is_live=is_live)
+            blueprint = make_blueprint(
+                sample_names, contact_times, hammer_reading[1], last_record, is_live=is_live
             )
+            self._stream.send_blueprint(blueprint)
 
     def log_now(self, status: RigStatus) -> None:
         """Show what the rig does and asks for now, and how far its campaign has come."""
@@ -237,6 +244,7 @@ class ViewLog:
             names,
             [sample.paper.contact_time.value for sample in results.samples],
             results.setup.hammer_reading,
+            max((hit.result.record for hit in hits), default=0),
             is_live=False,
         )
         if hits:
@@ -278,7 +286,7 @@ class ViewLog:
         self, lines: Sequence[str], levels: Sequence[str], indexes: Sequence[rr.TimeColumn] = ()
     ) -> None:
         """Add lines to the log."""
-        rr = self._rr
+        rr, self._last_line = self._rr, lines[-1]
         # They are shown only where the timeline of the plots has them, too.
         start = rr.TimeColumn(entities.HIT_TIME, duration=np.zeros(len(lines), "timedelta64[ns]"))
         self._stream.send_columns(

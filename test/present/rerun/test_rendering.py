@@ -209,7 +209,7 @@ BOTH = (palette.HAMMER, palette.SPECIMEN)
 MODELS = (palette.SPECIMEN_MODEL, palette.GREY)
 TEXT, SENTENCE = (None,), (palette.GREY,)
 RECORD = "Measured acceleration [m/s²] over the time in the record"
-EACH_HIT = "of each hit: 7 s is record 7"
+EACH_HIT = "of each hit (7 s: record 7; grey: rejected)"
 TABLES = dict.fromkeys(("Measured and expected", "Verdicts"), TEXT)
 
 
