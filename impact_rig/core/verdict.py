@@ -429,8 +429,8 @@ def check_strength(
         most = settings.maximum_peak * trace.full_scale
         what = f"{name} peak {peak:.4g} m/s^2 is"
         if name == CHANNELS[0] and peak < least:
-            text = f"{what} below {least:.4g} m/s^2: swing higher, use a more sensitive range, or"
-            found.append(Finding(Reason.WEAK, f"{text} lower minimum_peak"))
+            text = f"{what} below {least:.4g} m/s^2: swing higher, or use a more sensitive range"
+            found.append(Finding(Reason.WEAK, text))
         if trace.full_scale > 0.0 and peak > most and not overloaded:
             text = f"{what} above {most:.4g} m/s^2: swing lower, or use a less sensitive range"
             found.append(Finding(Reason.STRONG, text))
