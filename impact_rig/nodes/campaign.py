@@ -289,8 +289,8 @@ class CampaignNode(RigNode):
             is_paused = hammer.disarmed_by is Disarming.OPERATOR and campaign.paused_for
             why = campaign.paused_for if is_paused else hammer.message
             raise ArmingError(
-                f"the hammer is not armed ({why}): to go on, a person who sees that it can strike"
-                f" nobody calls {calls}"
+                f"the hammer is not armed ({why}): to go on, make sure that it can strike no one,"
+                f" then call {calls}"
             )
         if time.monotonic() - campaign.stumbled_at > interfaces.LEASE:
             # It was on show for so long that the campaign stands: as in a pause.

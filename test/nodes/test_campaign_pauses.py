@@ -163,7 +163,7 @@ def test_where_nobody_is_there_an_estimator_that_was_only_late_ends_it_at_a_real
         )
     assert reasons
     assert outcome.success is holder.hammerless, outcome.message
-    assert outcome.success or "a person who sees that it can strike nobody" in outcome.message
+    assert outcome.success or "make sure that it can strike no one" in outcome.message
 
 
 def test_a_device_that_was_lost_and_is_back_is_used_again_once_a_person_has_armed(harness):

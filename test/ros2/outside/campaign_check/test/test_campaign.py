@@ -1,5 +1,7 @@
 """A campaign of the virtual rig, held against what really happened; the fixture is the rig's."""
 
+import time
+
 from impact_rig_msgs.msg import Impact
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -21,6 +23,8 @@ def test_a_node_of_mine_hears_every_verdict(virtual_rig):
     context.init(domain_id=virtual_rig.domain)
     node, heard = Node("listener", context=context), []
     node.create_subscription(Impact, "impact", heard.append, 10)
+    while not node.count_publishers("impact"):  # the rig does not wait for a node it has not found
+        time.sleep(0.01)
     virtual_rig.campaign(["steel small"], impacts=2)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
