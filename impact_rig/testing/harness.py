@@ -192,9 +192,14 @@ class Harness(BackgroundNode):
 
     def ask(self, kind: Any, name: str, request: Any) -> Any:
         """Call a service, again while it answers "later"; return its answer."""
-        while (answer := self.call(kind, name, request)).later:
-            time.sleep(0.005)
-        return answer
+        answers: list[Any] = []
+
+        def is_final() -> bool:
+            answers.append(self.call(kind, name, request))
+            return not answers[-1].later
+
+        wait_until(is_final)
+        return answers[-1]
 
     def settle(self) -> None:
         """Wait until each node has answered: it has taken what came before."""

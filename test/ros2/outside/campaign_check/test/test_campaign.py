@@ -1,11 +1,11 @@
 """A campaign of the virtual rig, held against what really happened; the fixture is the rig's."""
 
-import time
-
 from impact_rig_msgs.msg import Impact
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+
+from impact_rig.testing.harness import wait_until
 
 SAMPLES = ["steel small", "aluminium large"]
 
@@ -23,13 +23,12 @@ def test_a_node_of_mine_hears_every_verdict(virtual_rig):
     context.init(domain_id=virtual_rig.domain)
     node, heard = Node("listener", context=context), []
     node.create_subscription(Impact, "impact", heard.append, 10)
-    while not node.count_publishers("impact"):  # the rig does not wait for a node it has not found
-        time.sleep(0.01)
+    # The rig does not wait for a node that has not found it yet.
+    wait_until(lambda: node.count_publishers("impact") > 0)
     virtual_rig.campaign(["steel small"], impacts=2)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
-    while len(heard) < 2:
-        executor.spin_once()
+    wait_until(lambda: executor.spin_once(timeout_sec=0.1) or len(heard) == 2)
     node.destroy_node()
     context.shutdown()
     assert all(message.accepted for message in heard)
