@@ -23,15 +23,18 @@ INTERFACES = sorted(
 )
 
 SIDE_BY_SIDE = {"configuration", "devices", "recordings", "results"}
-BELOW = {"core", "analysis", "files", "page", "present", "simulators", *SIDE_BY_SIDE}
+BELOW = {
+    "core", "analysis", "files", "page", "present", "simulators", "status", *SIDE_BY_SIDE,
+}  # fmt: skip
 MAY_IMPORT = {
     "core": {"core"},
     **{name: {"core", name} for name in SIDE_BY_SIDE},
     "devices": {"core", "configuration", "devices"},
     "files": {"core", "configuration", "recordings", "files"},
     "simulators": {"core", "results", "simulators"},
-    "present": {"core", "configuration", "page", "results", "present"},
-    "page": {"core", "results", "page"},
+    "status": {"core", "results", "status"},
+    "present": {"core", "configuration", "page", "results", "status", "present"},
+    "page": {"core", "results", "status", "page"},
     "analysis": {"core", "configuration", "files", "recordings", "results", "analysis"},
     "nodes": {"nodes", *BELOW} - {"analysis", "files", "simulators"},
     "cli": {"nodes", "cli", *BELOW},

@@ -18,13 +18,13 @@ from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.findings import join_findings
 from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal, CampaignOutcome
 from impact_rig.nodes.campaign_plan import read_newest_campaign
-from impact_rig.page.states import CampaignStatus
-from impact_rig.page.status import RigStatus
 from impact_rig.page.view import list_numbers
 from impact_rig.present.console import ALARM
 from impact_rig.recordings.source import list_parts
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.results_file import write_results
+from impact_rig.status.rig_status import RigStatus
+from impact_rig.status.states import CampaignStatus
 
 
 class CampaignView:

@@ -34,8 +34,8 @@ from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import Membership
 from impact_rig.nodes.interfaces import STREAM_DEPTH
 from impact_rig.nodes.messages import block_to_msg, fill_block
-from impact_rig.page.levels import LevelMeter
 from impact_rig.recordings.hits import BlockCount
+from impact_rig.status.levels import LevelMeter
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,8 @@ from impact_rig.nodes.campaign_state import (
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.rig_node import Answer, RigNode
-from impact_rig.page.states import Disarming, HammerPlace, HammerStatus, Step, Task
 from impact_rig.recordings.messages import NO_ID, from_message
+from impact_rig.status.states import Disarming, HammerPlace, HammerStatus, Step, Task
 
 LOOK_PERIOD = 0.5
 """How often a campaign checks whether its pause is over [s]."""

@@ -27,8 +27,6 @@ from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import UNSOUND, Received
 from impact_rig.nodes.result_messages import results_from_msg
-from impact_rig.page.states import HammerStatus, RecorderStatus, Step, Task
-from impact_rig.page.status import RigStatus
 from impact_rig.recordings.messages import (
     VIRTUAL_IMPACT_TYPE,
     RecordedTruth,
@@ -37,6 +35,8 @@ from impact_rig.recordings.messages import (
 )
 from impact_rig.recordings.run import Run
 from impact_rig.results.campaign import Results
+from impact_rig.status.rig_status import RigStatus
+from impact_rig.status.states import HammerStatus, RecorderStatus, Step, Task
 
 CampaignGoal: TypeAlias = RunCampaign.Goal
 """Goal of a campaign."""

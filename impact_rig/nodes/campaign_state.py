@@ -13,8 +13,8 @@ from rclpy.action.server import ServerGoalHandle
 
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.setup import Sample
-from impact_rig.page.states import Step, Task
 from impact_rig.recordings.messages import NO_ID, setup_from_msg
+from impact_rig.status.states import Step, Task
 
 TRANSITIONS: Mapping[Step, tuple[Step, ...]] = {
     Step.JOINING: (Step.COUNTING, Step.PAUSED),

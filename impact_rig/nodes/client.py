@@ -19,7 +19,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.executor import make_executor
 from impact_rig.nodes.intake import Intake, Received
-from impact_rig.page.states import HammerStatus
+from impact_rig.status.states import HammerStatus
 
 START_ONE = (
     "start one with `impact-rig up`, and check ROS_DOMAIN_ID and the namespace on both sides"

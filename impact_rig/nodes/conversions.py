@@ -10,8 +10,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs import msg
 
 from impact_rig.core.errors import ParameterError
-from impact_rig.page.states import CampaignStatus, HammerStatus, Level, NodeHealth
 from impact_rig.recordings.messages import NANOSECONDS, from_message, stamp_from_msg
+from impact_rig.status.states import CampaignStatus, HammerStatus, Level, NodeHealth
 
 
 def hammer_from_msg(message: msg.HammerState) -> HammerStatus:

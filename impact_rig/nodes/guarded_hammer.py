@@ -10,7 +10,7 @@ from typing import Any
 
 from impact_rig.core.errors import DeviceError
 from impact_rig.devices.protocols import AngledHolder, HammerHolder, HolderState
-from impact_rig.page.states import Disarming, HammerPlace, HammerStatus
+from impact_rig.status.states import Disarming, HammerPlace, HammerStatus
 
 TRANSITIONS: Mapping[HammerPlace, tuple[HammerPlace, ...]] = {
     HammerPlace.HELD: (HammerPlace.SWINGING, HammerPlace.FAULT),

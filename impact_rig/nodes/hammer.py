@@ -21,8 +21,8 @@ from impact_rig.nodes.guarded_hammer import GuardedHammer
 from impact_rig.nodes.identity import id_from_msg, identity_from_msg
 from impact_rig.nodes.rig_member import RigMember
 from impact_rig.nodes.rig_node import Answer
-from impact_rig.page.states import HammerPlace, HammerStatus, Phase
 from impact_rig.recordings.messages import label_from_msg
+from impact_rig.status.states import HammerPlace, HammerStatus, Phase
 
 
 class HammerNode(DeviceNode):

@@ -126,7 +126,7 @@ class Topic:
 _inward = partial(_by, "nodes.conversions")
 _finding = partial(_by, "nodes.findings")
 _recorded = partial(_by, "recordings.messages")
-_state = partial(_by, "page.states")
+_state = partial(_by, "status.states")
 _BLOCK = _recorded("block_from_msg")
 _RESULT = make_qos(RESULT_DEPTH, latched=True)
 _LATEST = make_qos(1, latched=True)
@@ -162,7 +162,7 @@ INPUT_LEVELS = Topic(
     "accelerometer/levels",
     InputLevels,
     make_qos(10, latched=False),
-    _by("page.levels", "InputLevels"),
+    _by("status.levels", "InputLevels"),
 )
 """Levels of the input monitor, and of a running stream."""
 RECORDER_STATE = Topic("recorder/state", RecorderState, _LATEST, _state("RecorderStatus"), LEASE)

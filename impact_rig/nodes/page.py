@@ -37,13 +37,13 @@ from impact_rig.nodes.intake import Intake, Received
 from impact_rig.nodes.result_messages import overrule_to_msg
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.page.server import Act, Address, Answer, Form, PageServer
-from impact_rig.page.states import HammerStatus, NodeHealth
-from impact_rig.page.status import RigStatus
 from impact_rig.page.traces import integrate_hammer, pack_traces
 from impact_rig.page.view import make_view
 from impact_rig.recordings.campaigns import is_trial
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import JudgedTraces
+from impact_rig.status.rig_status import RigStatus
+from impact_rig.status.states import HammerStatus, NodeHealth
 
 SHOW_PERIOD = 0.05
 """Between two views at least [s]: a person sees no more."""

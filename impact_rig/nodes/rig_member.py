@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.intake import Received
-from impact_rig.page.states import AcquisitionStatus, Phase
 from impact_rig.recordings.messages import NO_ID
+from impact_rig.status.states import AcquisitionStatus, Phase
 
 if TYPE_CHECKING:
     from impact_rig.nodes.rig_node import RigNode

@@ -26,14 +26,14 @@ from impact_rig.nodes.campaign_feed import CampaignFeed
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.page.states import NodeHealth
-from impact_rig.page.status import RigStatus
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.recordings.messages import RecordedTruth
 from impact_rig.recordings.new_file import choose_free
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.traces import JudgedTraces, SampleTraces, TraceAssembler
+from impact_rig.status.rig_status import RigStatus
+from impact_rig.status.states import NodeHealth
 
 
 def is_shown(number: int) -> bool:

@@ -7,12 +7,12 @@ from types import SimpleNamespace
 
 from impact_rig.core.findings import Reason, join_findings
 from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.page.levels import InputLevel, suggest_range, suggest_trigger_level
-from impact_rig.page.states import NO_HAMMER, CampaignStatus, Step, Task
-from impact_rig.page.status import RigStatus
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO, MISSING, format_number
 from impact_rig.results.tables import tabulate_summary
+from impact_rig.status.levels import InputLevel, suggest_range, suggest_trigger_level
+from impact_rig.status.rig_status import RigStatus
+from impact_rig.status.states import NO_HAMMER, CampaignStatus, Step, Task
 
 LONGEST_LIST = 100
 """Most hits that are listed, the newest [-]."""

@@ -4,9 +4,9 @@ import math
 
 from impact_rig.cli.campaign import CampaignView
 from impact_rig.core.findings import Finding, Reason
-from impact_rig.page.states import CampaignStatus, SampleProgress, Step
-from impact_rig.page.status import RigStatus
 from impact_rig.results.campaign import HitResults
+from impact_rig.status.rig_status import RigStatus
+from impact_rig.status.states import CampaignStatus, SampleProgress, Step
 
 
 def make_good(impact, contact_time):

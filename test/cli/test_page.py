@@ -15,10 +15,10 @@ from impact_rig.configuration.rig_file import read_template
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
 from impact_rig.page.server import Address, PageServer
-from impact_rig.page.status import RigStatus
 from impact_rig.page.view import make_view
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.schemas import decode_message
+from impact_rig.status.rig_status import RigStatus
 from impact_rig.testing import use_own_domain
 
 from .conftest import PATIENCE, start_command

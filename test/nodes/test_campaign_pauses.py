@@ -20,7 +20,7 @@ from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.ledger import Ledger
-from impact_rig.page.states import Step
+from impact_rig.status.states import Step
 
 from .campaigns import Onlooker, begin, cancel, start_rig
 

@@ -11,7 +11,7 @@ from impact_rig_msgs.msg import HammerState
 from impact_rig.core.errors import DeviceError
 from impact_rig.devices.protocols import HolderState
 from impact_rig.nodes.guarded_hammer import NEVER_ARMED, TRANSITIONS, GuardedHammer
-from impact_rig.page.states import Disarming, HammerPlace, HammerStatus
+from impact_rig.status.states import Disarming, HammerPlace, HammerStatus
 
 CONFIRMED = st.booleans()
 

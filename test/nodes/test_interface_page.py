@@ -18,7 +18,7 @@ from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.replayer import ReplayerNode
 from impact_rig.nodes.visualizer import VisualizerNode
-from impact_rig.page.states import HammerPlace, Step
+from impact_rig.status.states import HammerPlace, Step
 
 PAGE = (Path(__file__).parents[2] / "msg_config" / "README.md").read_text("utf-8")
 ROWS = [line.strip("| ").split(" | ") for line in PAGE.splitlines() if line.startswith("| `")]

@@ -16,7 +16,7 @@ from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.identity import id_to_msg, make_id
 from impact_rig.nodes.messages import setup_to_msg
 from impact_rig.nodes.page import PageNode
-from impact_rig.page.states import NO_HAMMER
+from impact_rig.status.states import NO_HAMMER
 
 
 def act(server, name, **fields):

@@ -11,10 +11,10 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.nodes.campaign_plan import read_newest_campaign
 from impact_rig.nodes.findings import hit_results_from_msg
-from impact_rig.page.states import Step
 from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import results_to_json
 from impact_rig.results.wire import format_json
+from impact_rig.status.states import Step
 
 from .campaigns import Onlooker, begin, cancel, start_rig
 

@@ -12,8 +12,8 @@ from impact_rig.configuration.rig_file import read_template
 from impact_rig.core.findings import Finding, Reason
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
-from impact_rig.page.states import Step
 from impact_rig.recordings.run import Run
+from impact_rig.status.states import Step
 
 from .campaigns import start_rig
 

@@ -9,8 +9,11 @@ from impact_rig.core.findings import Finding, Reason
 from impact_rig.core.quantity import Quantity
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import PAPER_SETUP
-from impact_rig.page.levels import InputLevel, InputLevels
-from impact_rig.page.states import (
+from impact_rig.page.view import Strength, make_sentence, make_view
+from impact_rig.results.campaign import HitResults
+from impact_rig.status.levels import InputLevel, InputLevels
+from impact_rig.status.rig_status import RigStatus
+from impact_rig.status.states import (
     CampaignStatus,
     Disarming,
     HammerPlace,
@@ -19,9 +22,6 @@ from impact_rig.page.states import (
     Step,
     Task,
 )
-from impact_rig.page.status import RigStatus
-from impact_rig.page.view import Strength, make_sentence, make_view
-from impact_rig.results.campaign import HitResults
 
 GOOD = HitResults("steel small", 1, 1, 1, True, contact_time=170e-6, hammer_peak=600.0)
 SECOND = Finding(Reason.DOUBLE_HIT, "a second pulse of 9 %")

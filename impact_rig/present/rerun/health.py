@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from impact_rig.page.states import Level, NodeHealth
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.markdown import escape_markdown
 from impact_rig.present.rerun.viewers import import_rerun
 from impact_rig.results.palette import GREEN, GREY, ORANGE, VERMILION
+from impact_rig.status.states import Level, NodeHealth
 
 if TYPE_CHECKING:
     import rerun as rr

@@ -10,7 +10,6 @@ from impact_rig.core.findings import join_findings
 from impact_rig.core.records import SIMULATED
 from impact_rig.core.sample import SampleEstimate
 from impact_rig.core.setup import ACCELERATION
-from impact_rig.page.status import RigStatus
 from impact_rig.page.view import make_sentence
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO, MISSING, format_count, format_number, show_unit
@@ -30,6 +29,7 @@ from impact_rig.results.tables import (
     tabulate_results,
     tabulate_summary,
 )
+from impact_rig.status.rig_status import RigStatus
 
 SPECIAL = "\\`*_[]<>|#~"
 """Letters that mean something to Markdown."""

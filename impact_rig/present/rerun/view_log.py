@@ -10,8 +10,6 @@ import numpy as np
 
 from impact_rig.core.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.setup import ACCELERATION, RigSetup
-from impact_rig.page.states import NodeHealth
-from impact_rig.page.status import RigStatus
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.blueprint import make_blueprint
 from impact_rig.present.rerun.entities import BODIES, Path
@@ -43,6 +41,8 @@ from impact_rig.results.traces import (
     TracedCampaign,
     compute_law_curves,
 )
+from impact_rig.status.rig_status import RigStatus
+from impact_rig.status.states import NodeHealth
 
 if TYPE_CHECKING:
     import rerun as rr

@@ -1,6 +1,6 @@
 """How the rig is doing: the newest state in words, figures and states over the time of day."""
 
-from impact_rig.page.states import Level, NodeHealth
+from impact_rig.status.states import Level, NodeHealth
 
 STAMP = 1_700_000_000_000_000_000
 

@@ -5,8 +5,6 @@ from dataclasses import replace
 
 from impact_rig.core.findings import Finding, Reason, join_findings
 from impact_rig.core.records import SIMULATED, Origin
-from impact_rig.page.states import CampaignStatus, HammerStatus, SampleProgress, Step, Task
-from impact_rig.page.status import RigStatus
 from impact_rig.present.rerun.markdown import (
     escape_markdown,
     format_log_line,
@@ -17,6 +15,8 @@ from impact_rig.present.rerun.markdown import (
 )
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.tables import tabulate_results, tabulate_summary
+from impact_rig.status.rig_status import RigStatus
+from impact_rig.status.states import CampaignStatus, HammerStatus, SampleProgress, Step, Task
 
 DRAWN = "±²µΔδζτⁿ"
 """Signs that the viewer draws, as `test_rendering` has seen."""

@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 from impact_rig.core.setup import PAPER_SETUP
-from impact_rig.page.states import CampaignStatus, Level, NodeHealth, Step, Task
-from impact_rig.page.status import RigStatus
 from impact_rig.present.rerun.blueprint import (
     TAB_CAMPAIGN,
     TAB_HEALTH,
@@ -21,6 +19,8 @@ from impact_rig.present.rerun.blueprint import (
 )
 from impact_rig.present.rerun.viewers import find_free_port
 from impact_rig.results import palette
+from impact_rig.status.rig_status import RigStatus
+from impact_rig.status.states import CampaignStatus, Level, NodeHealth, Step, Task
 
 experimental = pytest.importorskip("rerun.experimental", reason="rerun-sdk is not installed")
 PATIENCE = 60.0

@@ -3,8 +3,8 @@
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from impact_rig.nodes.interfaces import DIAGNOSTICS
-from impact_rig.page.states import Level
-from impact_rig.page.status import SILENCE, RigStatus
+from impact_rig.status.rig_status import SILENCE, RigStatus
+from impact_rig.status.states import Level
 
 OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
 

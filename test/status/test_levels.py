@@ -7,7 +7,7 @@ import pytest
 
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.records import Block, ChannelBlock
-from impact_rig.page.levels import (
+from impact_rig.status.levels import (
     InputLevel,
     InputLevels,
     LevelMeter,

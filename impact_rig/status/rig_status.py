@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from statistics import fmean, stdev
 from typing import TYPE_CHECKING
 
-from impact_rig.page.levels import InputLevel, InputLevels
-from impact_rig.page.states import (
+from impact_rig.status.levels import InputLevel, InputLevels
+from impact_rig.status.states import (
     NO_HAMMER,
     AcquisitionStatus,
     CampaignStatus,
