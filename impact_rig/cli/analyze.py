@@ -23,6 +23,7 @@ from impact_rig.cli.output import (
     show_progress,
 )
 from impact_rig.cli.show import show_results
+from impact_rig.configuration.rig_file import read_today
 from impact_rig.core.errors import ParameterError, RigError
 from impact_rig.files.formats.sep005 import is_list
 from impact_rig.files.import_file import MeasurementOptions
@@ -113,9 +114,9 @@ def report_trend(
             print_table(make_console(), table)
     if page is not None:
         with write_new_file(page) as part:
-            part.write_text(
-                render_page(make_trend_page(points, (*left_out, *errors))), encoding="utf-8"
-            )
+            newest = max(campaigns, key=lambda campaign: campaign.began).results.setup
+            document = make_trend_page(points, (*left_out, *errors), newest, read_today())
+            part.write_text(render_page(document), encoding="utf-8")
 
 
 def run(

@@ -23,6 +23,7 @@ from impact_rig.core.calibration import (
 )
 from impact_rig.core.errors import DeviceError, FileError, ParameterError
 from impact_rig.core.hits import JudgedHit
+from impact_rig.core.quantity import Quantity
 from impact_rig.core.records import HitLabel
 from impact_rig.core.sensors import CHANNELS, Sensor
 from impact_rig.core.session import Session
@@ -37,7 +38,7 @@ from impact_rig.present.console import (
     print_warning,
 )
 from impact_rig.recordings.run import Run
-from impact_rig.results.numbers import format_uncertain, is_dated
+from impact_rig.results.numbers import format_rounded, format_uncertain, is_dated
 from impact_rig.results.tables import tabulate_budget
 
 PERCENT = 100.0
@@ -47,6 +48,9 @@ REVERSED = (
     "the traces have opposite signs: one of the sensors looks the other way; the sign of the"
     " sensitivity is kept"
 )
+LARGE_CHANGE = 0.03
+"""Change of a sensitivity above which it is asked for the cause first [-], our choice: a sensor
+drifts by a per cent or two in a year."""
 READ_TIMEOUT = 0.5  # [s] of one read: so soon Ctrl-C works
 
 HitSeries = tuple[RigSetup, list[JudgedHit]]
@@ -134,9 +138,9 @@ def format_sheet(calibration: Calibration, day: str) -> str:
     """Return the lines of a rig file that state a calibration."""
     sensor, ratio = calibration.sensor, calibration.ratio
     unit = f"({sensor.unit})" if "/" in sensor.unit else sensor.unit
-    new = calibration.sensitivity * MILLIVOLT
-    expanded = abs(sensor.sensitivity) * MILLIVOLT * ratio.expanded
-    rounded = format_uncertain(new, expanded, MOST_DIGITS).partition(" ±")[0]
+    expanded = abs(sensor.sensitivity) * ratio.expanded
+    found = Quantity(calibration.sensitivity, expanded=expanded)
+    rounded = format_rounded(found, MOST_DIGITS, MILLIVOLT)
     uncertainty = ratio.standard / abs(ratio.value)
     return (
         f"[source.{sensor.channel}]\n"
@@ -146,7 +150,24 @@ def format_sheet(calibration: Calibration, day: str) -> str:
     )
 
 
-def print_calibration(calibration: Calibration, fits: Sequence[HitFit], sheet: str) -> None:
+def question_change(calibration: Calibration, method: CalibrationMethod) -> str | None:
+    """Return what to check before a large change is believed; None: it is small."""
+    change = calibration.ratio.value - 1.0
+    if abs(change) <= LARGE_CHANGE:
+        return None
+    checks = ["is the mount tight", f"is it the {calibration.sensor.channel} sensor that changed"]
+    if method.has_known_mass:
+        mass = 1e3 * method.known_mass
+        checks.insert(0, f"is the known mass {mass:.6g} g with all that moves with it")
+    return (
+        f"a change of {PERCENT * change:+.2g} % is more than the {PERCENT * LARGE_CHANGE:g} % that"
+        f" a sensor drifts by in a year: {', '.join(checks)}?"
+    )
+
+
+def print_calibration(
+    calibration: Calibration, fits: Sequence[HitFit], sheet: str, question: str | None
+) -> None:
     """Print the result first, then the hits, then the budget and the lines for the rig file."""
     console = make_console()
     console.print(Text(describe_sensitivity(calibration), style=GOOD))
@@ -156,7 +177,8 @@ def print_calibration(calibration: Calibration, fits: Sequence[HitFit], sheet: s
     console.print()
     caption = "Uncertainty of the sensitivity"
     print_table(console, tabulate_budget(caption, calibration.ratio.budget, "%", PERCENT))
-    print_text(console, "Replace these lines of the rig file")
+    condition = " only when that is settled" * (question is not None)
+    print_text(console, f"Replace these lines of the rig file{condition}")
     console.print(sheet)
 
 
@@ -239,6 +261,8 @@ def run(
             )
         fits = _fit((setup, found), method)
     result = estimate_sensitivity(fits, method, setup, find_tested_sensor(setup, sheet))
-    for remark in (*([REVERSED] if result.is_reversed else ()), *result.remarks):
+    question = question_change(result, method)
+    reversed_ = REVERSED if result.is_reversed else None
+    for remark in filter(None, (question, reversed_, *result.remarks)):
         print_warning(remark)
-    print_calibration(result, fits, format_sheet(result, _compute_day(fits)))
+    print_calibration(result, fits, format_sheet(result, _compute_day(fits)), question)

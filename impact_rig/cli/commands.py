@@ -295,8 +295,8 @@ def hammer() -> None:
     metavar="ADDRESS",
     help="Use this Dask cluster, whose workers see the same paths.",
 )
-@click.option("--trend", is_flag=True, help="The control sample from run to run: does it change?")
-@options.make_output_option("With --trend: a page with table and figure, HTML.")
+@click.option("--trend", is_flag=True, help="Control sample and check mass, run by run: a change?")
+@options.make_output_option("With --trend: a page, HTML, with charts and calibrations.")
 def analyze() -> None:
     """Estimate contact time, stiffness and damping from files.
 

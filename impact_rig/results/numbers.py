@@ -176,7 +176,7 @@ class Measurand:
     @property
     def sample_symbol(self) -> str:
         """The symbol with the index of the sample, 2, for what both bodies have."""
-        return self.symbol if self.field == "contact_time" else f"{self.symbol}2"
+        return f"{self.symbol}2" if self in HAMMER_MEASURANDS else self.symbol
 
     def read(self, body: Any) -> Quantity:
         """Return its value in a sample or the hammer, by the paper or one method."""

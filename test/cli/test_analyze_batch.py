@@ -75,7 +75,7 @@ def test_the_control_sample_is_followed_from_run_to_run(run, folders, runs, tmp_
     }
     told = run("analyze", *folders, "--trend").stdout
     assert f"Control sample from run to run: {CONTROL_SAMPLE}" in told
-    assert "it takes 5" in told
+    assert "it takes two runs with 4 hits" in told
     page, broken = tmp_path / "trend.html", tmp_path / "broken.mcap"
     broken.write_bytes(b"nothing")
     outcome = run("analyze", *folders, broken, "-o", page)
@@ -83,7 +83,7 @@ def test_the_control_sample_is_followed_from_run_to_run(run, folders, runs, tmp_
     assert f"error: {broken}" in outcome.stderr
     text = page.read_text("utf-8")
     assert str(broken) in text
-    assert text.count("data:image/svg+xml;base64,") == 2
+    assert text.count("data:image/svg+xml;base64,") == 3
     assert "Origin: simulated." in text
 
 

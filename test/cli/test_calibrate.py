@@ -105,19 +105,25 @@ def read_sensitivity(output):
     return float(output.partition('sensitivity = "')[2].split()[0])
 
 
-def test_back_to_back_the_lines_for_the_rig_file_have_the_ratio(run, tmp_path):
+@pytest.mark.parametrize(("ratio", "is_asked"), [(1.029, False), (1.031, True), (0.969, True)])
+def test_the_lines_for_the_rig_file_have_the_ratio_and_a_large_one_is_asked_about(
+    run, tmp_path, ratio, is_asked
+):
     path = write_rig(tmp_path)
-    recording = record(tmp_path / "hits.mcap", ratio=1.04)
+    recording = record(tmp_path / "hits.mcap", ratio=ratio)
     outcome = run("calibrate", path, "--sensor", "specimen",
                   "--reference-uncertainty", "0.5 %", "--recording", recording)  # fmt: skip
     assert outcome.exit_code == 0
-    assert outcome.stdout.startswith("specimen sensor: 5.")
+    assert outcome.stdout.startswith("specimen sensor: ")
+    question = "is the mount tight, is it the specimen sensor that changed?"
+    assert (question in outcome.stderr) is is_asked
+    assert ("rig file only when that is settled" in outcome.stdout) is is_asked
     assert "the recording states no sensitivity" in outcome.stderr
     sheet = outcome.stdout[outcome.stdout.index("[source.specimen]") :]
     old = path.read_text().partition("[source.specimen]")[0]
     path.write_text(old + sheet + "channel = 2\n")
     _, sensor = read_rig_file(path).setup.sensors
-    assert sensor.sensitivity == pytest.approx(5.2e-3, rel=1e-3)
+    assert sensor.sensitivity == pytest.approx(5e-3 * ratio, rel=1e-3)
     assert sensor.sensitivity_uncertainty == pytest.approx(5e-3, rel=0.2)
     assert sensor.calibration_date == DAY
 
