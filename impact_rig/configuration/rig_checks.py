@@ -14,6 +14,7 @@ from impact_rig.configuration.rig_file import (
     take_trigger_level,
 )
 from impact_rig.configuration.toml_table import TomlTable
+from impact_rig.core.checks import advise_check
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF
 from impact_rig.core.paper_estimate import check_control
@@ -268,6 +269,8 @@ def _check_check_mass(reading: _Reading) -> Notes:
     if ratio > 10.0 or ratio < 0.1:
         text = f"is {mass.mass * 1e3:.4g} g beside a hammer of {hammer * 1e3:.4g} g: take one"
         yield warning(reading.find_table("check_mass"), "mass", f"{text} between the samples'")
+    if not reading.is_virtual and (advice := advise_check(reading.setup)):
+        yield remark(reading.find_table("check_mass"), "mass", advice)
     if mass.name in reading.samples.names:
         text = f"a sample is called {mass.name!r}, as that of [check_mass]: give it another name"
         yield remark(reading.find_sample(mass.name), "name", text, is_fault=True)

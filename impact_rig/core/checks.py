@@ -23,6 +23,7 @@ from impact_rig.core.setup import RigSetup
 from impact_rig.core.tail import ZERO_AFTER
 from impact_rig.core.trends import follow_series
 from impact_rig.core.uncertainty import (
+    ASSUMED_GAIN,
     LEAST_HITS,
     ONE_HIT,
     Known,
@@ -273,8 +274,24 @@ def _judge_chain(checks: Checks, setup: RigSetup, sample: str) -> Checks:
     )
     if conformity is Conformity.PASSED:
         return replace(checks, notes=(*checks.notes, Note(Subject.OPERATIONAL_CHECK, text)))
-    text += "; the whole ± must lie within it: a calibrated sensor, or more hits, would narrow it"
+    narrower = advise_check(setup) or "a calibrated sensor, or more hits, would narrow it"
+    text += f"; the whole ± must lie within it: {narrower}"
     return replace(checks, warnings=(*checks.warnings, Note(Subject.OPERATIONAL_CHECK, text)))
+
+
+def advise_check(setup: RigSetup) -> str | None:
+    """Return why the operational check of a set-up can only end undecided; None: it need not."""
+    stated = {it: setup.find_sensor(it).sensitivity_uncertainty for it in CHANNELS}
+    expanded = 1.96 * math.hypot(*(standard or ASSUMED_GAIN for standard in stated.values()))
+    if expanded < CHAIN_TOLERANCE:
+        return None
+    lines = " and ".join(f"[source.{it}]" for it, standard in stated.items() if not standard)
+    return (
+        "the check mass ends undecided"
+        + (f" unless sensitivity_uncertainty stands in {lines} of the rig file" if lines else "")
+        + f": the sensitivities alone make ±{100.0 * expanded:.2g} %, and"
+        f" {100.0 * CHAIN_TOLERANCE:g} % are allowed"
+    )
 
 
 def ask_for_sample(traced: float, stated: float, expanded: float = 0.0) -> str | None:

@@ -17,6 +17,7 @@ from rclpy.duration import Duration
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import load_rig_file, read_today
+from impact_rig.core.checks import advise_check
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.findings import Finding, join_findings
 from impact_rig.core.setup import PAPER_SETUP, RigSetup, Sample, format_angle
@@ -344,6 +345,8 @@ class CampaignNode(RigNode):
         text = ""
         if sample.has_angle and not self._hammer.sets_angle:
             text = f"set the release angle of the hammer to {format_angle(sample.release_angle)}"
+        if sample.name == campaign.setup.check_sample:
+            text = advise_check(self._setup_of_rig) or text
         campaign.publish(message=text, task=Task.MOUNT)
         await self._wait(
             campaign, lambda: campaign.state.mounted == sample.name or campaign.is_held

@@ -155,7 +155,8 @@ def add(text: str) -> str:
 
 
 def test_of_a_light_barrier_and_a_check_mass_nothing_is_said():
-    assert check_rig(parse_rig_file(add(BARRIER))) == ()
+    stated = add(BARRIER).replace('"LW 2"', '"LW 2"\nsensitivity_uncertainty = 0.015')
+    assert check_rig(parse_rig_file(stated)) == ()
 
 
 BARRED = [
@@ -197,7 +198,7 @@ def test_the_virtual_rig_has_a_rate_where_the_file_states_none():
 
 def test_a_sample_may_not_be_called_as_the_check_mass():
     text = add(BARRIER).replace('name = "brass"', 'name = "check mass"')
-    (note,) = check_rig(parse_rig_file(text))
+    _, note = check_rig(parse_rig_file(text))
     assert note.is_fault
     assert "line 54: a sample is called 'check mass', as that of [check_mass]" in note.text
 
@@ -238,6 +239,8 @@ UNWISE = [
     ('"LW 2"', '"LW 1"', "line 39: serial_number of [source.specimen] is 'LW 1', the hammer"),
     ('name = "brass"', 'name = "Steel "', "line 49: samples 'steel' and 'Steel ' differ in space"),
     ('"228 us"', '"228 ms"', "reference_contact_time of sample 'brass' is 2.28e+05 µs: metal"),
+    ("[holder]", '[check_mass]\nmass = "150 g"\n[holder]',
+     "the check mass ends undecided unless sensitivity_uncertainty stands in [source.specimen]"),
     (SPECIMEN, "", "line 19: [source] has no [source.specimen]: only the hammer is measured"),
     (HOLDER, "", "line 20: [source] measures, and nothing lets a hammer go: add [holder]"),
     (SOURCE, "", "line 20: [holder] moves a real hammer, and the accelerations are of the"),

@@ -1,13 +1,14 @@
 """The hammer's speed, measured at each hit or stated, and the operational check of the chain."""
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from impact_rig.core.checks import check_chain
+from impact_rig.core.checks import advise_check, check_chain
 from impact_rig.core.errors import ParameterError
 from impact_rig.core.findings import Reason, Subject
 from impact_rig.core.hits import JudgedHit
@@ -145,6 +146,22 @@ def test_the_operational_check_is_passed_with_its_whole_interval(gain, known, st
     (told,) = [note for note in notes if note.about is Subject.OPERATIONAL_CHECK]
     assert told.explanation.startswith(f"{stated}: the free mass of")
     assert found.checks.traced_mass.value == pytest.approx(SAMPLE / gain, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("known", "told"),
+    [
+        ((0.018, 0.018), None),
+        ((0.0181, 0.0181), "ends undecided: the sensitivities alone make ±5 %, and 5 % are"),
+        ((0.01, 0.0), r"unless sensitivity_uncertainty stands in \[source.specimen\] of the rig"),
+        ((0.0, 0.0), r"\[source.hammer\] and \[source.specimen\] .* make ±8.3 %"),
+    ],
+)
+def test_what_the_operational_check_needs_is_said_beforehand(known, told):
+    pairs = zip(CHANNELS, known, strict=True)
+    sensors = tuple(Sensor(name, sensitivity_uncertainty=it) for name, it in pairs)
+    advice = advise_check(replace(CHECKED, sensors=sensors))
+    assert advice is None if told is None else re.search(told, advice)
 
 
 @pytest.mark.parametrize("gain", [1.06, 0.94, 10.0])
