@@ -138,8 +138,9 @@ def test_after_it(virtual_rig):
     virtual_rig.campaign("steel small", impacts=1)
     (recorder,) = (
         process
-        for process in psutil.process_iter(["cmdline"])
-        if str(virtual_rig.recording) in " ".join(process.info["cmdline"] or [])
+        for process in psutil.process_iter(["name", "environ"])
+        if process.info["name"] == "recorder"
+        and (process.info["environ"] or {}).get("ROS_DOMAIN_ID") == str(virtual_rig.domain)
     )
     recorder.kill()
 

@@ -1,7 +1,6 @@
 """``impact-rig up``: start the nodes of a rig, which run and end together."""
 
 import contextlib
-import itertools
 import json
 import os
 import resource
@@ -10,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from queue import SimpleQueue
@@ -42,14 +41,13 @@ from impact_rig.present.console import print_warning
 
 OPEN_FILES = 100  # that a process of a rig may need: three times what they were seen to have
 END_TIMEOUT = 10.0  # [s] in which a node ends after SIGTERM; then it is killed
+RIG = "rig"  # who says what no node does
 COLOURS = ("cyan", "yellow", "green", "magenta", "red", "blue", "bright_cyan", "white")
 
 
-def make_command(process: NodeProcess, namespace: str = "") -> list[str]:
-    """Return the command that starts one node."""
-    # -P: the working folder is not on the path; it may have a numpy.py.
-    words = [sys.executable, "-P", "-m", "impact_rig.nodes", process.name, "--ros-args"]
-    words += ["-r", f"__node:={process.name}"]
+def make_words(process: NodeProcess, namespace: str = "") -> list[str]:
+    """Return the words that ROS gets of one node."""
+    words = ["--ros-args", "-r", f"__node:={process.name}"]
     if namespace:
         words += ["-r", f"__ns:=/{namespace.strip('/')}"]
     for name, value in process.parameters.items():
@@ -94,14 +92,16 @@ class RunningNodes:
         check_ros()
         self._outputs = outputs
         self._on_page = on_page
-        self._nodes: dict[str, subprocess.Popen[bytes]] = {}  # those that have not ended
+        self._names: set[str] = set()  # of nodes that have not ended
+        self._numbers: dict[str, int] = {}  # of their processes
+        self._group = 0  # of all these, and of the one that forked them; 0: there is none
         self._colours: dict[str, str] = {}
-        # A node's name with a line, or with b"" at its end; without a name: a request to stop.
-        self._events: SimpleQueue[tuple[str, bytes]] = SimpleQueue()
+        # A node's name with a line, or with its exit code; without a name: a request to stop.
+        self._events: SimpleQueue[tuple[str, bytes | int]] = SimpleQueue()
 
     def stop(self, *_: object) -> None:
         """Let `run` end all nodes; from any thread or signal handler."""
-        self._events.put(("", b""))
+        self._events.put(("", 0))
 
     def stop_by_signals(self) -> None:
         """Let Ctrl-C, SIGTERM and a closed terminal end the nodes."""
@@ -120,30 +120,30 @@ class RunningNodes:
         Returns 0 after `stop`; else the exit code of the node that ended first.
         """
         starting = {process.name for process in processes}
+        self._names = {*starting}
         self._colours = dict(zip(sorted(starting), COLOURS, strict=False))
         code: int | None = None  # None: nothing has ended yet
-        killer = threading.Timer(END_TIMEOUT, self._send, (signal.SIGKILL,))
+        killer = threading.Timer(END_TIMEOUT, self._kill)
         try:
-            for process in processes:
-                self._start(process.name, make_command(process, namespace))
-            while self._nodes:
-                name, line = self._events.get()
-                if line:
-                    if self._is_active_by(name, line) and name in starting:
+            self._start({process.name: make_words(process, namespace) for process in processes})
+            while self._names:
+                name, said = self._events.get()
+                if isinstance(said, bytes):
+                    if self._is_active_by(name, said) and name in starting:
                         starting.remove(name)
                         if not starting:
-                            self._print("rig", ready)
+                            self._print(RIG, ready)
                     continue
-                ended = self._nodes.pop(name).wait() if name else 0
+                self._names.discard(name)
                 if code is None and self._goes_on_without(name):
-                    self._print("rig", f"{name} has ended ({ended}): the rig goes on without it")
+                    self._print(RIG, f"{name} has ended ({said}): the rig goes on without it")
                     if starting == {name}:
-                        self._print("rig", ready)
+                        self._print(RIG, ready)
                     starting.discard(name)
                 elif code is None:
-                    code = ended
+                    code = said
                     if name:
-                        self._print("rig", f"{name} has ended ({ended}): the rig ends")
+                        self._print(RIG, f"{name} has ended ({said}): the rig ends")
                     self._send(signal.SIGTERM)
                     killer.start()
         finally:
@@ -152,10 +152,14 @@ class RunningNodes:
             self._send(signal.SIGKILL)
         return code or 0
 
-    def _start(self, name: str, command: Sequence[str]) -> None:
-        # In new sessions: Ctrl-C reaches this process alone, which stops them.
+    def _start(self, words: Mapping[str, Sequence[str]]) -> None:
+        """Start the process that forks the nodes, and follow what all of them print."""
+        pipes = {name: os.pipe() for name in words}
+        job = {name: (pipes[name][1], words[name]) for name in words}
+        # -P: the working folder is not on the path; it may have a numpy.py.
+        command = [sys.executable, "-P", "-m", "impact_rig.nodes.together", json.dumps(job)]
         try:
-            node = self._nodes[name] = subprocess.Popen(
+            forking = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
@@ -166,17 +170,41 @@ class RunningNodes:
                     LAUNCHER: str(os.getpid()),
                     NOTICES: "1",
                 },
-                start_new_session=True,
+                pass_fds=[output for output, _ in job.values()],
+                start_new_session=True,  # Ctrl-C reaches this process alone, which stops them
             )
         except OSError as error:
-            raise RigError(f"the node {name} cannot be started: {error.strerror}") from None
-        self._print("rig", f"{name} started (pid={node.pid})")
+            raise RigError(f"the nodes cannot be started: {error.strerror}") from None
+        self._group = forking.pid
+        codes: dict[str, SimpleQueue[int]] = {name: SimpleQueue() for name in words}
 
-        def follow() -> None:
-            for line in itertools.chain(node.stdout or (), [b""]):
-                self._events.put((name, line))
+        def follow(name: str, reader: int) -> None:
+            with open(reader, "rb") as lines:
+                for line in lines:
+                    self._events.put((name, line))
+            self._events.put((name, codes[name].get()))
 
-        threading.Thread(target=follow, daemon=True).start()
+        def watch() -> None:
+            for line in forking.stdout or ():
+                notice, value = read_notice(line.decode()) or (None, "")
+                name, _, number = value.partition(" ")
+                if notice is Notice.ENDED:
+                    del self._numbers[name]
+                    codes[name].put(int(number))
+                    continue
+                if notice is Notice.STARTED:
+                    self._numbers[name] = int(number)
+                told = f"{name} started (pid={int(number)})".encode() if notice else line
+                self._events.put((RIG, told))
+            # It has ended last, or was killed.
+            for queue in codes.values():
+                queue.put(-signal.SIGKILL)
+            self._events.put((RIG, forking.wait()))
+
+        threading.Thread(target=watch, daemon=True).start()
+        for name, (reader, writer) in pipes.items():
+            os.close(writer)
+            threading.Thread(target=follow, args=(name, reader), daemon=True).start()
 
     def _is_active_by(self, name: str, line: bytes) -> bool:
         """Print a line, or take the notice in it; return whether it says that a node is active."""
@@ -190,12 +218,18 @@ class RunningNodes:
 
     def _goes_on_without(self, name: str) -> bool:
         """Return whether a node that has ended ends no rig, and others are left."""
-        return bool(name) and name not in MEASURING and bool(self._nodes)
+        return name not in (*MEASURING, RIG, "") and bool(self._names)
 
     def _send(self, number: int) -> None:
-        for node in list(self._nodes.values()):
+        if self._group:
             with contextlib.suppress(ProcessLookupError):
-                os.killpg(node.pid, number)
+                os.killpg(self._group, number)
+
+    def _kill(self) -> None:
+        """Kill the nodes; the process that forked them goes on, and tells their ends."""
+        for number in list(self._numbers.values()):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(number, signal.SIGKILL)
 
     def _print(self, name: str, text: str) -> None:
         prefix = f"{time.strftime('%H:%M:%S')} {name:{max(map(len, self._colours))}} | "

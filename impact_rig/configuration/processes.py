@@ -106,10 +106,12 @@ NOTICE_MARK = "\x1e"
 
 
 class Notice(Enum):
-    """Messages of a node to the process that started it."""
+    """Messages of a node to the process that started it, and of the one that forked the node."""
 
     ACTIVE = "active"
     PAGE = "page"  # and the address of the web page that it serves
+    STARTED = "started"  # a node's name and process
+    ENDED = "ended"  # a node's name and exit code
 
 
 def notify(notice: Notice, value: str = "") -> None:

@@ -37,10 +37,13 @@ def _run(name: str) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         # An exception would come out of whichever module is being imported, as a traceback.
         signal.signal(number, lambda *_: os._exit(0))
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # a forked node has it blocked
     open_closed_streams()
     if {"-h", "--help"} & set(sys.argv):
         print(HELP.format(name=name))
         return 0
+    if name == "visualizer":
+        os.nice(10)  # it may be late, the rig may not
     try:
         process = import_module("impact_rig.nodes.process")
         module = import_module(f"impact_rig.nodes.{name}")
@@ -49,8 +52,6 @@ def _run(name: str) -> int:
             raise
         print(f"error: {error.name} is missing: {NEEDED[error.name]}", file=sys.stderr)
         return 1
-    if name == "visualizer":
-        os.nice(10)  # it may be late, the rig may not
     return int(process.run_node(getattr(module, f"{name.capitalize()}Node")))
 
 

@@ -12,13 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from impact_rig.cli.up import make_command
+from impact_rig.cli.up import make_words
 from impact_rig.configuration.processes import NodeProcess, list_rig_processes
 from impact_rig.core.errors import RigError
 from impact_rig.recordings.source import RUN_NAME, SUFFIX
 from impact_rig.testing import use_own_domain
 
 COMMAND_LINE = "impact_rig.cli.main"
+NODE = ("-P", "-m", "impact_rig.nodes")
 PATIENCE = 60.0  # [s], for what is waited for: nodes have to start first
 END_TIMEOUT = 5.0  # [s], for all processes together, when nothing of theirs is needed any more
 STOP_TIMEOUT = 15.0  # [s], for a node to close its files and end
@@ -63,8 +64,8 @@ class RigProcesses:
 
     def start_node(self, name: str, **parameters: Any) -> subprocess.Popen[bytes]:
         """Start a node of the rig with parameters that differ from their defaults."""
-        command = make_command(NodeProcess(name, parameters))
-        return self._start(name, command, self._log)
+        words = make_words(NodeProcess(name, parameters))
+        return self._start(name, [sys.executable, *NODE, name, *words], self._log)
 
     def start_rig(
         self, folder: Path, overrides: Mapping[str, Mapping[str, Any]]

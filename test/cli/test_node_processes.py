@@ -4,11 +4,13 @@ import os
 import re
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from terminal import run_program
 
-from impact_rig.cli.up import make_command
+from impact_rig.cli.up import make_words
 from impact_rig.configuration.processes import NodeProcess
 
 from .conftest import PATIENCE, finish, start_command
@@ -20,10 +22,10 @@ def start_up(ros_domain, tmp_path):
     return lambda *words, **pipes: start_command("up", *words, cwd=tmp_path, **pipes)
 
 
-def test_the_command_of_a_node_has_its_parameters_as_yaml():
+def test_the_words_of_a_node_have_its_parameters_as_yaml():
     process = NodeProcess("recorder", {"output": "a b's.mcap", "flush_period": 0.5, "on": True})
-    command = make_command(process, namespace="/rig7")
-    assert {"__ns:=/rig7", 'output:="a b\'s.mcap"', "flush_period:=0.5", "on:=true"} < {*command}
+    words = make_words(process, namespace="/rig7")
+    assert {"__ns:=/rig7", 'output:="a b\'s.mcap"', "flush_period:=0.5", "on:=true"} < {*words}
 
 
 def test_a_stop_while_the_processes_start_ends_them_all(start_up):
@@ -42,6 +44,33 @@ def test_a_stop_while_the_processes_start_ends_them_all(start_up):
     for number in started:
         with pytest.raises(ProcessLookupError):
             os.kill(number, 0)
+
+
+def test_nodes_are_forked_before_any_of_them_has_ros_or_a_thread():
+    done = run_program([sys.executable, "-P", "-c", """
+import os, sys
+from importlib import import_module
+from impact_rig.nodes.together import FOR_HITS, SHARED
+for name in (*SHARED, FOR_HITS):
+    import_module(name)
+print("rclpy" in sys.modules, len(os.listdir("/proc/self/task")))
+"""])  # fmt: skip
+    assert done.stdout == "False 1\n"
+
+
+def test_nodes_end_when_the_process_that_forked_them_is_killed(start_up):
+    process = start_up("--no-visualizer", stderr=subprocess.STDOUT)
+    lines = []
+    for line in process.stdout:
+        lines.append(line)
+        if "ready: " in line:
+            hammer = int(re.search(r"hammer started \(pid=(\d+)\)", "".join(lines))[1])
+            os.kill(os.getpgid(hammer), signal.SIGKILL)
+    process.wait(PATIENCE)
+    told = "".join(lines)
+    assert "rig has ended (-9): the rig ends" in told
+    assert "session.mcap is closed" in told
+    assert process.returncode == 2
 
 
 def test_a_rig_goes_on_when_what_it_says_cannot_be_written(start_up):

@@ -10,8 +10,7 @@ import time
 import pytest
 from terminal import run_program
 
-from impact_rig.cli.up import make_command
-from impact_rig.configuration.processes import ACTIVE, LAUNCHER, NodeProcess
+from impact_rig.configuration.processes import ACTIVE, LAUNCHER
 
 PATIENCE = 60.0
 """How long a process may take before the test fails [s]."""
@@ -65,7 +64,7 @@ def test_a_node_needs_no_standard_error():
 def test_modules_in_the_working_folder_are_not_imported(tmp_path, ros_domain):
     (tmp_path / "numpy.py").write_text("raise SystemExit('a numpy of the folder')")
     process = subprocess.Popen(
-        make_command(NodeProcess("hammer", {})),
+        [sys.executable, "-P", "-m", "impact_rig.nodes", "hammer"],
         cwd=tmp_path,
         stderr=subprocess.PIPE,
         text=True,

@@ -71,6 +71,7 @@ class VirtualSource:
         options.check_keys(*KEYS)
         self._settings = read_virtual_rig(options)
         self._setup: RigSetup | None = None
+        self._rig: VirtualRig | None = None  # of that set-up
         self._digitizer: TriggeredDigitizer | StreamingDigitizer
 
     @classmethod
@@ -98,8 +99,10 @@ class VirtualSource:
             if plan.continuous
             else TriggeredDigitizer(plan.block_size)
         )
-        if self._settings.plant is Plant.CONTACT:
-            import_module("scipy.integrate")  # which the first hit needs, and waits for no more
+        self._rig = None
+        # What the first hit needs, which then waits for it no more.
+        is_law = self._settings.plant is Plant.CONTACT
+        import_module("scipy.integrate" if is_law else "scipy.optimize")
         return Acquisition(IDENTITY, plan.sampling_rate, is_simulated=True)
 
     def arm(self) -> None:
@@ -122,7 +125,7 @@ class VirtualSource:
 
     def take_setup(self, setup: RigSetup) -> None:
         """Take masses and samples."""
-        self._setup = setup
+        self._setup, self._rig = setup, None
 
     def check_sample(self, name: str) -> None:
         """Raise `RigError` if the sample is unknown or lacks a reference value."""
@@ -144,9 +147,11 @@ class VirtualSource:
     def _make_rig(self) -> VirtualRig:
         if self._setup is None:
             raise DeviceError("the virtual rig has no set-up: start the campaign node first")
-        # A running stream has one range.
-        is_ranged = isinstance(self._digitizer, TriggeredDigitizer)
-        return VirtualRig(self._setup, self._settings, is_ranged=is_ranged)
+        if self._rig is None:
+            # A running stream has one range.
+            is_ranged = isinstance(self._digitizer, TriggeredDigitizer)
+            self._rig = VirtualRig(self._setup, self._settings, is_ranged=is_ranged)
+        return self._rig
 
 
 def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:

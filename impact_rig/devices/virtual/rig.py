@@ -347,10 +347,16 @@ class VirtualRig:
         self.setup = setup
         self.settings = settings
         self._is_ranged = is_ranged
+        self._nominal: dict[str, HitPhysics] = {}  # by sample: it is the same for each hit
 
     def check_sample(self, name: str) -> None:
         """Raise `ParameterError` if the sample is unknown or lacks a reference value."""
-        make_nominal_physics(self.setup, name, self.settings)
+        self._find_nominal(name)
+
+    def _find_nominal(self, sample: str) -> HitPhysics:
+        if sample not in self._nominal:
+            self._nominal[sample] = make_nominal_physics(self.setup, sample, self.settings)
+        return self._nominal[sample]
 
     def strike(self, label: HitLabel) -> VirtualHit:
         """Simulate one hit.
@@ -369,7 +375,7 @@ class VirtualRig:
             np.random.default_rng(np.random.SeedSequence((settings.seed, *key, stream)))
             for stream in (0, 1)
         )
-        nominal = make_nominal_physics(self.setup, label.sample, settings)
+        nominal = self._find_nominal(label.sample)
         scatter = physics_source.standard_normal(2)
         duration = 1 + settings.contact_time_scatter * scatter[0]
         force = 1 + settings.amplitude_scatter * scatter[1]
