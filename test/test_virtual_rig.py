@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import CampaignState
+from impact_rig_msgs.srv import Act
 from rclpy.action import ActionClient
-from std_srvs.srv import Trigger
 from terminal import Terminal, run_program
 
 from impact_rig import Number, open_run
@@ -189,7 +189,7 @@ def test_a_campaign_that_a_test_has_left_in_a_pause_is_ended_by_the_next(virtual
         states = harness.listen(CAMPAIGN_STATE)
         client.send_goal_async(RunCampaign.Goal(samples=[STEEL], impacts=1000))
         states.wait(lambda got: got[-1].impact > 1)
-        harness.call(Trigger, PAUSE_CAMPAIGN)
+        harness.call(Act, PAUSE_CAMPAIGN)
         states.wait(lambda got: got[-1].state == CampaignState.PAUSED)
     assert virtual_rig.campaign(STEEL, impacts=1)[STEEL].impacts_accepted == 1
 

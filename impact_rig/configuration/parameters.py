@@ -107,8 +107,13 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
             0.0, "from contact back into the holder [s]", low=0.0, high=60.0, is_live=True
         ),
         "confirm_return": Parameter(
-            False, "after each swing, wait until a person calls hammer/confirm_held",
+            False, "after each swing, wait until a person says that the hammer is back",
             is_live=True,
+        ),
+        "lead_time": Parameter(
+            -1.0, "notice before each release [s]; below 0: 3 where a holder releases a hammer,"
+            " none by hand or where no hammer hangs",
+            low=-1.0, high=60.0, is_live=True,
         ),
     },
     "page": {

@@ -269,7 +269,7 @@ def parse_rig_file(text: str) -> RigFile:
         particulars=particulars,
         release_angles=_parse_angles(document.take_table("hammer"), setup),
         check_mass=_parse_check_mass(document),
-        hammer=_parse_swing(holder),
+        hammer=_parse_swing(document.take_table("hammer"), holder),
         source=source,
         holder=holder,
         document=document,
@@ -288,7 +288,7 @@ SWING = {
 
 def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
     hammer, digitizer = document.take_table("hammer"), document.take_table("digitizer")
-    hammer.check_keys(*(key for key, *_ in SWING.values()), "release_angles")
+    hammer.check_keys(*(key for key, *_ in SWING.values()), "lead_time", "release_angles")
     samples, settings = _parse_samples(document), parse_settings(document)
     settings = _follow_record(settings, document.take_table("source"))
     with document.take_table("analysis").locating():
@@ -362,13 +362,17 @@ def _parse_check_mass(document: TomlTable) -> Sample | None:
         )
 
 
-def _parse_swing(holder: TomlTable) -> dict[str, Any]:
-    """Return the hammer's parameters in the table [holder]."""
+def _parse_swing(hammer: TomlTable, holder: TomlTable) -> dict[str, Any]:
+    """Return the hammer node's parameters in the tables [hammer] and [holder]."""
     known = PARAMETERS["hammer"]
     parameters: dict[str, Any] = {
-        key: holder.take_quantity(key, "s", "207 ms", low=known[key].low, high=known[key].high)
-        for key in ("swing_time", "return_time")
-        if key in holder
+        key: table.take_quantity(key, "s", example, low=0.0, high=known[key].high)
+        for table, key, example in (
+            (holder, "swing_time", "207 ms"),
+            (holder, "return_time", "207 ms"),
+            (hammer, "lead_time", "3 s"),
+        )
+        if key in table
     }
     if "confirm_return" in holder:
         parameters["confirm_return"] = holder.take_boolean("confirm_return")

@@ -10,7 +10,15 @@ from builtin_interfaces.msg import Time
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import Impact, SampleCount
 from impact_rig_msgs.msg import RigSetup as RigSetupMessage
-from impact_rig_msgs.srv import Arm, ConfirmSample, GetResults, JoinCampaign, Release, SetAngle
+from impact_rig_msgs.srv import (
+    Arm,
+    ConfirmSample,
+    GetResults,
+    JoinCampaign,
+    Release,
+    SetAngle,
+    SetArmed,
+)  # fmt: skip
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.duration import Duration
@@ -23,20 +31,25 @@ from impact_rig.core.findings import Finding, join_findings
 from impact_rig.core.setup import PAPER_SETUP, RigSetup, Sample, format_angle
 from impact_rig.core.verdict import SHOWS_NOTHING
 from impact_rig.nodes import interfaces, messages
+from impact_rig.nodes.acts import BEAT, REACTION, NumberedState, Standstill
 from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.campaign_state import (
     TASKS,
+    TASKS_IN_PAUSE,
     TRANSITIONS,
     ArmingError,
     Campaign,
     EndError,
     HeldError,
+    tell,
 )
+from impact_rig.nodes.guarded_hammer import SOMEBODY
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg
 from impact_rig.nodes.intake import Received
+from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.rig_node import Answer, RigNode
-from impact_rig.recordings.messages import NO_ID, from_message
-from impact_rig.status.states import Disarming, HammerPlace, HammerStatus, Step, Task
+from impact_rig.recordings.messages import NANOSECONDS, NO_ID, from_message
+from impact_rig.status.states import HammerPlace, HammerStatus, Step, Task
 
 LOOK_PERIOD = 0.5
 """How often a campaign checks whether its pause is over [s]."""
@@ -72,9 +85,11 @@ class CampaignNode(RigNode):
         self._setup = self.advertise(interfaces.SETUP)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
         self.listen(interfaces.IMPACT.unread, self._on_impact)
-        self._publish_state = self.advertise_state(interfaces.CAMPAIGN_STATE)
-        self.offer(interfaces.PAUSE_CAMPAIGN, self._hold)
-        self.offer(interfaces.RESUME_CAMPAIGN, self._go_on)
+        self._told = NumberedState(self, self.advertise_state(interfaces.CAMPAIGN_STATE), tell)
+        self._standstill = Standstill()
+        self.create_timer(BEAT / self.pace, self._beat)
+        self.offer_act(interfaces.PAUSE_CAMPAIGN, self._hold)
+        self.offer_act(interfaces.RESUME_CAMPAIGN, self._go_on, self._told)
         self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._on_confirm_sample)
         names = ("recorder", "accelerometer", "estimator", "hammer", *DISPLAYS)
         self._joins = {
@@ -82,8 +97,7 @@ class CampaignNode(RigNode):
             for name in names
         }
         self._results = self.create_client(GetResults, interfaces.GET_RESULTS)
-        self._arm_hammer = self.create_client(Trigger, interfaces.ARM_HAMMER)
-        self._disarm_hammer = self.create_client(Trigger, interfaces.DISARM_HAMMER)
+        self._set_armed = self.create_client(SetArmed, interfaces.SET_ARMED)
         self._set_angle = self.create_client(SetAngle, interfaces.SET_ANGLE)
         self._arm = self.create_client(Arm, interfaces.ARM_ACCELEROMETER)
         self._disarm = self.create_client(Trigger, interfaces.DISARM_ACCELEROMETER)
@@ -115,28 +129,47 @@ class CampaignNode(RigNode):
         """Publish the set-up for the rig's other nodes."""
         self._setup.publish(messages.setup_to_msg(self._setup_of_rig, Time()))
         if self._campaign is None:
-            self._publish_state(state=Step.ENDED)
+            self._told.publish(state=Step.ENDED)
+
+    def _beat(self) -> None:
+        self._told.repeat()
+        self._check_clock()
+
+    def _check_clock(self) -> None:
+        """Let a person arm again if this process was stopped, or the computer asleep."""
+        stood_still = self._standstill.look()
+        if stood_still and (campaign := self._campaign):
+            self.get_logger().warning(f"the campaign node {stood_still}")
+            campaign.is_to_arm = False
+            self._let_disarm(campaign, f"the campaign node {stood_still}")
+
+    def _let_disarm(self, campaign: Campaign, why: str) -> None:
+        """Ask the hammer to disarm, and wait for nothing."""
+        request = SetArmed.Request(campaign_id=campaign.setup.campaign_id, why=why)
+        self._set_armed.call_async(request)
 
     # The states.
 
     async def _run(self, campaign: Campaign) -> None:
         state, task = Step.JOINING, Task.NOTHING
         while state is not Step.COMPLETE:
-            campaign.publish(state=state, task=task, until=Time())
+            # While it looks, what was asked for still is.
+            is_looking = state in (Step.JOINING, Step.COUNTING)
+            asked = {} if is_looking else {"task": TASKS.get(state, task), "until": Time()}
+            campaign.publish(state=state, **asked)
             self._check_end(campaign)
             try:
-                if campaign.is_held and state in (Step.JOINING, Step.COUNTING):
-                    raise HeldError("a person wants a pause: to go on, call campaign/resume")
+                if campaign.is_held and is_looking:
+                    raise HeldError(campaign.held_for)
                 following = await self._work[state](campaign)
-                if following not in (Step.JOINING, Step.COUNTING):
-                    task = Task.NOTHING  # what was asked for in a pause is done
+                task = Task.NOTHING
             except DeviceError as error:
                 self._check_end(campaign)
                 if campaign.state.message != str(error):
                     self.get_logger().warning(str(error))
                 campaign.state.message = str(error)
                 campaign.is_announced = True
-                following, task = Step.PAUSED, TASKS.get(type(error), Task.NOTHING)
+                following, task = Step.PAUSED, TASKS_IN_PAUSE.get(type(error), Task.NOTHING)
                 if state is Step.STRIKING:
                     following, campaign.stumbled_at = Step.DISARMING, time.monotonic()
             if following not in TRANSITIONS[state]:
@@ -158,7 +191,7 @@ class CampaignNode(RigNode):
             raise EndError(f"the pause took longer than {limit:g} s: {reason}")
 
     async def _join_nodes(self, campaign: Campaign) -> Step:
-        """Ask every node to take part, and whether it is ready; then arm the hammer, once."""
+        """Ask every node to take part, and whether it is ready."""
         # Who joins publishes its state, which those take that have joined before: the hammer needs
         # those of all others, and by the accelerometers' id the others know the running stream.
         if campaign.stream_id == NO_ID:
@@ -171,14 +204,7 @@ class CampaignNode(RigNode):
         await self._join_node(campaign, "estimator")
         self._ask_displays(campaign)  # a silent one delays nothing
         self._setup.publish(campaign.setup)
-        if not campaign.has_armed:
-            answer = await self.call(self._arm_hammer, Trigger.Request())
-            # After an emergency stop a person arms, even if this is the start.
-            is_stopped = self._hammer.is_stopped
-            campaign.has_armed = answer.success or is_stopped
-            if not answer.success:
-                raise DeviceError(f"the hammer cannot be armed: {answer.message}")
-            await self.wait_until(lambda: bool(self._hammer.armed), self.answer_timeout)
+        campaign.has_joined = True
         return Step.COUNTING
 
     async def _announce(self, campaign: Campaign) -> None:
@@ -201,7 +227,7 @@ class CampaignNode(RigNode):
     ) -> JoinCampaign.Response:
         client = self._joins[name]
         # At the start there may be a run to read; later its silence is a pause.
-        is_reading = name == "estimator" and not campaign.has_armed
+        is_reading = name == "estimator" and not campaign.has_joined
         answer = await self.call(
             client,
             JoinCampaign.Request(
@@ -231,6 +257,8 @@ class CampaignNode(RigNode):
         plan, counts = campaign.setup.plan, _find_counts(campaign.setup, ledger)
         missing = [name for name in plan.samples if counts[name].accepted < plan.impacts]
         sample = missing[0] if missing else plan.samples[-1]
+        if sample != campaign.state.sample:
+            campaign.state.task = Task.NOTHING  # which was for another
         campaign.publish(
             sample=sample,
             impact=min(counts[sample].accepted, plan.impacts),
@@ -257,7 +285,11 @@ class CampaignNode(RigNode):
             "impact": counts[sample].accepted + 1,
             "attempt": counts[sample].attempts + 1,
         }
+        await self._wait_while_at(campaign, HammerPlace.SWINGING)
         if campaign.state.mounted != sample and self._is_person_needed(campaign, sample):
+            await self._take_enable(campaign, f"while {sample} is mounted")
+            # From now on nobody knows what is mounted, but the person whose hands are in.
+            campaign.state.mounted, campaign.state.message = "", self._describe_mounting(campaign)
             return Step.WAITING_FOR_SAMPLE
         campaign.state.mounted = sample
         return await self._check_hammer(campaign)
@@ -277,21 +309,21 @@ class CampaignNode(RigNode):
         return not (wanted.has_angle and is_set and is_there)
 
     async def _check_hammer(self, campaign: Campaign) -> Step:
-        await self._wait_while_at(campaign, HammerPlace.SWINGING)
-        hammer = self._hammer
-        if hammer.armed and hammer.is_away:
-            campaign.state.message = (
-                "put the hammer back into its holder, then call hammer/confirm_held"
-            )
+        if self._hammer.is_away:
+            await self._take_enable(campaign, "while the hammer is put back")
+            campaign.state.message = "put the hammer back into its holder, and say that it is back"
             return Step.WAITING_FOR_HAMMER
-        if not hammer.armed:
-            is_stop = hammer.is_stopped
-            calls = "hammer/reset and then hammer/arm" if is_stop else "hammer/arm"
-            is_paused = hammer.disarmed_by is Disarming.OPERATOR and campaign.paused_for
-            why = campaign.paused_for if is_paused else hammer.message
+        self._check_clock()
+        if campaign.is_held:
+            raise HeldError(campaign.held_for)
+        if campaign.is_to_arm and not self._hammer.needs_person:
+            await self._give_enable(campaign)
+        campaign.is_to_arm = False
+        if not self._hammer.armed:
+            acts = "reset the stop, then arm" if self._hammer.is_stopped else "arm"
             raise ArmingError(
-                f"the hammer is not armed ({why}): to go on, make sure that it can strike no one,"
-                f" then call {calls}"
+                f"the hammer is not armed ({self._hammer.message}): to go on, make sure that it"
+                f" can strike no one, then {acts}"
             )
         if time.monotonic() - campaign.stumbled_at > interfaces.LEASE:
             # It was on show for so long that the campaign stands: as in a pause.
@@ -306,53 +338,77 @@ class CampaignNode(RigNode):
         """
         campaign.stands_since = min(campaign.stands_since, time.monotonic())
         campaign.stumbled_at = math.inf
-        if self._hammer.armed:
-            campaign.paused_for = campaign.state.message
-            await self._call_if_there(self._disarm_hammer, Trigger.Request(), PAUSE_TIMEOUT)
-            await self.wait_until(lambda: not self._hammer.armed, PAUSE_TIMEOUT)
+        with contextlib.suppress(DeviceError):
+            await self._take_enable(campaign, campaign.state.message)
         hammer, was_held = self._hammer, campaign.is_held
         await self._wait(
             campaign,
-            lambda: self._hammer is not hammer or campaign.is_held != was_held,
+            lambda: self._hammer.number != hammer.number or campaign.is_held != was_held,
             LOOK_PERIOD / self.pace,
         )
         return Step.JOINING
 
     async def _wait_for_hammer(self, campaign: Campaign) -> Step:
         """Wait until a person has put the hammer back."""
-        campaign.publish(task=Task.PUT_BACK)
         await self._wait_while_at(campaign, HammerPlace.AWAY)
-        campaign.state.message = ""
+        campaign.state.message, campaign.is_to_arm = "", not self._hammer.is_away
         return Step.COUNTING
 
     async def _wait_while_at(self, campaign: Campaign, place: HammerPlace) -> None:
-        """Wait while the hammer is armed and at a place.
+        """Wait while the hammer is at a place.
 
         A hammer node that was started again meanwhile publishes for this campaign once it is asked
         to join.
         """
 
         def has_left() -> bool:
-            is_at = self._hammer.armed and self._hammer.state is place
-            return not is_at or campaign.is_to_end or campaign.is_held
+            is_at = self._hammer.state is place
+            is_in_hands = self._hammer.is_away and self._hammer.armed
+            return not is_at or is_in_hands or campaign.is_to_end or campaign.is_held
 
         while not await self.wait_until(has_left, LOOK_PERIOD / self.pace):
             await self._join_node(campaign, "hammer")
 
     async def _wait_for_sample(self, campaign: Campaign) -> Step:
-        """Wait until a person has mounted the sample, and set the angle if the holder cannot."""
-        sample = campaign.find_sample(campaign.state.sample)
-        text = ""
-        if sample.has_angle and not self._hammer.sets_angle:
-            text = f"set the release angle of the hammer to {format_angle(sample.release_angle)}"
-        if sample.name == campaign.setup.check_sample:
-            text = advise_check(self._setup_of_rig) or text
-        campaign.publish(message=text, task=Task.MOUNT)
-        await self._wait(
-            campaign, lambda: campaign.state.mounted == sample.name or campaign.is_held
-        )
-        campaign.state.message = ""
+        """Wait until a person has mounted the sample, or another is needed for a verdict."""
+        verdict = campaign.verdict
+
+        def is_over() -> bool:
+            is_known = bool(campaign.state.mounted) or campaign.verdict is not verdict
+            return is_known or campaign.is_held or self._hammer.armed
+
+        await self._wait(campaign, is_over)
         return Step.COUNTING
+
+    def _describe_mounting(self, campaign: Campaign) -> str:
+        """Return what a person has to do besides mounting the sample."""
+        sample = campaign.find_sample(campaign.state.sample)
+        if sample.name == campaign.setup.check_sample and (
+            advice := advise_check(self._setup_of_rig)
+        ):
+            return advice
+        if not sample.has_angle or self._hammer.sets_angle:
+            return ""
+        return f"set the release angle of the hammer to {format_angle(sample.release_angle)}"
+
+    async def _give_enable(self, campaign: Campaign) -> None:
+        """Arm the hammer, for a person who has just said that it may go."""
+        deadline = stamp_to_msg(self._hammer.stamp + round(REACTION * NANOSECONDS))
+        request = SetArmed.Request(armed=True, deadline=deadline)
+        request.campaign_id = campaign.setup.campaign_id
+        answer = await self.call(self._set_armed, request)
+        if not answer.success:
+            raise DeviceError(f"the hammer cannot be armed: {answer.message}")
+        await self.wait_until(lambda: self._hammer.armed, self.answer_timeout)
+
+    async def _take_enable(self, campaign: Campaign, why: str) -> None:
+        """Disarm the hammer: hands may be near it."""
+        if not self._hammer.armed:
+            return
+        request = SetArmed.Request(campaign_id=campaign.setup.campaign_id, why=why)
+        await self.call(self._set_armed, request, PAUSE_TIMEOUT)
+        if not await self.wait_until(lambda: not self._hammer.armed, PAUSE_TIMEOUT):
+            raise DeviceError("the hammer does not say that it is disarmed: keep away from it")
 
     async def _strike(self, campaign: Campaign) -> Step:
         """Strike once, and wait for the verdict; every failure is a `DeviceError`."""
@@ -363,19 +419,20 @@ class CampaignNode(RigNode):
             await self._ask(
                 campaign, self._set_angle, SetAngle.Request(angle=sample.release_angle)
             )
+        await self._count_down(campaign)
         arming = Arm.Request(**ids, **campaign.hit, after=campaign.newest_record)
         record = (await self._ask(campaign, self._arm, arming)).record
         campaign.newest_record = record
         release = Release.Request(
             **ids, stream_id=id_to_msg(campaign.stream_id), record=record, **campaign.hit
         )
+        self._check_held_back(campaign)
         released = await self._ask(campaign, self._release, release)
         if released.by_hand:
             until = self.get_clock().now() + Duration(seconds=released.latest_contact)
             campaign.publish(task=Task.LET_GO, until=until.to_msg())
         timeout = float(self.get_value("verdict_timeout"))
         campaign.failures += 1
-        campaign.paused_for = ""
         campaign.failure = f"no verdict on record {record} came within {timeout:g} s"
         timeout += released.latest_contact
         await self._wait(campaign, lambda: campaign.verdict.record == record, timeout)
@@ -391,6 +448,23 @@ class CampaignNode(RigNode):
         campaign.stands_since = math.inf
         campaign.publish(last=verdict, message="", task=Task.NOTHING, until=Time())
         return Step.COUNTING
+
+    async def _count_down(self, campaign: Campaign) -> None:
+        """Give notice that the hammer goes; who wants it back disarms it or pauses."""
+        if not (lead_time := self._hammer.lead_time):
+            return
+        until = self.get_clock().now() + Duration(seconds=lead_time)
+        campaign.publish(task=Task.KEEP_AWAY, until=until.to_msg())
+        await self._wait(campaign, lambda: not self._hammer.armed or campaign.is_held, lead_time)
+        campaign.publish(task=Task.NOTHING, until=Time())
+        self._check_held_back(campaign)
+
+    def _check_held_back(self, campaign: Campaign) -> None:
+        """Raise `DeviceError` if somebody does not want the next release any more."""
+        self._check_clock()
+        if campaign.is_held or campaign.is_to_end or not self._hammer.armed:
+            why = campaign.held_for or self._hammer.message
+            raise DeviceError(f"the hammer was held back before its release: {why}")
 
     async def _disarm_accelerometers(self, campaign: Campaign) -> Step:
         """Disarm, so that no later release falls into this record; back to the top."""
@@ -442,45 +516,53 @@ class CampaignNode(RigNode):
         if setup is None or self._campaign is not None:
             return
         if ledger.setup.campaign_id == setup.campaign_id:
-            self._publish_state(counts=list(_find_counts(setup, ledger).values()))
+            self._told.publish(counts=list(_find_counts(setup, ledger).values()))
 
     def _on_confirm_sample(
         self, request: ConfirmSample.Request, response: ConfirmSample.Response
     ) -> ConfirmSample.Response:
         campaign = self._campaign
-        if campaign is None or campaign.state.state != Step.WAITING_FOR_SAMPLE:
+        if refusal := self._told.refuse(request):
+            response.message = refusal
+        elif campaign is None or campaign.state.state != Step.WAITING_FOR_SAMPLE:
             response.message = "no campaign is waiting for a sample"
         elif request.sample != (wanted := campaign.state.sample):
             response.message = f"the campaign is waiting for {wanted!r}, not {request.sample!r}"
         else:
-            campaign.state.mounted = request.sample
+            campaign.state.mounted, campaign.state.task = request.sample, Task.NOTHING
+            campaign.state.message, campaign.is_to_arm = "", True
             response.success, response.message = True, f"{request.sample} is mounted"
         self.wake_waiters()
         return response
 
-    def _hold(self) -> Answer:
+    def _hold(self, who: str) -> Answer:
         """Let the campaign stand until a person resumes it; the hammer is disarmed at once."""
-        if self._campaign is None:
+        campaign = self._campaign
+        if campaign is None:
             return False, "no campaign is running"
-        self._campaign.is_held = True
-        self._disarm_hammer.call_async(Trigger.Request())
+        campaign.held_for = f"paused by {who or SOMEBODY}"
+        self._let_disarm(campaign, campaign.held_for)
         self.wake_waiters()
-        return True, "the campaign pauses, the hammer is disarmed: campaign/resume goes on"
+        return True, "the campaign pauses, the hammer is disarmed"
 
-    def _go_on(self) -> Answer:
+    def _go_on(self, _: str) -> Answer:
         """Let the campaign go on as it began: it arms the hammer, once."""
         campaign = self._campaign
         if campaign is None or not campaign.is_held:
             return False, "no campaign is paused by a person"
         if self._hammer.is_stopped:
-            return False, "an emergency stop lasts: call hammer/reset first"
-        campaign.is_held = campaign.has_armed = False
+            return False, "an emergency stop lasts: reset it, then arm the hammer"
+        if self._hammer.needs_person:
+            return False, f"arm the hammer first ({self._hammer.message})"
+        campaign.held_for, campaign.is_to_arm = "", True
         self.wake_waiters()
         return True, "the campaign arms the hammer and goes on"
 
     # The goal and its result.
 
     def _plan(self, goal: RunCampaign.Goal) -> RigSetupMessage:
+        if refusal := self._told.refuse(goal):
+            raise DeviceError(refusal)
         if not self.is_active:
             raise DeviceError("the campaign node is not active: activate it first")
         if self._campaign is not None:
@@ -502,7 +584,7 @@ class CampaignNode(RigNode):
             handle.abort()
             return result
         self.membership.join(Identity(id_from_msg(setup.campaign_id)))
-        self._campaign = campaign = Campaign(handle, setup, self._publish_state)
+        self._campaign = campaign = Campaign(handle, setup, self._told)
         campaign.publish(
             impacts=setup.plan.impacts,
             counts=[SampleCount(sample=name) for name in setup.plan.samples],
@@ -544,10 +626,11 @@ class CampaignNode(RigNode):
         result.recording, result.setup = campaign.recording, campaign.setup
         if self.stop_requested.done():
             return
-        for client in (self._disarm_hammer, self._disarm):
-            await self._call_if_there(client, Trigger.Request())
+        with contextlib.suppress(DeviceError):
+            await self._take_enable(campaign, "at the campaign's end")
+        await self._call_if_there(self._disarm, Trigger.Request())
         # Before the first hit it may read a run; later it answers soon, or not at all.
-        patience = self.silence if campaign.has_armed else RESULTS_TIMEOUT
+        patience = self.silence if campaign.has_joined else RESULTS_TIMEOUT
         counts = GetResults.Request(counts_only=True)
         results = await self._call_if_there(self._results, counts, patience)
         if results is not None:

@@ -13,15 +13,15 @@ from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import HammerRelease
-from impact_rig_msgs.srv import ConfirmSample
+from impact_rig_msgs.srv import Act, ConfirmSample, SetArmed
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy
 from rclpy.task import Future
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.acts import describe_caller
 from impact_rig.nodes.client import START_ONE, RigClient
 from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
@@ -207,7 +207,7 @@ class CampaignClient(RigClient):
         """
         resumed = id_from_msg(goal.resumed.campaign_id)
         campaign_id = resumed if goal.resumed.plan.impacts else make_id()
-        goal.campaign_id = id_to_msg(campaign_id)
+        goal.campaign_id, goal.by = id_to_msg(campaign_id), describe_caller()
         # From now on only the messages of this campaign count.
         self._intake.membership.join(Identity(campaign_id))
         self._status.begin(None)
@@ -359,23 +359,25 @@ class CampaignClient(RigClient):
     def _arm(self, _: Operator) -> None:
         """Go on for a person who is not there, where no hammer can strike one who is."""
         hammer = self._status.hammer
-        is_safe = self.is_hammerless and hammer.hammerless
-        if self._is_unattended and is_safe and not hammer.is_stopped:
+        if self._is_unattended and self._status.is_simulated and not hammer.needs_person:
             with contextlib.suppress(DeviceError):
-                self.call(Trigger, interfaces.ARM_HAMMER, Trigger.Request(), SERVICE_TIMEOUT)
+                request = SetArmed.Request(
+                    campaign_id=id_to_msg(self._intake.membership.identity.campaign_id), armed=True
+                )
+                self.call(SetArmed, interfaces.SET_ARMED, request, SERVICE_TIMEOUT)
 
     def _mount(self, operator: Operator) -> None:
         sample = self._status.campaign.sample
         operator.mount(sample, self._status.campaign.message)
-        request = ConfirmSample.Request(sample=sample)
+        request = ConfirmSample.Request(sample=sample, by=describe_caller())
         self.call(ConfirmSample, interfaces.CONFIRM_SAMPLE, request, SERVICE_TIMEOUT)
 
     def _put_back(self, operator: Operator) -> None:
         refusal, is_held = "", False
         while not is_held:
             operator.put_back(refusal)
-            request = Trigger.Request()
-            answer = self.call(Trigger, interfaces.CONFIRM_HELD, request, SERVICE_TIMEOUT)
+            request = Act.Request(by=describe_caller())
+            answer = self.call(Act, interfaces.CONFIRM_HELD, request, SERVICE_TIMEOUT)
             refusal, is_held = answer.message, answer.success
 
     def _on_release(self, received: Received[HammerRelease]) -> None:

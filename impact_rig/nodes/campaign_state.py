@@ -13,6 +13,7 @@ from rclpy.action.server import ServerGoalHandle
 
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.core.setup import Sample
+from impact_rig.nodes.acts import NumberedState
 from impact_rig.recordings.messages import NO_ID, setup_from_msg
 from impact_rig.status.states import Step, Task
 
@@ -43,11 +44,12 @@ class Campaign:
 
     handle: ServerGoalHandle
     setup: RigSetupMessage  # with id and plan: enough to go on with the campaign
-    show: Callable[..., None]  # publishes the fields of the state
+    told: NumberedState  # publishes it
     state: CampaignState = field(default_factory=CampaignState)
     stream_id: bytes = NO_ID
     recording: str = ""
-    has_armed: bool = False
+    has_joined: bool = False  # every node took part once
+    is_to_arm: bool = True  # a person has just said that the hammer may go
     hit: dict[str, Any] = field(default_factory=dict)  # the next one's label
     newest_record: int = 0
     verdict: Impact = field(default_factory=Impact)
@@ -56,9 +58,8 @@ class Campaign:
     blind: int = 0  # of them the last ones in a row that showed nothing [-]
     stands_since: float = math.inf  # no hit since [s], by the monotonic clock
     stumbled_at: float = math.inf  # when the newest strike failed [s], by the same; inf: not
-    paused_for: str = ""  # why the last pause took the enable back
     is_announced: bool = False  # who listens knows its id, or could not be asked
-    is_held: bool = False  # a person wants a pause
+    held_for: str = ""  # why it stands until a person lets it go on; empty: it does not
     is_superseded: bool = False  # another client goes on with it
 
     @cached_property
@@ -70,9 +71,16 @@ class Campaign:
         """Publish the state with some fields changed."""
         for name, value in fields.items():
             setattr(self.state, name, value)
+        told = {name: getattr(self.state, name) for name in FIELDS}
+        self.state.number = self.told.count(told)
         if self.is_announced:
-            self.show(**{name: getattr(self.state, name) for name in FIELDS})
+            self.told.publish(**told)
         self.handle.publish_feedback(RunCampaign.Feedback(campaign=self.state))
+
+    @property
+    def is_held(self) -> bool:
+        """Whether it stands until a person lets it go on."""
+        return bool(self.held_for)
 
     @property
     def is_cancelled(self) -> bool:
@@ -88,7 +96,7 @@ class Campaign:
 FIELDS = [
     name
     for name in CampaignState.get_fields_and_field_types()
-    if name not in ("header", "campaign_id")
+    if name not in ("header", "campaign_id", "number")
 ]
 """Fields of the state that differ from message to message."""
 
@@ -105,5 +113,21 @@ class EndError(RigError):
     """The campaign ends here, with a reason."""
 
 
-TASKS: Mapping[type[DeviceError], Task] = {ArmingError: Task.ARM, HeldError: Task.RESUME}
+TASKS: Mapping[Step, Task] = {
+    Step.WAITING_FOR_SAMPLE: Task.MOUNT,
+    Step.WAITING_FOR_HAMMER: Task.PUT_BACK,
+}
+"""Task of a person in a state."""
+TASKS_IN_PAUSE: Mapping[type[DeviceError], Task] = {
+    ArmingError: Task.ARM,
+    HeldError: Task.RESUME,
+}
 """Task of a person in a pause, by its cause."""
+
+
+def tell(fields: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return what a person is told by a campaign's state: not that it looks if it can go on."""
+    state = fields.get("state", Step.ENDED)
+    is_end = state in (Step.COMPLETE, Step.ENDED)
+    names = ("task", "message", "sample", "mounted")
+    return (is_end or state == Step.STRIKING, is_end, *(fields.get(name) for name in names))

@@ -11,11 +11,12 @@ from collections.abc import Callable, Iterator
 from typing import Any, Self
 
 import rclpy
+from impact_rig_msgs.srv import Act
 from rclpy.node import Node
-from std_srvs.srv import Trigger
 
 from impact_rig.core.errors import DeviceError
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.acts import REACTION, describe_caller, fill_act
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.executor import make_executor
 from impact_rig.nodes.intake import Intake, Received
@@ -176,30 +177,37 @@ class HammerClient(RigClient):
         super().__init__("hammer_client", namespace)
         self._timeout = timeout
 
-    def ask(self, action: str) -> str:
+    def ask(self, action: str, within: float = REACTION) -> str:
         """Ask for something of `interfaces.HAMMER_ACTS`; return what was done.
+
+        What may lead to a swing is refused by the hammer when it comes later than `within` [s].
 
         Raises
         ------
         DeviceError
             If it was refused, or no answer comes.
         """
-        response = self.call(
-            Trigger, interfaces.HAMMER_ACTS[action], Trigger.Request(), self._timeout
-        )
+        request = Act.Request(by=describe_caller())
+        if action in interfaces.LATE_ACTS:
+            fill_act(request, self.find_state(), request.by, within)
+        response = self.call(Act, interfaces.HAMMER_ACTS[action], request, self._timeout)
         if not response.success:
             raise DeviceError(f"refused: {response.message}")
         return str(response.message)
 
-    def describe(self) -> str:
-        """Return in words what the hammer does; raises `DeviceError` if it publishes no state."""
+    def find_state(self) -> HammerStatus:
+        """Return the hammer's newest state; raises `DeviceError` if it publishes none."""
         states: list[Received[HammerStatus]] = []
         self.listen(interfaces.HAMMER_STATE, states.append)
         if not self.spin_until(lambda: bool(states), self._timeout):
             raise DeviceError(
                 f"no hammer publishes its state within {self._timeout:g} s: {START_ONE}"
             )
-        state = states[-1].value
+        return states[-1].value
+
+    def describe(self) -> str:
+        """Return in words what the hammer does."""
+        state = self.find_state()
         text = f"{state.state.name.lower()}, {'armed' if state.armed else 'not armed'}"
         why = "" if state.message == text else f" ({state.message})"
         return f"{text}{why}; holder: {state.holder or 'none'}"

@@ -6,6 +6,7 @@ Findings are in `impact_rig.nodes.findings`: here no physics is loaded.
 import math
 from dataclasses import replace
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs import msg
 
@@ -16,14 +17,26 @@ from impact_rig.status.states import CampaignStatus, HammerStatus, Level, NodeHe
 
 def hammer_from_msg(message: msg.HammerState) -> HammerStatus:
     """Return the hammer's state."""
-    status = from_message(HammerStatus, message)
-    return replace(status, since=stamp_from_msg(message.header.stamp) / NANOSECONDS)
+    return replace(
+        from_message(HammerStatus, message),
+        since=stamp_from_msg(message.since) / NANOSECONDS,
+        stopped_at=_time_from_msg(message.stopped_at),
+        stamp=stamp_from_msg(message.header.stamp),
+    )
 
 
 def campaign_from_msg(message: msg.CampaignState) -> CampaignStatus:
     """Return a campaign's state without its newest verdict."""
-    status = from_message(CampaignStatus, message)
-    return replace(status, until=stamp_from_msg(message.until) / NANOSECONDS or math.nan)
+    return replace(
+        from_message(CampaignStatus, message),
+        until=_time_from_msg(message.until),
+        stamp=stamp_from_msg(message.header.stamp),
+    )
+
+
+def _time_from_msg(stamp: Time) -> float:
+    """Return seconds since the epoch; NaN: none is stated."""
+    return stamp_from_msg(stamp) / NANOSECONDS or math.nan
 
 
 def health_from_msg(message: DiagnosticArray) -> tuple[NodeHealth, ...]:

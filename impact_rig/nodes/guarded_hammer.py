@@ -23,7 +23,8 @@ TRANSITIONS: Mapping[HammerPlace, tuple[HammerPlace, ...]] = {
 
 NEVER_ARMED = "held, not armed"
 """The message of a hammer that has just been started, or is back."""
-_AWAY = "put it back and call hammer/confirm_held"
+SOMEBODY = "an operator"
+_AWAY = "put it back, and say that it is back"
 
 
 class GuardedHammer:
@@ -88,35 +89,63 @@ class GuardedHammer:
         taker = Disarming.LOSS if self._condition.armed else self._condition.disarmed_by
         self._change(state=HammerPlace.FAULT, armed=False, disarmed_by=taker, message=reason)
 
-    def arm(self) -> str | None:
-        """Take the operator's enable; return why it is refused, if it is."""
+    def arm(self, who: str = "") -> str | None:
+        """Take a person's enable; return why it is refused, if it is."""
+        return self._arm(f"armed by {who or SOMEBODY}")
+
+    def arm_again(self) -> str | None:
+        """Take a campaign's enable; return why it is refused, if it is.
+
+        What a person has stopped or disarmed is armed by a person.
+        """
+        if self._condition.needs_person and not self.is_stopped:
+            return f"arm the hammer first ({self._condition.message})"
+        return self._arm("armed by the campaign")
+
+    def _arm(self, message: str) -> str | None:
         reason = self._describe_stop() or self._describe_fault()
-        if not reason:
-            self._change(
-                armed=True, disarmed_by=Disarming.OPERATOR, message="armed by the operator"
-            )
+        if not reason and not self._condition.armed:
+            self._change(armed=True, disarmed_by=Disarming.CAMPAIGN, message=message)
         return reason
 
-    def disarm(self, message: str) -> None:
-        """Take the enable back on request."""
-        taker = Disarming.EMERGENCY_STOP if self.is_stopped else Disarming.OPERATOR
-        self._change(armed=False, disarmed_by=taker, message=message)
+    def disarm(self, who: str = "") -> None:
+        """Take the enable back for a person."""
+        taker = Disarming.EMERGENCY_STOP if self.is_stopped else Disarming.PERSON
+        self._change(armed=False, disarmed_by=taker, message=f"disarmed by {who or SOMEBODY}")
+
+    def disarm_for_now(self, why: str) -> None:
+        """Take the enable back for a campaign, which may give it again."""
+        if self._condition.armed:
+            self._change(armed=False, disarmed_by=Disarming.CAMPAIGN, message=why)
 
     def disarm_by_loss(self, reason: str) -> None:
         """Take the enable back because a hit could not be recorded."""
         if self._condition.armed:
             self._change(armed=False, disarmed_by=Disarming.LOSS, message=reason)
 
-    def stop(self) -> None:
-        """Take the enable back until `reset`, and see that the holder holds."""
-        self._change(armed=False, disarmed_by=Disarming.EMERGENCY_STOP, message="emergency stop")
+    def stop(self, who: str = "") -> None:
+        """Take the enable back until `reset`, and see that the holder holds.
+
+        A stop that lasts keeps the name of who called it first.
+        """
+        by = self._condition.stopped_by if self.is_stopped else who
+        self._change(
+            armed=False,
+            disarmed_by=Disarming.EMERGENCY_STOP,
+            message=f"emergency stop{f' by {by}' if by else ''}",
+            stopped_by=by,
+        )
         if self._holder is not None:
             self._holder.hold()
 
-    def reset(self) -> None:
-        """End an emergency stop; the hammer is disarmed."""
+    def reset(self, who: str = "") -> None:
+        """End an emergency stop, and nothing else: a person arms the hammer."""
         if self.is_stopped:
-            self._change(disarmed_by=Disarming.OPERATOR, message="emergency stop ended, not armed")
+            self._change(
+                disarmed_by=Disarming.PERSON,
+                message=f"emergency stop ended by {who or SOMEBODY}, not armed",
+                stopped_by="",
+            )
 
     def describe_obstacle(self) -> str | None:
         """Return why the hammer itself may not go now; None: it may."""
@@ -125,7 +154,7 @@ class GuardedHammer:
         condition = self._condition
         if not condition.armed:
             why = f" ({condition.message})" if condition.disarmed_by is Disarming.LOSS else ""
-            return f"the hammer is not armed{why}: call hammer/arm first"
+            return f"the hammer is not armed{why}: arm it first"
         if condition.state is HammerPlace.AWAY:
             return f"the hammer is not in its holder: {_AWAY}"
         if condition.state is HammerPlace.SWINGING:
@@ -223,7 +252,7 @@ class GuardedHammer:
             raise DeviceError("the holder has released the hammer without an order")
 
     def _describe_stop(self) -> str | None:
-        return "an emergency stop lasts: call hammer/reset first" if self.is_stopped else None
+        return "an emergency stop lasts: reset it first" if self.is_stopped else None
 
     def _describe_fault(self) -> str | None:
         if self._holder is not None and self._fault is None:

@@ -1,21 +1,20 @@
 """The hammer: holds it, and releases it when the rest of the rig can record the hit."""
 
 import functools
-import math
-import time
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from impact_rig_msgs.msg import HammerRelease
-from impact_rig_msgs.srv import Release, SetAngle
+from impact_rig_msgs.srv import Release, SetAngle, SetArmed
 
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.setup import check_release_angles
 from impact_rig.devices.drivers import HOLDERS, make_device
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.acts import NumberedState, Standstill
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.guarded_hammer import GuardedHammer
 from impact_rig.nodes.identity import id_from_msg, identity_from_msg
@@ -23,6 +22,10 @@ from impact_rig.nodes.rig_member import RigMember
 from impact_rig.nodes.rig_node import Answer
 from impact_rig.recordings.messages import label_from_msg
 from impact_rig.status.states import HammerPlace, HammerStatus, Phase
+
+LEAD_TIME = 3.0
+"""Notice before a holder releases a hammer that can strike [s], unless another is stated."""
+_OTHER_CAMPAIGN = "the hammer takes part in another campaign"
 
 
 class HammerNode(DeviceNode):
@@ -36,7 +39,7 @@ class HammerNode(DeviceNode):
 
     def __init__(self, **options: Any) -> None:
         # From the first callback on: a start may take longer than a lease, and nothing is armed.
-        self._last_seen, self._is_caught_up_at = math.inf, 0.0
+        self._standstill = Standstill()
         super().__init__("hammer", **options)
         self._patience = 0.0  # [s], within which an operator releases by hand; 0: a device does
         self._holder = ""
@@ -44,18 +47,21 @@ class HammerNode(DeviceNode):
         self._armed_record = 0
         self._swing = self.create_timer(1.0, self._on_swing_time)
         self._swing.cancel()
-        self._publish_state = self.advertise_state(interfaces.HAMMER_STATE)
+        self._told = NumberedState(self, self.advertise_state(interfaces.HAMMER_STATE))
+        self._changed_at = self._stopped_at = Time()
         self._release = self.advertise(interfaces.RELEASE)
         self._hammer = GuardedHammer(self._publish_condition)
         self._accelerometer = RigMember(
             self, "accelerometer", interfaces.ACQUISITION_STATE, self._on_acquisition_state
         )
         self._recorder = RigMember(self, "recorder", interfaces.RECORDER_STATE, self._check_rig)
-        self.offer(interfaces.ARM_HAMMER, self._arm)
-        self.offer(interfaces.DISARM_HAMMER, self._disarm)
-        self.offer(interfaces.CONFIRM_HELD, self._confirm_held)
-        self.offer(interfaces.EMERGENCY_STOP, self._stop)
-        self.offer(interfaces.RESET_HAMMER, self._reset)
+        self.offer_act(interfaces.ARM_HAMMER, self._arm, self._told)
+        self.offer_act(interfaces.CONFIRM_HELD, self._confirm_held, self._told)
+        self.offer_act(interfaces.RESET_HAMMER, self._reset, self._told)
+        # Whatever the person saw, and however late: these keep the hammer where it is.
+        self.offer_act(interfaces.DISARM_HAMMER, self._disarm)
+        self.offer_act(interfaces.EMERGENCY_STOP, self._stop)
+        self.create_service(SetArmed, interfaces.SET_ARMED, self._on_set_armed)
         self.create_service(SetAngle, interfaces.SET_ANGLE, self._on_set_angle)
         self.create_service(Release, interfaces.RELEASE_HAMMER, self._on_release)
         self.offer_to_join(self._check_rig)
@@ -116,8 +122,7 @@ class HammerNode(DeviceNode):
 
     def deactivate(self) -> None:
         """Take the operator's enable back."""
-        if self._hammer.condition.armed:
-            self._hammer.disarm("disarmed when the hammer node was deactivated")
+        self._hammer.disarm_for_now("disarmed when the hammer node was deactivated")
 
     def cleanup(self) -> None:
         """Close the holder; it goes on holding as far as it can."""
@@ -132,8 +137,12 @@ class HammerNode(DeviceNode):
         return "an emergency stop lasts" if self._hammer.is_stopped else None
 
     def _publish_condition(self, condition: HammerStatus) -> None:
+        now, was_stopped = self.get_clock().now().to_msg(), self._stopped_at != Time()
+        self._changed_at = now
+        if condition.is_stopped != was_stopped:
+            self._stopped_at = now if condition.is_stopped else Time()
         if self.context.ok():
-            self._publish_state(
+            self._told.publish(
                 state=condition.state,
                 armed=condition.armed,
                 disarmed_by=condition.disarmed_by,
@@ -141,7 +150,19 @@ class HammerNode(DeviceNode):
                 holder=self._holder,
                 hammerless=self._hammer.is_hammerless,
                 sets_angle=self._hammer.can_set_angle,
+                stopped_by=condition.stopped_by,
+                stopped_at=self._stopped_at,
+                since=self._changed_at,
+                lead_time=self._lead_time,
             )
+
+    @property
+    def _lead_time(self) -> float:
+        """Notice before each release [s]."""
+        stated = float(self.get_value("lead_time"))
+        if stated >= 0.0:
+            return stated
+        return 0.0 if self._patience or self._hammer.is_hammerless else LEAD_TIME
 
     # The rest of the rig.
 
@@ -166,20 +187,16 @@ class HammerNode(DeviceNode):
 
     def _watch(self) -> None:
         """Check that the nodes which a release needs are still there; never release."""
+        self._told.repeat()
         self._check_rig()
         self._run_guarded(self._hammer.check)
 
     def _check_clock(self) -> None:
         """Take the enable back if this process was stopped, or the computer asleep."""
-        now = _read_clock()
-        pause, self._last_seen = now - self._last_seen, now
-        if pause <= interfaces.LEASE:
-            return
-        # By then what was published meanwhile has come, and the leases of dead nodes are over.
-        self._is_caught_up_at = now + interfaces.LEASE + 0.5
-        text = f"the hammer node stood still for {pause:.1f} s"
-        self.get_logger().warning(text)
-        self._hammer.disarm_by_loss(text)
+        if stood_still := self._standstill.look():
+            text = f"the hammer node {stood_still}"
+            self.get_logger().warning(text)
+            self._hammer.disarm_by_loss(text)
 
     def _check_rig(self) -> None:
         """Take the enable back if something that a hit needs is lost."""
@@ -188,7 +205,7 @@ class HammerNode(DeviceNode):
 
     def _describe_loss(self) -> str | None:
         """Return why the hammer must be disarmed; None: nothing is lost."""
-        if _read_clock() < self._is_caught_up_at:
+        if self._standstill.is_catching_up:
             return "the hammer node stood still, and catches up on what has come meanwhile"
         if self.count_publishers(interfaces.HAMMER_STATE.name) > 1:
             return f"another node publishes {interfaces.HAMMER_STATE.name}: end it"
@@ -228,18 +245,38 @@ class HammerNode(DeviceNode):
             self.lose_device(error)
             return str(error)
 
-    def _arm(self) -> Answer:
-        state = self._hammer.condition
-        is_sound = state.state is not HammerPlace.FAULT and not self._hammer.is_stopped
-        if is_sound and not self.is_active:
-            return False, "the hammer node is not active: activate it first"
-        return _answer(self._describe_loss() or self._hammer.arm(), "armed")
+    def _arm(self, who: str) -> Answer:
+        return _answer(self._describe_arming() or self._hammer.arm(who), "armed")
 
-    def _disarm(self) -> Answer:
-        self._hammer.disarm("disarmed by hammer/disarm")
+    def _describe_arming(self) -> str | None:
+        """Return why this node cannot take an enable."""
+        is_sound = self._hammer.condition.state is not HammerPlace.FAULT
+        if is_sound and not self._hammer.is_stopped and not self.is_active:
+            return "the hammer node is not active: activate it first"
+        return self._describe_loss()
+
+    def _on_set_armed(
+        self, request: SetArmed.Request, response: SetArmed.Response
+    ) -> SetArmed.Response:
+        if id_from_msg(request.campaign_id) != self.membership.identity.campaign_id:
+            refusal: str | None = _OTHER_CAMPAIGN
+        elif request.armed:
+            refusal = (
+                self._told.refuse_late(request)
+                or self._describe_arming()
+                or self._hammer.arm_again()
+            )
+        else:
+            refusal = None
+            self._hammer.disarm_for_now(request.why)
+        response.success, response.message = _answer(refusal, "done")
+        return response
+
+    def _disarm(self, who: str) -> Answer:
+        self._hammer.disarm(who)
         return True, "disarmed"
 
-    def _confirm_held(self) -> Answer:
+    def _confirm_held(self, _: str) -> Answer:
         return _answer(self._run_guarded(self._hammer.confirm_held), "held")
 
     def _on_set_angle(
@@ -255,16 +292,16 @@ class HammerNode(DeviceNode):
         response.success, response.message = _answer(reason, "there")
         return response
 
-    def _stop(self) -> Answer:
-        self.get_logger().warning("emergency stop")
-        fault = self._run_guarded(self._hammer.stop)
+    def _stop(self, who: str) -> Answer:
+        fault = self._run_guarded(lambda: self._hammer.stop(who))
+        self.get_logger().warning(f"emergency stop{f' by {who}' if who else ''}")
         if fault:
             return True, f"stopped, but the holder is lost: {fault}"
-        return True, "stopped: hammer/reset ends it"
+        return True, "stopped: a reset ends it"
 
-    def _reset(self) -> Answer:
+    def _reset(self, who: str) -> Answer:
         was_stopped = self._hammer.is_stopped
-        self._hammer.reset()
+        self._hammer.reset(who)
         done = "the emergency stop is ended" if was_stopped else "there was no emergency stop"
         obstacle = self._hammer.describe_obstacle()
         return True, f"{done}; {obstacle or 'the hammer is armed'}"
@@ -273,7 +310,7 @@ class HammerNode(DeviceNode):
         self, request: Release.Request, response: Release.Response
     ) -> Release.Response:
         if id_from_msg(request.campaign_id) != self.membership.identity.campaign_id:
-            response.message = "the hammer takes part in another campaign"
+            response.message = _OTHER_CAMPAIGN
             return response
         # The same request again: the hammer went, and the first answer was lost.
         if self._released != request:
@@ -326,11 +363,6 @@ class HammerNode(DeviceNode):
         self._swing.cancel()
         is_away = bool(self.get_value("confirm_return"))
         self._run_guarded(lambda: self._hammer.end_swing(message, confirm_return=is_away))
-
-
-def _read_clock() -> float:
-    """Return a time that cannot be set, and that goes on while the computer sleeps [s]."""
-    return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 def _answer(reason: str | None, done: str) -> Answer:

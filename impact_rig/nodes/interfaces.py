@@ -216,6 +216,8 @@ MONITOR_INPUT = "accelerometer/monitor"
 """Shows the levels of the inputs while no campaign runs."""
 ARM_HAMMER = "hammer/arm"
 DISARM_HAMMER = "hammer/disarm"
+SET_ARMED = "hammer/set_armed"
+"""A campaign's: while hands are near the hammer it is disarmed."""
 RELEASE_HAMMER = "hammer/release"
 SET_ANGLE = "hammer/set_angle"
 CONFIRM_HELD = "hammer/confirm_held"
@@ -231,6 +233,8 @@ HAMMER_ACTS = {
     "confirm": CONFIRM_HELD,
 }
 """Acts of a person on the hammer, with their services."""
+LATE_ACTS = ("arm", "reset", "confirm")
+"""Those that do nothing when they come late; the others keep the hammer where it is."""
 CONFIRM_SAMPLE = "campaign/confirm_sample"
 GET_RESULTS = "estimator/get_results"
 OVERRULE_HIT = "estimator/overrule"

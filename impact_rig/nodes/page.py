@@ -18,11 +18,12 @@ from typing import Any
 
 from action_msgs.srv import CancelGoal
 from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.srv import Act as ActService
 from impact_rig_msgs.srv import ConfirmSample, OverruleHit
 from rclpy.node import Node
 from rclpy.task import Future as RosFuture
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
 from impact_rig.configuration.processes import Notice, notify
 from impact_rig.core.errors import DeviceError, ParameterError
@@ -53,12 +54,12 @@ than names and numbers."""
 RETRY_PERIOD = 0.02
 """How soon a node is asked again that has answered "later" [s]."""
 LARGEST_RECORD = 2**32 - 1
-TRIGGERS = {
+ACTS = {
     **interfaces.HAMMER_ACTS,
     "pause": interfaces.PAUSE_CAMPAIGN,
     "resume": interfaces.RESUME_CAMPAIGN,
 }
-"""Services without a request, by the names of their forms."""
+"""Services for a person's acts, by the names of their forms."""
 
 
 class PageNode(RigNode):
@@ -86,7 +87,7 @@ class PageNode(RigNode):
             self.resolve_service_name(f"{campaigns}/get_result"),
         )
         self._acts: dict[str, Act] = {
-            **{act: ask(act, Trigger, service) for act, service in TRIGGERS.items()},
+            **{act: ask(act, ActService, service, _name) for act, service in ACTS.items()},
             "mounted": ask("mounted", ConfirmSample, interfaces.CONFIRM_SAMPLE, _name_sample),
             "overrule": ask("overrule", OverruleHit, interfaces.OVERRULE_HIT, self._read_overrule),
             "monitor": ask("monitor", SetBool, interfaces.MONITOR_INPUT, _read_switch),
@@ -344,8 +345,12 @@ def _settle(answer: "Future[Answer]", result: Answer) -> None:
         answer.set_result(result)
 
 
+def _name(form: Form) -> dict[str, Any]:
+    return {"by": f"{form.who} at the page".strip()}
+
+
 def _name_sample(form: Form) -> dict[str, Any]:
-    return {"sample": form["sample"]}
+    return {"sample": form["sample"], **_name(form)}
 
 
 def _read_switch(form: Form) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias
 
-from impact_rig_msgs.srv import JoinCampaign
+from impact_rig_msgs.srv import Act, JoinCampaign
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from std_srvs.srv import Trigger
@@ -13,6 +13,7 @@ from std_srvs.srv import Trigger
 from impact_rig.core.errors import RigError
 from impact_rig.core.setup import RigSetup
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.acts import NumberedState
 from impact_rig.nodes.diagnostics import DIAGNOSTIC_PERIOD, make_diagnostics
 from impact_rig.nodes.identity import Identity, id_from_msg
 from impact_rig.nodes.intake import UNNAMED, UNSOUND, Intake, Received
@@ -136,6 +137,21 @@ class RigNode(ManagedNode):
         return publish
 
     # Services and campaigns.
+
+    def offer_act(
+        self, name: str, act: Callable[[str], Answer], state: NumberedState | None = None
+    ) -> None:
+        """Offer an act to a person, whose name it gets.
+
+        One that may lead to a swing is refused if it was made from an older `state` of this node.
+        """
+
+        def answer(request: Act.Request, response: Act.Response) -> Act.Response:
+            refusal = None if state is None else state.refuse(request)
+            response.success, response.message = (False, refusal) if refusal else act(request.by)
+            return response
+
+        self.create_service(Act, name, answer)
 
     def offer(self, name: str, act: Callable[[], Answer]) -> None:
         """Offer a service that asks for nothing but that something is done."""

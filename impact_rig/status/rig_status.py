@@ -122,6 +122,11 @@ class RigStatus:
         return tuple(f"{it.name}: {it.message}" for it in nodes if it.level is not Level.OK)
 
     @property
+    def is_simulated(self) -> bool:
+        """Whether no hammer strikes: hits are computed, and the holder swings nothing."""
+        return bool(self.acquisition and self.acquisition.hammerless and self.hammer.hammerless)
+
+    @property
     def last_hit(self) -> HitResults | None:
         """The hit that was struck last."""
         return self.hits[max(self.hits)] if self.hits else None

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from impact_rig.core.quantity import INTERNAL
+from impact_rig.core.quantity import INTERNAL, NOT_NEGATIVE
 
 
 class Step(IntEnum):
@@ -33,6 +33,7 @@ class Task(IntEnum):
     LET_GO = 3
     ARM = 4
     RESUME = 5
+    KEEP_AWAY = 6
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,8 @@ class CampaignStatus:
     mounted: str = ""  # last; empty: none yet
     # Of the task [s since the epoch]; NaN: there is no limit.
     until: float = field(default=math.nan, metadata=INTERNAL)
+    number: int = 0  # grows with each change of what a person is told
+    stamp: int = field(default=0, metadata=INTERNAL)  # [ns], by the campaign node's clock
 
     @property
     def is_running(self) -> bool:
@@ -92,9 +95,10 @@ class HammerPlace(IntEnum):
 class Disarming(IntEnum):
     """Causes of a disarming, numbered as in the message `HammerState`."""
 
-    OPERATOR = 0
+    CAMPAIGN = 0
     LOSS = 1
     EMERGENCY_STOP = 2
+    PERSON = 3
 
 
 @dataclass(frozen=True)
@@ -103,18 +107,28 @@ class HammerStatus:
 
     state: HammerPlace = HammerPlace.HELD
     armed: bool = False  # the operator's enable is given
-    disarmed_by: Disarming = Disarming.OPERATOR  # also while it is given, and before it ever was
+    disarmed_by: Disarming = Disarming.CAMPAIGN  # also while it is given, and before it ever was
     message: str = ""
     holder: str = ""  # what holds it
     hammerless: bool = False  # no hammer hangs in it: a release strikes nothing
     sets_angle: bool = False  # the holder does, when it is asked to
-    # Of the last change [s since the epoch].
+    stopped_by: str = ""  # who called the stop that lasts, and from where
+    lead_time: float = field(default=0.0, metadata=NOT_NEGATIVE)  # notice before it goes [s]
+    number: int = 0  # grows with each change of what a person is told
+    # Of the last change, and of the stop that lasts [s since the epoch]; NaN: there is none.
     since: float = field(default=math.nan, metadata=INTERNAL)
+    stopped_at: float = field(default=math.nan, metadata=INTERNAL)
+    stamp: int = field(default=0, metadata=INTERNAL)  # [ns], by the hammer node's clock
 
     @property
     def is_stopped(self) -> bool:
         """Whether an emergency stop lasts."""
         return self.disarmed_by is Disarming.EMERGENCY_STOP
+
+    @property
+    def needs_person(self) -> bool:
+        """Whether only a person arms it: a person has stopped or disarmed it."""
+        return self.disarmed_by in (Disarming.EMERGENCY_STOP, Disarming.PERSON)
 
     @property
     def is_away(self) -> bool:

@@ -88,7 +88,7 @@ class Harness(BackgroundNode):
         def test_my_node_hears_the_hammer(harness):
             mine = harness.run_node(MyNode(context=harness.context))
             harness.add(HammerNode, swing_time=0.01)
-            harness.call(Trigger, "hammer/arm")
+            harness.call(Act, "hammer/arm")
             harness.wait_until(lambda: mine.has_heard_that_it_is_armed)
     """
 

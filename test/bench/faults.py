@@ -35,7 +35,7 @@ POWER_CUT = "power cut"
 LOOK_PERIOD = 0.5  # [s], of looking whether a person has to arm the hammer
 COMMAND = "impact-rig campaign"
 NOTHING_YET = "holds no campaign that could go on"
-_ARM = "hammer/arm"
+_ARM = "then arm"
 _BARE_PAUSE = re.compile(r"^paused:\s*$", re.MULTILINE)
 
 

@@ -39,7 +39,7 @@ def follow(view, rig, *campaigns):
 
 def test_a_log_has_a_line_for_each_sample_each_hit_and_each_pause(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
-    stopped, gone = "emergency stop: call hammer/reset", "no answer"
+    stopped, gone = "emergency stop: reset it", "no answer"
     rig = RigStatus()
     with CampaignView() as view:
         follow(view, rig, make_campaign(Step.JOINING))

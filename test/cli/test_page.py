@@ -8,7 +8,7 @@ import signal
 import subprocess
 
 import pytest
-from std_srvs.srv import Trigger
+from impact_rig_msgs.srv import Act
 
 from impact_rig.cli.campaign import UNATTENDED_PAUSE
 from impact_rig.configuration.rig_file import read_template
@@ -120,7 +120,7 @@ def page(open_page):
     if shown.locator("form[action=end] button").is_visible():
         shown.locator("form[action=end] button").click()
     with RigClient("cleaner") as client:
-        client.call(Trigger, interfaces.RESET_HAMMER, Trigger.Request(), PATIENCE)
+        client.call(Act, interfaces.RESET_HAMMER, Act.Request(), PATIENCE)
     sync_api.expect(shown.locator("#start")).to_be_visible(timeout=MILLISECONDS)
 
 
@@ -190,7 +190,7 @@ def test_the_inputs_are_shown_and_a_trial_hit_suggests_and_does_not_count(page):
     say(page, "RELEASE NOW")
     say(page, "TRIAL HIT")
     sync_api.expect(page.locator("#numbers")).to_contain_text("momenta")
-    sync_api.expect(monitor).to_contain_text(re.compile(r"Trigger level that suits: \d+"))
+    sync_api.expect(monitor).to_contain_text(re.compile(r"Act level that suits: \d+"))
     # The next campaign knows nothing of it.
     start(page, "steel small", ask=False)
     say(page, "DONE")

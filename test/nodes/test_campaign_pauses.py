@@ -6,8 +6,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import CampaignState, HammerState
-from impact_rig_msgs.srv import GetResults, JoinCampaign
-from std_srvs.srv import Trigger
+from impact_rig_msgs.srv import Act, GetResults, JoinCampaign
 
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.errors import DeviceError
@@ -67,16 +66,16 @@ def check_that_no_hit_is_double_or_missing(result):
 
 def arm(harness):
     """Arm the hammer, as a person does, once it can be."""
-    harness.wait_until(lambda: harness.call(Trigger, interfaces.ARM_HAMMER).success)
+    harness.wait_until(lambda: harness.call(Act, interfaces.ARM_HAMMER).success)
 
 
 def test_whatever_disarms_the_hammer_a_person_arms_it(harness):
     handle, feedback = strike_on(harness)
     for service in (interfaces.DISARM_HAMMER, interfaces.EMERGENCY_STOP):
-        harness.call(Trigger, service)
-        assert "hammer/arm" in wait_for_state(feedback, PAUSED, "is not armed")
+        harness.call(Act, service)
+        assert "then arm" in wait_for_state(feedback, PAUSED, "is not armed")
         heard = harness.listen(interfaces.HAMMER_STATE)
-        harness.call(Trigger, interfaces.RESET_HAMMER)
+        harness.call(Act, interfaces.RESET_HAMMER)
         wait_for_state(feedback, PAUSED, "is not armed")
         assert not [state for state in heard.messages if state.armed]
         arm(harness)
@@ -90,8 +89,8 @@ def test_where_nobody_is_there_a_pause_that_a_person_would_end_is_an_end(harness
 
     def disarm(rig):
         if rig.campaign.progress.accepted == 1 and not calls:
-            calls.append(harness.peer.create_client(Trigger, interfaces.DISARM_HAMMER))
-            calls[0].call_async(Trigger.Request())
+            calls.append(harness.peer.create_client(Act, interfaces.DISARM_HAMMER))
+            calls[0].call_async(Act.Request())
 
     calls = []
     goal = RunCampaign.Goal(samples=["steel small"], impacts=MANY)
@@ -141,7 +140,7 @@ def test_where_nobody_is_there_an_estimator_that_was_only_late_ends_it_at_a_real
 ):
     estimator = start_process("estimator")
     harness.add(AccelerometerNode, trigger_timeout=0.2)
-    hammer = harness.add(HammerNode, swing_time=0.001)._hammer
+    hammer = harness.add(HammerNode, swing_time=0.001, lead_time=0.0)._hammer
     harness.run(lambda: hammer.take(holder(TomlTable({})), confirm_return=False))
     harness.record()
     harness.add(CampaignNode, **SOON).answer_timeout = 1.0
@@ -199,27 +198,30 @@ def wait_for_cause(harness, campaign, cause):
 
 
 def resume(harness):
-    return harness.call(Trigger, interfaces.RESUME_CAMPAIGN)
+    return harness.call(Act, interfaces.RESUME_CAMPAIGN)
 
 
 def test_a_person_pauses_a_campaign_and_resumes_it(harness):
     handle, feedback = strike_on(harness)
     assert "no campaign is paused" in resume(harness).message
     states = harness.listen(interfaces.HAMMER_STATE)
-    answer = harness.call(Trigger, interfaces.PAUSE_CAMPAIGN)
+    answer = harness.call(Act, interfaces.PAUSE_CAMPAIGN)
     assert answer.success, answer.message
     states.wait(lambda got: not got[-1].armed)
-    wait_for_state(feedback, PAUSED, "campaign/resume")
+    wait_for_state(feedback, PAUSED, "paused by an operator")
     latched = harness.listen(interfaces.CAMPAIGN_STATE)
     (state,) = latched.wait(lambda got: got[-1].state == PAUSED)[-1:]
     assert (state.task, state.sample) == (CampaignState.RESUME, "steel small")
 
-    harness.call(Trigger, interfaces.EMERGENCY_STOP)
+    harness.call(Act, interfaces.EMERGENCY_STOP)
     campaign = harness.find(CampaignNode)
     wait_for_cause(harness, campaign, HammerState.EMERGENCY_STOP)
     assert "emergency stop lasts" in resume(harness).message
-    harness.call(Trigger, interfaces.RESET_HAMMER)
-    wait_for_cause(harness, campaign, HammerState.OPERATOR)
+    harness.call(Act, interfaces.RESET_HAMMER)
+    wait_for_cause(harness, campaign, HammerState.PERSON)
+    assert "arm the hammer first" in resume(harness).message
+    arm(harness)
+    wait_for_cause(harness, campaign, HammerState.CAMPAIGN)
     assert resume(harness).success
     wait_for_more_hits(feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
@@ -228,15 +230,15 @@ def test_a_person_pauses_a_campaign_and_resumes_it(harness):
 def test_a_hammer_that_is_put_back_by_hand_is_waited_for(harness):
     client = start_rig(harness, hammer={"confirm_return": True})
     handle, feedback = begin(harness, client, samples=["steel small"], impacts=2)
-    assert "hammer/confirm_held" in wait_for_state(feedback, WAITING_FOR_HAMMER)
+    assert "say that it is back" in wait_for_state(feedback, WAITING_FOR_HAMMER)
     assert feedback.messages[-1].impact == 1
-    harness.call(Trigger, interfaces.CONFIRM_HELD)
+    harness.call(Act, interfaces.CONFIRM_HELD)
     assert harness.wait(handle.get_result_async()).result.success
 
 
 def test_a_pause_that_takes_too_long_ends_the_campaign_with_its_reason(harness):
     handle, _ = strike_on(harness, campaign={"pause_timeout": 0.3})
-    harness.call(Trigger, interfaces.DISARM_HAMMER)
+    harness.call(Act, interfaces.DISARM_HAMMER)
     answer = harness.wait(handle.get_result_async())
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert answer.result.message.startswith("the pause took longer than 0.3 s: the hammer is not")

@@ -9,6 +9,7 @@ from impact_rig_msgs.msg import HammerState
 
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.acts import describe_caller
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.nodes.client import HammerClient
 from impact_rig.nodes.hammer import HammerNode
@@ -26,10 +27,10 @@ def client(harness):
 def test_every_word_does_what_it_says_or_is_refused_with_the_reason(client, harness):
     states = harness.listen(interfaces.HAMMER_STATE)
     for action, armed, disarmed_by in (
-        ("arm", True, HammerState.OPERATOR),
-        ("disarm", False, HammerState.OPERATOR),
+        ("arm", True, HammerState.CAMPAIGN),
+        ("disarm", False, HammerState.PERSON),
         ("stop", False, HammerState.EMERGENCY_STOP),
-        ("reset", False, HammerState.OPERATOR),
+        ("reset", False, HammerState.PERSON),
     ):
         states.messages.clear()
         assert client.ask(action)
@@ -40,7 +41,7 @@ def test_every_word_does_what_it_says_or_is_refused_with_the_reason(client, harn
             )
         )
         if action == "arm":
-            told = "held, armed (armed by the operator); holder: virtual rig"
+            told = f"held, armed (armed by {describe_caller()}); holder: virtual rig"
             assert client.describe() == told
         if action == "stop":
             with pytest.raises(DeviceError, match="refused: an emergency stop lasts"):

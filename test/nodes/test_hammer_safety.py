@@ -6,8 +6,7 @@ import threading
 import pytest
 from fakes.relay_board import RelayBoard
 from impact_rig_msgs.msg import AcquisitionState, HammerState, RecorderState
-from impact_rig_msgs.srv import Release
-from std_srvs.srv import Trigger
+from impact_rig_msgs.srv import Act, Release
 
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.nodes import interfaces
@@ -48,7 +47,7 @@ class Rig:
         return None not in (self.hammer._accelerometer.state, self.hammer._recorder.state)
 
     def call(self, name):
-        return self._harness.call(Trigger, name)
+        return self._harness.call(Act, name)
 
     def ask(self, **changes):
         request = Release.Request(**{**HIT, **changes})
@@ -93,7 +92,7 @@ def test_the_hammer_goes_when_armed_held_recorded_and_the_accelerometers_are_arm
 
 def test_the_hammer_refuses_with_the_reason(rig):
     rig.start(arming=OTHER, arm=False)
-    assert "not armed: call hammer/arm" in rig.ask().message
+    assert "not armed: arm it first" in rig.ask().message
     assert rig.call(interfaces.ARM_HAMMER).success
     assert "armed for record 3" in rig.ask().message
     assert not rig.releases.messages
@@ -147,9 +146,9 @@ def test_a_stop_works_in_every_state_of_the_node_and_outlasts_it(rig, harness):
     rig.wait(lambda item: item.disarmed_by == HammerState.EMERGENCY_STOP)
     for transition in (node.trigger_configure, node.trigger_activate, node.trigger_deactivate):
         harness.wait(harness.executor.create_task(transition))
-        assert "hammer/reset" in rig.call(interfaces.ARM_HAMMER).message
+        assert "reset it first" in rig.call(interfaces.ARM_HAMMER).message
     assert rig.call(interfaces.RESET_HAMMER).message == (
-        "the emergency stop is ended; the hammer is not armed: call hammer/arm first"
+        "the emergency stop is ended; the hammer is not armed: arm it first"
     )
     assert "not active" in rig.call(interfaces.ARM_HAMMER).message
 
@@ -198,7 +197,7 @@ def frozen(harness, start_process):
     for publisher, message in ((acquisition, ARMED), (recorder, RECORDING)):
         harness.wait_until(lambda it=publisher: it.get_subscription_count() == 1)
         publisher.publish(message)
-    assert harness.call(Trigger, interfaces.ARM_HAMMER).success
+    assert harness.call(Act, interfaces.ARM_HAMMER).success
     states.wait(lambda messages: messages[-1].armed)
     states.messages.clear()
     hammer.process.send_signal(signal.SIGSTOP)
@@ -227,11 +226,11 @@ def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(
 ):
     hammer, states = frozen
     releases = harness.listen(interfaces.RELEASE)
-    arm = harness.peer.create_client(Trigger, interfaces.ARM_HAMMER)
+    arm = harness.peer.create_client(Act, interfaces.ARM_HAMMER)
     release = harness.peer.create_client(Release, interfaces.RELEASE_HAMMER)
     for client in (arm, release):
         harness.wait_until(client.service_is_ready)
-    armed = arm.call_async(Trigger.Request()) if asks_to_arm else None
+    armed = arm.call_async(Act.Request()) if asks_to_arm else None
     released = release.call_async(Release.Request(**HIT))
     wake(hammer)
 
@@ -242,7 +241,7 @@ def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(
     assert not any(state.armed for state in states.messages)
     assert not releases.messages
     # When all is known again, a person arms, and the hammer goes.
-    harness.wait_until(lambda: harness.call(Trigger, interfaces.ARM_HAMMER).success)
+    harness.wait_until(lambda: harness.call(Act, interfaces.ARM_HAMMER).success)
     assert harness.ask(Release, interfaces.RELEASE_HAMMER, Release.Request(**HIT)).success
     assert len(releases.wait_for_count(1)) == 1
 

@@ -7,7 +7,7 @@ import sys
 import time
 
 from impact_rig_msgs.msg import CampaignState, HammerState
-from std_srvs.srv import Trigger
+from impact_rig_msgs.srv import Act
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
@@ -75,7 +75,7 @@ def test_nobody_who_reads_that_a_campaign_pauses_is_struck_when_its_reason_has_g
     estimator.process.send_signal(signal.SIGCONT)
     wait_for_pause(feedback, "is not armed (estimator/join did not answer")
     assert len(releases.messages) == before
-    assert harness.call(Trigger, interfaces.ARM_HAMMER).success
+    assert harness.call(Act, interfaces.ARM_HAMMER).success
     releases.wait_for_count(before + 1)
 
 
@@ -113,7 +113,7 @@ def test_two_rigs_in_one_domain_release_no_hammer(harness, start_process, ros_do
     harness.add(HammerNode)
     states = harness.listen(interfaces.HAMMER_STATE)
     first = start_process("accelerometer")
-    harness.wait_until(lambda: harness.call(Trigger, interfaces.ARM_HAMMER).success)
+    harness.wait_until(lambda: harness.call(Act, interfaces.ARM_HAMMER).success)
     # As on another computer: on this one a second process of a node ends at once.
     second = subprocess.Popen(
         [sys.executable, "-c", SECOND], env={**os.environ, "ROS_DOMAIN_ID": str(ros_domain)}
@@ -122,12 +122,12 @@ def test_two_rigs_in_one_domain_release_no_hammer(harness, start_process, ros_do
         states.wait(lambda got: got[-1].disarmed_by == HammerState.LOSS and not got[-1].armed)
         told = "2 accelerometer nodes are up in this ROS domain and namespace: stop one rig"
         assert told in states.messages[-1].message
-        assert told in harness.call(Trigger, interfaces.ARM_HAMMER).message
+        assert told in harness.call(Act, interfaces.ARM_HAMMER).message
     finally:
         # It announces its end: the others need not wait for its lease.
         second.send_signal(signal.SIGINT)
         second.wait()
-    harness.wait_until(lambda: harness.call(Trigger, interfaces.ARM_HAMMER).success)
+    harness.wait_until(lambda: harness.call(Act, interfaces.ARM_HAMMER).success)
     kill(first)
 
 

@@ -5,7 +5,7 @@ import time
 
 import pytest
 from impact_rig_msgs.action import RunCampaign
-from std_srvs.srv import Trigger
+from impact_rig_msgs.srv import Act
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.configuration.rig_file import read_template
@@ -60,7 +60,7 @@ def test_a_stop_withdraws_the_request_at_once_and_the_hit_is_rejected_by_name(
         running = threading.Thread(target=lambda: outcomes.append(client.run(goal, person)))
         running.start()
         assert person.asked.wait(60.0)
-        harness.call(Trigger, service)
+        harness.call(Act, service)
         stopped_at = time.monotonic()
         assert person.held_back.wait(10.0)
         assert person.seen_at - stopped_at < 0.3
@@ -69,7 +69,7 @@ def test_a_stop_withdraws_the_request_at_once_and_the_hit_is_rejected_by_name(
         assert time.monotonic() - stopped_at < SWING
         harness.set_parameter("campaign", "pause_timeout", 0.01)
         running.join()
-    assert person.reason in ("emergency stop", "disarmed by hammer/disarm")
+    assert person.reason in ("emergency stop", "disarmed by an operator")
     (hit,) = outcomes[0].results.hits
     assert not hit.accepted
     assert hit.reasons == (Finding(Reason.DISARMED, "the hammer was disarmed before the contact"),)

@@ -32,7 +32,7 @@ def test_all_names_lie_in_the_namespace(rig, tools):
     assert {line.split()[0] for line in strange} <= {
         "/clock", "/diagnostics", "/events/write_split", "/parameter_events", "/rosout",
     }  # fmt: skip
-    list_until(tools, "/bench/hammer/arm [std_srvs/srv/Trigger]", "service")
+    list_until(tools, "/bench/hammer/arm [impact_rig_msgs/srv/Act]", "service")
     actions = list_until(tools, f"/bench/campaign/run [{RUN}]", "action")
     assert len([line for line in actions if not line.startswith(OTHERS)]) == 1
 
@@ -73,7 +73,7 @@ def test_a_campaign_runs_to_its_end_as_an_action(rig, tools):
 def test_the_operator_s_enable_is_given_and_taken_by_services(rig, tools):
     for service, answer in (("disarm", "success=True"), ("arm", "success=True")):
         call = tools.run(
-            "ros2", "service", "call", f"/bench/hammer/{service}", "std_srvs/srv/Trigger"
+            "ros2", "service", "call", f"/bench/hammer/{service}", "impact_rig_msgs/srv/Act"
         )
         assert answer in call
 
