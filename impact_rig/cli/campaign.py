@@ -40,6 +40,7 @@ class CampaignView:
         self._sample = ""
         self._record = 0
         self._pause = ""
+        self._silent: tuple[str, ...] = ()
 
     def __enter__(self) -> Self:
         """Begin to draw."""
@@ -64,6 +65,10 @@ class CampaignView:
             self._record = hit.record
             self._print(_describe_hit(rig, hit))
         self._follow_pause(campaign)
+        silent = rig.list_silent()[:1]
+        if silent and silent != self._silent:
+            self._print(Text(f"the {silent[0]} does not answer: keep away", ALARM))
+        self._silent = silent
         # Accepted hits are counted: the next one is under way.
         total, accepted = len(names) * campaign.impacts, campaign.progress.accepted
         done = number * campaign.impacts + min(accepted, campaign.impacts)
@@ -207,7 +212,7 @@ def run(
         client.wait_for_rig(RIG_TIMEOUT if wait is None else wait)
         if notes:
             client.publish_note(notes, RIG_TIMEOUT)
-        confirm = not client.is_hammerless if ask is None else ask
+        confirm = not client.is_simulated if ask is None else ask
         goal = CampaignGoal(
             samples=samples, impacts=impacts, confirm_samples=confirm, release_angles=angles,
             check_mass=check_mass,

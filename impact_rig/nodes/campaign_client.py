@@ -3,7 +3,7 @@
 import contextlib
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,7 +21,7 @@ from std_msgs.msg import String
 
 from impact_rig.core.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.acts import describe_caller
+from impact_rig.nodes.acts import describe_caller, fill_act
 from impact_rig.nodes.client import START_ONE, RigClient
 from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
@@ -36,7 +36,7 @@ from impact_rig.recordings.messages import (
 from impact_rig.recordings.run import Run
 from impact_rig.results.campaign import Results
 from impact_rig.status.rig_status import RigStatus
-from impact_rig.status.states import HammerStatus, RecorderStatus, Step, Task
+from impact_rig.status.states import CampaignStatus, HammerStatus, RecorderStatus, Step, Task
 
 CampaignGoal: TypeAlias = RunCampaign.Goal
 """Goal of a campaign."""
@@ -47,6 +47,8 @@ RESEND_PERIOD = 3.0
 GONE_TIMEOUT = 6.0
 """How long after the end of its lease the campaign node is waited for [s]. A node that only stood
 still has its campaign yet: who resumes that goes on with it."""
+HAMMER_TIMEOUT = 2.0
+"""How long the hammer of a rig that is up may take to say its state [s]."""
 SERVICE_TIMEOUT = 20.0
 """How long the rig may take to answer what a person has done [s]."""
 
@@ -109,16 +111,22 @@ class CampaignClient(RigClient):
         self._result = Future()
         self._gone_since = math.inf
         self._paused_since = math.inf
-        self._is_unattended = False
-        self._is_own_pause = False  # for what was missing; no person wants it
+        self._longest_pause = math.inf  # [s]; of a campaign that nobody attends
         self._operator: Operator | None = None
         # Only a hammer that says it is disarmed holds an operator back.
         self._status = RigStatus(hammer=HammerStatus(armed=True))
-        self._duties: list[Callable[[Operator], None]] = []
+        self._duties: list[Task] = []
+        self._do: Mapping[Task, Callable[[Operator], None]] = {
+            Task.MOUNT: self._mount,
+            Task.PUT_BACK: self._put_back,
+            Task.ARM: self._arm,
+        }
+        self._silent: tuple[str, ...] = ()  # nodes that do not answer
         self._is_to_let_go = False  # the operator is asked to release the hammer
         self._faults: dict[tuple[bytes, int], tuple[str, ...]] = {}  # by campaign and record
         self.listen(interfaces.VIRTUAL_IMPACT, self._on_virtual_impact)
-        self.listen(interfaces.CAMPAIGN_STATE, lambda _: None, on_liveliness=self._on_liveliness)
+        self._beat = CampaignStatus()  # the newest state by the topic, which comes twice a second
+        self.listen(interfaces.CAMPAIGN_STATE, self._on_beat, on_liveliness=self._on_liveliness)
         for topic in (
             interfaces.RECORDER_STATE, interfaces.ACQUISITION_STATE, interfaces.HAMMER_STATE,
         ):  # fmt: skip
@@ -160,6 +168,7 @@ class CampaignClient(RigClient):
                 f"no rig answers in namespace {self._node.get_namespace()!r} within"
                 f" {timeout:g} s: {START_ONE}"
             )
+        self.spin_until(lambda: bool(self._status.hammer.stamp), HAMMER_TIMEOUT)
 
     def wait_for_listeners(self, count: int, timeout: float) -> bool:
         """Wait until `count` nodes listen to the accelerometers; return whether they do."""
@@ -182,10 +191,9 @@ class CampaignClient(RigClient):
         self._note.publish(String(data=text))
 
     @property
-    def is_hammerless(self) -> bool:
-        """Whether no hammer strikes anything: hits are computed."""
-        acquisition = self._status.acquisition
-        return acquisition is not None and acquisition.hammerless
+    def is_simulated(self) -> bool:
+        """Whether no hammer strikes: hits are computed, and the holder swings nothing."""
+        return self._status.is_simulated
 
     def run(
         self, goal: CampaignGoal, operator: Operator, longest_pause: float = math.inf
@@ -213,20 +221,11 @@ class CampaignClient(RigClient):
         self._status.begin(None)
         self._status.recorder = RecorderStatus()
         self._operator, self._paused_since = operator, math.inf
-        self._is_unattended, self._is_own_pause = longest_pause < math.inf, False
-        pause: str | None = None  # for which the campaign was cancelled
+        self._longest_pause = longest_pause
         self._sent.clear()
         self._duties.clear()
         self._result = self._send_goal(goal).get_result_async()
-        while not self._result.done():
-            self._check_life()
-            if pause is None and time.monotonic() - self._paused_since > longest_pause:
-                pause = self._status.campaign.message
-                self._goal.cancel_goal_async()
-            if self._duties:
-                self._duties.pop(0)(operator)
-            elif not self.spin_until(lambda: self._result.done() or bool(self._duties), 1.0):
-                self._check_rig()
+        pause = self._attend(operator)
         answer = self._result.result()
         self._sent.clear()
         self._operator = None
@@ -241,7 +240,7 @@ class CampaignClient(RigClient):
             raise RigError(f"the campaign is rejected: {result.message}")
         if not result.success and not (result.accepted or result.rejected):
             raise DeviceError(result.message)  # it has no hit, or could not collect them
-        if self.is_hammerless:
+        if self._status.acquisition and self._status.acquisition.hammerless:
             hits = [*result.accepted, *result.rejected]
             # What the virtual rig did on purpose comes by another topic.
             self.spin_until(
@@ -256,6 +255,23 @@ class CampaignClient(RigClient):
             results=results_from_msg(result, faults),
             recording=result.recording,
         )
+
+    def _attend(self, operator: Operator) -> str | None:
+        """Do what the campaign asks for until it ends; return for which pause it was cancelled."""
+        pause: str | None = None
+        while not self._result.done():
+            self._check_life()
+            if pause is None and time.monotonic() - self._paused_since > self._longest_pause:
+                pause = self._status.campaign.message
+                self._goal.cancel_goal_async()
+            if self._duties:
+                self._do[self._duties.pop(0)](operator)
+            elif not self.spin_until(lambda: self._result.done() or bool(self._duties), 1.0):
+                self._check_rig()
+            if (silent := self._status.list_silent()) != self._silent:
+                self._silent = silent
+                operator.follow(self._status)
+        return pause
 
     def _send_goal(self, goal: CampaignGoal) -> Any:
         """Send the goal until it is answered.
@@ -340,26 +356,20 @@ class CampaignClient(RigClient):
             return
         if campaign.state is Step.PAUSED:
             self._paused_since = min(self._paused_since, time.monotonic())
-            self._is_own_pause &= campaign.task is Task.ARM
-            self._is_own_pause |= campaign.task is Task.NOTHING
         elif not campaign.is_looking:
-            self._paused_since, self._is_own_pause = math.inf, False
+            self._paused_since = math.inf
         self._operator.follow(self._status)
         if campaign.state is not Step.STRIKING:
             self._is_to_let_go = False
-        if (campaign.task, campaign.sample) == (before.task, before.sample):
-            return
-        if campaign.task is Task.MOUNT:
-            self._duties.append(self._mount)
-        elif campaign.task is Task.PUT_BACK:
-            self._duties.append(self._put_back)
-        elif campaign.task is Task.ARM and self._is_own_pause:
-            self._duties.append(self._arm)
+        is_new = (campaign.task, campaign.sample) != (before.task, before.sample)
+        if is_new and campaign.task in self._do:
+            self._duties.append(campaign.task)
 
     def _arm(self, _: Operator) -> None:
         """Go on for a person who is not there, where no hammer can strike one who is."""
-        hammer = self._status.hammer
-        if self._is_unattended and self._status.is_simulated and not hammer.needs_person:
+        is_unattended = self._longest_pause < math.inf
+        # What a person has stopped or disarmed, the hammer refuses to arm by this service.
+        if is_unattended and self._status.is_simulated and not self._status.hammer.needs_person:
             with contextlib.suppress(DeviceError):
                 request = SetArmed.Request(
                     campaign_id=id_to_msg(self._intake.membership.identity.campaign_id), armed=True
@@ -367,18 +377,49 @@ class CampaignClient(RigClient):
                 self.call(SetArmed, interfaces.SET_ARMED, request, SERVICE_TIMEOUT)
 
     def _mount(self, operator: Operator) -> None:
-        sample = self._status.campaign.sample
-        operator.mount(sample, self._status.campaign.message)
-        request = ConfirmSample.Request(sample=sample, by=describe_caller())
-        self.call(ConfirmSample, interfaces.CONFIRM_SAMPLE, request, SERVICE_TIMEOUT)
+        campaign = self._status.campaign
+        operator.mount(campaign.sample, campaign.message)
+        # One that is not needed any more is refused; the campaign asks for another.
+        self._say_done(
+            ConfirmSample,
+            interfaces.CONFIRM_SAMPLE,
+            ConfirmSample.Request(sample=campaign.sample),
+            campaign.number,
+            lambda: self._beat,
+        )
 
     def _put_back(self, operator: Operator) -> None:
         refusal, is_held = "", False
         while not is_held:
+            # The task may come before the state of the hammer that it is about.
+            self.spin_until(lambda: not self._status.hammer.armed, SERVICE_TIMEOUT)
+            number = self._status.hammer.number
             operator.put_back(refusal)
-            request = Act.Request(by=describe_caller())
-            answer = self.call(Act, interfaces.CONFIRM_HELD, request, SERVICE_TIMEOUT)
+            answer = self._say_done(
+                Act,
+                interfaces.CONFIRM_HELD,
+                Act.Request(),
+                number,
+                lambda: self._status.hammer,
+            )
             refusal, is_held = answer.message, answer.success
+
+    def _say_done(
+        self,
+        kind: Any,
+        name: str,
+        request: Any,
+        seen: int,
+        find_state: Callable[[], CampaignStatus | HammerStatus],
+    ) -> Any:
+        """Say now that what a person saw in the state of a number is done; return the answer."""
+        before = find_state().stamp
+        self.spin_until(lambda: find_state().stamp > before, SERVICE_TIMEOUT)
+        fill_act(request, replace(find_state(), number=seen), describe_caller())
+        return self.call(kind, name, request, SERVICE_TIMEOUT)
+
+    def _on_beat(self, received: Received[CampaignStatus]) -> None:
+        self._beat = received.value
 
     def _on_release(self, received: Received[HammerRelease]) -> None:
         """Ask the operator to release the hammer, if it is released by hand."""
@@ -390,7 +431,6 @@ class CampaignClient(RigClient):
 
     def _on_state(self, received: Received[Any]) -> None:
         self._status.keep(received.value)
-        self._is_own_pause &= not self._status.hammer.is_stopped
         self._hold_back()
 
     def _hold_back(self) -> None:

@@ -37,6 +37,10 @@ MOST_NOTES = 20
 """How many notes are shown [-], the newest."""
 SILENCE = 5.0
 """How long a node that is not silent may take between two diagnostics [s]: five of its periods."""
+STATE_SILENCE = 2.0
+"""The same between two states of hammer or campaign, which come twice a second [s]."""
+MOST_NODES = 64
+"""How many nodes' diagnostics are kept [-], those that came last: anybody may publish some."""
 
 
 @dataclass
@@ -65,6 +69,7 @@ class RigStatus:
     # Of the hammer in each hit [m/s], by record.
     speed_changes: dict[int, float] = field(default_factory=dict)
     _health: dict[str, tuple[NodeHealth, float]] = field(default_factory=dict)
+    _state_came: dict[str, float] = field(default_factory=dict)  # [s], by node
 
     def begin(self, setup: RigSetup | None, *, is_trial: bool = False) -> None:
         """Begin afresh with the set-up of another campaign."""
@@ -78,9 +83,9 @@ class RigStatus:
         """Keep a node's newest state."""
         match status:
             case CampaignStatus():
-                self.campaign = status
+                self.campaign, self._state_came["campaign"] = status, self.clock()
             case HammerStatus():
-                self.hammer = status
+                self.hammer, self._state_came["hammer"] = status, self.clock()
             case RecorderStatus():
                 self.recorder = status
             case AcquisitionStatus():
@@ -103,8 +108,20 @@ class RigStatus:
             for node in nodes
             if node.name.startswith(prefix) and "/" not in node.name.removeprefix(prefix)
         ]
-        self._health |= {node.name: (node, self.clock()) for node in own}
+        for node in own:
+            self._health.pop(node.name, None)
+            self._health[node.name] = node, self.clock()
+        while len(self._health) > MOST_NODES:
+            del self._health[next(iter(self._health))]
         return bool(own)
+
+    def list_silent(self) -> tuple[str, ...]:
+        """Return the nodes that spoke and do not answer now, the one that matters most first."""
+        now = self.clock()
+        silent = {name for name, came in self._state_came.items() if now - came > STATE_SILENCE}
+        silent |= {node.name for node in self.list_nodes() if node.level is Level.STALE}
+        order = ("hammer", "campaign", "estimator", "recorder", "accelerometer")
+        return tuple(name for name in order if name in silent)
 
     def list_nodes(self) -> tuple[NodeHealth, ...]:
         """Return the newest diagnostics, by the names of the nodes."""
