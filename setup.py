@@ -33,7 +33,7 @@ HOLDERS = {
 }
 """Drivers of devices, by the names that rig files use."""
 EXECUTABLES = f"$base/lib/{NAME}"  # where `ros2 run` and `ros2 launch` look
-FOR_PIP = bool({"dist_info", "bdist_wheel", "editable_wheel"} & set(sys.argv))
+FOR_PIP = bool({"sdist", "dist_info", "bdist_wheel", "editable_wheel"} & set(sys.argv))
 """Whether pip builds it: names like `recorder` are for ROS 2's own folder, not for a PATH."""
 INTERFACES = f"{NAME}.interfaces"
 """Definitions of messages, by which recordings are written without ROS."""
@@ -144,6 +144,18 @@ setup(
     zip_safe=False,
     license="Apache-2.0",
     description="Contact time, stiffness and damping of metal samples from hammer impacts.",
+    long_description=Path(__file__).resolve().with_name("README.md").read_text("utf-8"),
+    long_description_content_type="text/markdown",
     maintainer="Impact rig maintainers",
-    maintainer_email="maintainers@impact-rig.example",
+    classifiers=[
+        "Development Status :: 4 - Beta",
+        "Framework :: Pytest",
+        "Intended Audience :: Science/Research",
+        "Operating System :: OS Independent",
+        "Programming Language :: Python :: 3.11",
+        "Programming Language :: Python :: 3.12",
+        "Programming Language :: Python :: 3.13",
+        "Topic :: Scientific/Engineering :: Physics",
+        "Typing :: Typed",
+    ],
 )

@@ -70,6 +70,38 @@ def test_importing_the_package_loads_no_library_and_its_names_load_no_ros():
     assert not {"rclpy", "impact_rig_msgs", "matplotlib", "pandas", "pytest"} & after
 
 
+WITHOUT_POSIX = """
+import os, signal, sys
+import numpy, scipy.io  # which ask the system what it is
+sys.modules.update(dict.fromkeys(["fcntl", "resource", "termios", "pwd", "grp"]))
+for module, names in (
+    (os, "fork fdatasync posix_fadvise statvfs fstatvfs sched_getaffinity killpg setsid"),
+    (signal, "setitimer SIGKILL SIGHUP pthread_sigmask"),
+):
+    for name in names.split():
+        delattr(module, name)
+import impact_rig as ir
+run = ir.VirtualRig(seed=7).run(["steel small"], 2)
+run.analyze().save("results.json")
+hit = run.hits["steel small"][0]
+scipy.io.savemat("hit.mat", {"hammer": hit.hammer})
+ir.read_files("hit.mat", rate="2.5 MHz", hammer_unit="m/s^2").analyze()
+for path in ("results.json", sys.argv[1]):
+    print(list(ir.open_run(path).analyze()))
+from impact_rig.cli.start import main
+sys.argv.insert(1, "analyze")
+main()
+"""
+
+
+def test_files_are_analyzed_on_a_system_without_the_modules_of_posix(recording, tmp_path):
+    command = [sys.executable, "-c", WITHOUT_POSIX, recording]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert not done.returncode, done.stderr
+    assert done.stdout.startswith("['steel small']\n['steel small', 'aluminium large']\n")
+    assert "Contact time, stiffness, damping" in done.stdout
+
+
 @pytest.mark.parametrize(
     ("number", "text"),
     [

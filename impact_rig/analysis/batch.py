@@ -67,7 +67,7 @@ def analyze_batch(
         with connect_to_workers(scheduler) as client:
             return run_on_workers(client, runs, settings, report)
     is_worth = sum(run.size for run in runs) >= WORTH_WORKERS
-    count = min(workers or (len(os.sched_getaffinity(0)) if is_worth else 1), len(runs))
+    count = min(workers or (count_cores() if is_worth else 1), len(runs))
     if count > 1:
         return run_in_processes(count, runs, settings, report)
     outcomes = []
@@ -77,12 +77,19 @@ def analyze_batch(
     return outcomes
 
 
+def count_cores() -> int:
+    """Return how many cores this process may use, or has where the system does not say."""
+    is_told = hasattr(os, "sched_getaffinity")
+    return len(os.sched_getaffinity(0)) if is_told else os.cpu_count() or 1
+
+
 def run_in_processes(
     count: int, runs: Sequence[Run], settings: Settings, report: Report
 ) -> list[Analysis | RigError]:
     """Analyze runs in processes of this host; return what came of them, in their order."""
     # A server that has imported all once forks the processes, also from a program with threads.
-    context = multiprocessing.get_context("forkserver")
+    is_forked = "forkserver" in multiprocessing.get_all_start_methods()
+    context = multiprocessing.get_context("forkserver" if is_forked else "spawn")
     context.set_forkserver_preload([__name__])
     pool = ProcessPoolExecutor(count, context, _leave_at_interrupt)
     try:

@@ -2,9 +2,9 @@
 
 import contextlib
 import errno
-import fcntl
 import itertools
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
@@ -39,11 +39,13 @@ def choose_free(path: Path) -> Path:
 def is_being_written(file: IO[bytes]) -> bool:
     """Return whether another process writes a file, which is locked then, see `DiskFile`."""
     try:
+        import fcntl
+
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         fcntl.flock(file, fcntl.LOCK_UN)
     except BlockingIOError:
         return True
-    except OSError:  # a file system without locks
+    except (ImportError, OSError):  # a system, or a file system, without such locks
         pass
     return False
 
@@ -80,7 +82,9 @@ class DiskFile:
         except OSError as error:
             raise FileError(f"{path} cannot be created: {error.strerror}") from None
         # Readers see by it that the file is being written, see `is_being_written`.
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(ImportError, OSError):
+            import fcntl
+
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         self.path = path
         self.size = 0  # written so far [byte]
@@ -170,7 +174,7 @@ class DiskFile:
             If the disk fails, or the file was deleted, replaced or cut meanwhile.
         """
         try:
-            os.fdatasync(self._file.fileno())
+            getattr(os, "fdatasync", os.fsync)(self._file.fileno())  # only some systems have it
             written, named = os.fstat(self._file.fileno()), self.path.stat()
         except FileNotFoundError:
             raise FileError(f"{self.path} was deleted while it was written") from None
@@ -198,17 +202,18 @@ class DiskFile:
                 raise self._make_error(error) from None
 
     def _advise(self, start: int, end: int) -> None:
-        # That it is not followed does no harm.
-        with contextlib.suppress(OSError):
+        # That it is not followed, or that the system takes none, does no harm.
+        with contextlib.suppress(AttributeError, OSError):
             os.posix_fadvise(self._file.fileno(), start, end - start, os.POSIX_FADV_DONTNEED)
 
     def _measure_room(self) -> int:
         try:
-            state = os.fstatvfs(self._file.fileno())
+            place = self._file.fileno() if hasattr(os, "statvfs") else self.path.parent
+            free = shutil.disk_usage(place).free
         except OSError as error:
             raise self._make_error(error) from None
         ending = ROOM_FOR_ENDING + int(ROOM_FOR_INDEX * self.size)
-        return state.f_bavail * state.f_frsize - ending
+        return free - ending
 
     def _make_error(self, error: OSError) -> FileError:
         is_full = error.errno in {errno.ENOSPC, errno.EDQUOT}
@@ -300,5 +305,5 @@ def _name(part: Path, path: Path) -> None:
 
 
 def _sync_content(path: Path) -> None:
-    with path.open("rb") as file:
+    with path.open("r+b") as file:  # Windows syncs what may be written
         os.fsync(file.fileno())

@@ -3,10 +3,10 @@
 import contextlib
 import faulthandler
 import os
-import resource
 import signal
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -22,6 +22,9 @@ TIME, TIME_PER_BYTE = 5.0, 2e-7
 """What reading a file may take of a processor [s], and that for each byte of it [s], our choice: a
 tenth of the speed at which packed numbers are read."""
 
+STATE = Path("/proc/self/statm")
+"""What Linux tells of a process's memory."""
+
 
 def check_size(path: Path, size: int) -> None:
     """Raise `MemoryError` if a file claims to hold more bytes than one of its size may."""
@@ -31,6 +34,8 @@ def check_size(path: Path, size: int) -> None:
 
 def read_apart(library: str, parse: Callable[[Path], Measurement], path: Path) -> Measurement:
     """Read a file in a second process: damaged ones crash scipy, and libhdf5 never ends on some.
+
+    Only Linux bounds a process; on other systems the file is read in this one.
 
     Parameters
     ----------
@@ -46,6 +51,8 @@ def read_apart(library: str, parse: Callable[[Path], Measurement], path: Path) -
     """
     with contextlib.suppress(ImportError):
         import_module(library)
+    if find_spec("resource") is None or not STATE.exists():
+        return parse(path)
     context = get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
     process = context.Process(target=_parse_within_limits, args=(parse, path, sender))
@@ -68,12 +75,14 @@ def read_apart(library: str, parse: Callable[[Path], Measurement], path: Path) -
 def _parse_within_limits(
     parse: Callable[[Path], Measurement], path: Path, sender: Connection
 ) -> None:
+    import resource
+
     # What a crash prints, its library's or Python's, is no news: the parent says it in a sentence.
     faulthandler.disable()
     with Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), 2)
     size = path.stat().st_size
-    pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
+    pages = int(STATE.read_text("ascii").split()[0])
     limit = pages * resource.getpagesize() + MEMORY + MEMORY_PER_BYTE * size
     _, most = resource.getrlimit(resource.RLIMIT_AS)
     if most != resource.RLIM_INFINITY:
