@@ -49,7 +49,7 @@ if not FOR_PIP and not any((prefix / MESSAGES).exists() for prefix in prefixes):
         file=sys.stderr,
     )
 
-version = re.findall(r'__version__ = "(.+)"', Path(NAME, "__init__.py").read_text("utf-8"))[0]
+version = re.findall(r'__version__ = "(.+)"', Path(NAME, "version.py").read_text("utf-8"))[0]
 
 setup(
     name=NAME,

@@ -13,6 +13,8 @@ What is public is listed in `__all__`; it is loaded when it is used, and needs n
 
 from typing import TYPE_CHECKING, Any
 
+from impact_rig.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from impact_rig.analysis.hits import Hit
     from impact_rig.api import (
@@ -24,12 +26,11 @@ if TYPE_CHECKING:
         open_run,
         read_files,
     )
-    from impact_rig.core.errors import RigError
-    from impact_rig.core.records import Truth
+    from impact_rig.core.given.errors import RigError
+    from impact_rig.core.given.records import Truth
     from impact_rig.present.printed import Number
     from impact_rig.present.printed_results import Comparison, Results, SampleResults
 
-__version__ = "0.1.0"
 __all__ = [
     "Comparison",
     "Hit",

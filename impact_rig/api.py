@@ -28,7 +28,7 @@ from impact_rig.analysis.sources import (
 from impact_rig.configuration.processes import limit_threads
 from impact_rig.configuration.rig_file import read_rig_file, read_settings
 from impact_rig.configuration.units import Given
-from impact_rig.core.errors import (
+from impact_rig.core.given.errors import (
     FileError,
     ParameterError,
     RigError,  # noqa: F401 - public
@@ -36,8 +36,8 @@ from impact_rig.core.errors import (
     check_count,
     check_name,
 )
-from impact_rig.core.records import HitLabel, Truth
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.records import HitLabel, Truth
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
 from impact_rig.devices.virtual.rig import VirtualRig as Simulation
@@ -193,7 +193,7 @@ def open_run(
     --------
     >>> open_run("nowhere.mcap")
     Traceback (most recent call last):
-    impact_rig.core.errors.FileError: there is no file nowhere.mcap
+    impact_rig.core.given.errors.FileError: there is no file nowhere.mcap
     """
     if campaign is not None:
         check_count("campaign", campaign, 1)
@@ -237,7 +237,7 @@ def read_files(
     --------
     >>> read_files("nowhere/*.tdms", hammer_mass="100 g")
     Traceback (most recent call last):
-    impact_rig.core.errors.FileError: no file is called like nowhere/*.tdms
+    impact_rig.core.given.errors.FileError: no file is called like nowhere/*.tdms
     """
     # Formats of files take a tenth of a second to load.
     from impact_rig.analysis.measured_files import MeasuredFiles, make_series

@@ -40,7 +40,7 @@ from impact_rig.configuration.processes import (
     split_names,
 )
 from impact_rig.configuration.rig_file import load_rig_file
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 from impact_rig.devices.virtual.choices import Fault, Plant
 
 PLANTS = [plant.value for plant in Plant]

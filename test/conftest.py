@@ -20,9 +20,9 @@ from types import ModuleType
 import hypothesis
 import pytest
 
-from impact_rig.core.records import HitLabel
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP, RigSetup
 from impact_rig.core.session import Session
-from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
 from impact_rig.results.campaign import Results, results_from_session

@@ -17,7 +17,7 @@ import pytest
 import impact_rig as ir
 from impact_rig import api
 from impact_rig.analysis import hits as analysis_hits
-from impact_rig.core.quantity import Description
+from impact_rig.core.given.quantity import Description
 from impact_rig.files.formats.registry import write_measurement
 from impact_rig.files.importing import write_imported
 from impact_rig.files.measurement import MeasuredChannel, Measurement

@@ -12,12 +12,16 @@ from typing import get_args, get_type_hints
 
 import pytest
 
-from impact_rig.core.findings import Finding, Note
+from impact_rig.core.given.findings import Finding, Note
 from impact_rig.results.campaign import Results
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "impact_rig"
 MODULES = sorted(PACKAGE.rglob("*.py"))
+NAMED = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+    for path in MODULES
+}
 INTERFACES = sorted(
     path for kind in ("msg", "srv", "action") for path in ROOT.glob(f"msg_config/{kind}/*")
 )
@@ -58,6 +62,9 @@ MAY_IMPORT = {
 whose tables come from the rig file. Other instruments' files become recordings. What shows results
 knows results, and the state of a rig and its file, not where they come from; the
 analysis makes them of files."""
+
+CORE = ["given", "hit", "mean", "estimates", "session"]
+"""The rooms of the core, from below, and what leads a hit through them."""
 
 PURE = {
     "GTC", "abc", "array", "cmath", "collections", "dataclasses", "enum", "functools", "itertools",
@@ -131,6 +138,16 @@ def list_imports(path: Path, *, at_import_time: bool = False) -> set[str]:
     return names
 
 
+def list_modules(path: Path) -> set[str]:
+    """Return the names of the package's own modules that a module imports."""
+    found = {
+        name if name in NAMED else name.rpartition(".")[0]
+        for name in list_imports(path)
+        if name.startswith("impact_rig.")
+    }
+    return found & set(NAMED) - {"impact_rig"}
+
+
 def list_libraries(path: Path, *, at_import_time: bool = False) -> set[str]:
     """Return the top-level names a module imports."""
     return {name.split(".")[0] for name in list_imports(path, at_import_time=at_import_time)}
@@ -151,6 +168,37 @@ def test_imports_run_one_way():
         return parts & set(MAY_IMPORT) - MAY_IMPORT.get(find_package(path), set())
 
     assert find_offences(find) == {}
+
+
+def test_the_core_has_four_rooms_and_its_session_which_know_only_those_below():
+    def find(path):
+        room = Path(path.relative_to(PACKAGE / "core").parts[0]).stem
+        above = CORE[CORE.index(room) + 1 :] if room in CORE else CORE
+        return {
+            name.split(".")[2]
+            for name in list_imports(path)
+            if name.startswith("impact_rig.core.") and name.split(".")[2] in above
+        }
+
+    rooms = {path.stem for path in (PACKAGE / "core").iterdir() if path.suffix != ".md"}
+    assert rooms - {"__pycache__"} == {"__init__", *CORE}
+    assert find_offences(find, sorted((PACKAGE / "core").rglob("*.py"))) == {}
+
+
+def test_no_files_import_one_another_in_a_circle_and_the_core_has_few_floors():
+    imports = {name: list_modules(path) for name, path in NAMED.items()}
+    floors: dict[str, int] = {}
+
+    def find_floor(name: str, above: tuple[str, ...] = ()) -> int:
+        assert name not in above, f"a circle: {' > '.join(above[above.index(name) :])} > {name}"
+        if name not in floors:
+            below = [find_floor(other, (*above, name)) for other in sorted(imports[name])]
+            floors[name] = 1 + max(below, default=0)
+        return floors[name]
+
+    for name in imports:
+        find_floor(name)
+    assert max(floors[name] for name in imports if name.startswith("impact_rig.core")) <= 20
 
 
 def test_the_core_is_arithmetic_only():

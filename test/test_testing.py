@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.records import HitLabel
-from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.devices.protocols import CommandedHolder, HolderState
 from impact_rig.devices.virtual.drivers import VirtualSource, make_virtual_plan
 from impact_rig.testing import (

@@ -18,7 +18,7 @@ from rclpy.action import ActionClient
 from terminal import Terminal, run_program
 
 from impact_rig import Number, open_run
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 from impact_rig.nodes.interfaces import CAMPAIGN_STATE, PAUSE_CAMPAIGN, RUN_CAMPAIGN
 from impact_rig.testing import score, score_node, scoring
 from impact_rig.testing.harness import Harness

@@ -11,16 +11,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
-from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.filtering import check_cutoff
-from impact_rig.core.findings import Reason
-from impact_rig.core.hits import JudgedHit
-from impact_rig.core.overrules import NO_OVERRULES, Overrules, find_label
-from impact_rig.core.paper_method import read_hit
-from impact_rig.core.quantity import UNKNOWN, Quantity
-from impact_rig.core.records import Block, HitLabel, Record, Truth
+from impact_rig.core.estimates.paper_method import read_hit
+from impact_rig.core.given.errors import FileError, ParameterError
+from impact_rig.core.given.filtering import check_cutoff
+from impact_rig.core.given.findings import Reason
+from impact_rig.core.given.quantity import UNKNOWN, Quantity
+from impact_rig.core.given.records import Block, HitLabel, Record, Truth
+from impact_rig.core.given.setup import RigSetup
+from impact_rig.core.hit.judging import JudgedHit
+from impact_rig.core.hit.overrules import NO_OVERRULES, Overrules, find_label
 from impact_rig.core.session import Session
-from impact_rig.core.setup import RigSetup
 from impact_rig.results.campaign import (
     FileResults,
     drop_scale,

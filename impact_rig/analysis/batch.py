@@ -10,10 +10,10 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import TYPE_CHECKING
 
-from impact_rig import __version__
 from impact_rig.analysis.analyze import Analysis, Settings, analyze
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.recordings.run import Run
+from impact_rig.version import __version__
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from impact_rig.analysis.analyze import HitSource, judge
-from impact_rig.core.hits import JudgedHit, MeanHit
-from impact_rig.core.records import (
+from impact_rig.core.given.records import (
     Block,
     FloatArray,
     HitLabel,
@@ -17,6 +16,8 @@ from impact_rig.core.records import (
     Truth,
     join_origins,
 )
+from impact_rig.core.hit.judging import JudgedHit
+from impact_rig.core.mean.mean_hit import MeanHit
 from impact_rig.core.session import Session
 from impact_rig.files.measurement import MeasuredChannel
 from impact_rig.results.traces import AlignedHit, align_hit

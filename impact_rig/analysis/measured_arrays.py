@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 from impact_rig.analysis.measured_files import MeasuredHits, TraceSeries, check_control
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.configuration.units import Given, read_given
-from impact_rig.core.errors import ParameterError, RigError, check_between
-from impact_rig.core.records import IMPORTED, FloatArray, HitLabel, Origin
-from impact_rig.core.sensors import FORCES, compute_scale, normalize_unit
-from impact_rig.core.setup import RigSetup, Sample, SampleSet
+from impact_rig.core.given.errors import ParameterError, RigError, check_between
+from impact_rig.core.given.records import IMPORTED, FloatArray, HitLabel, Origin
+from impact_rig.core.given.sensors import FORCES, compute_scale, normalize_unit
+from impact_rig.core.given.setup import RigSetup, Sample, SampleSet
 from impact_rig.files.channels import MINIMUM_POINTS, map_channels
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.files.plan import ChannelPlan

@@ -11,15 +11,15 @@ from functools import cached_property
 from pathlib import Path
 
 from impact_rig.configuration.rig_file import read_rig_file
-from impact_rig.core.detection import ImpactDetector
-from impact_rig.core.errors import ParameterError, RigError, SignalError
-from impact_rig.core.filtering import check_cutoff
-from impact_rig.core.findings import Reason
-from impact_rig.core.overrules import NO_OVERRULES
-from impact_rig.core.records import Block, HitLabel, Truth
-from impact_rig.core.sensors import CHANNELS, Sensor
-from impact_rig.core.setup import RigSetup, Sample, SampleSet
-from impact_rig.core.verdict import check_channels, check_stream
+from impact_rig.core.given.errors import ParameterError, RigError, SignalError
+from impact_rig.core.given.filtering import check_cutoff
+from impact_rig.core.given.findings import Reason
+from impact_rig.core.given.records import Block, HitLabel, Truth
+from impact_rig.core.given.sensors import CHANNELS, Sensor
+from impact_rig.core.given.setup import RigSetup, Sample, SampleSet
+from impact_rig.core.hit.detection import ImpactDetector
+from impact_rig.core.hit.overrules import NO_OVERRULES
+from impact_rig.core.hit.verdict import check_channels, check_stream
 from impact_rig.files.channels import MeasuredHit
 from impact_rig.files.import_file import (
     ImportFile,

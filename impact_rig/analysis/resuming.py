@@ -8,8 +8,8 @@ from typing import Any
 from impact_rig.configuration.parameters import CONTINUOUS
 from impact_rig.configuration.rig_file import RigFile, load_rig_file
 from impact_rig.configuration.toml_table import parse_toml_table, read_toml_file
-from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.records import MEASURED
+from impact_rig.core.given.errors import FileError, ParameterError
+from impact_rig.core.given.records import MEASURED
 from impact_rig.recordings.messages import BLOCK_TYPE, origin_from_msg
 from impact_rig.recordings.new_file import list_successors, write_new_file
 from impact_rig.recordings.provenance import read_parameters

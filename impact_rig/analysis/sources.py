@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from impact_rig.analysis.analyze import analyze
-from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.recordings.provenance import compute_sha256
 from impact_rig.recordings.run import Run
 from impact_rig.results.numbers import format_count

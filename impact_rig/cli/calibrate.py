@@ -13,7 +13,7 @@ from rich.text import Text
 
 from impact_rig.analysis.analyze import judge
 from impact_rig.configuration.rig_file import RigFile, read_rig_file, read_today
-from impact_rig.core.calibration import (
+from impact_rig.core.estimates.calibration import (
     FEWEST_HITS,
     Calibration,
     CalibrationMethod,
@@ -21,13 +21,13 @@ from impact_rig.core.calibration import (
     estimate_sensitivity,
     fit_hit,
 )
-from impact_rig.core.errors import DeviceError, FileError, ParameterError
-from impact_rig.core.hits import JudgedHit
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import HitLabel
-from impact_rig.core.sensors import CHANNELS, Sensor
+from impact_rig.core.given.errors import DeviceError, FileError, ParameterError
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.sensors import CHANNELS, Sensor
+from impact_rig.core.given.setup import RigSetup
+from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.session import Session
-from impact_rig.core.setup import RigSetup
 from impact_rig.devices.source_table import make_source
 from impact_rig.present.console import (
     GOOD,

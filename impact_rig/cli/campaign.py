@@ -14,8 +14,8 @@ from impact_rig.cli import options
 from impact_rig.cli.output import make_progress, print_places
 from impact_rig.cli.show import show_results
 from impact_rig.configuration.processes import RESULTS_NAME, choose_run_folder
-from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.findings import join_findings
+from impact_rig.core.given.errors import DeviceError, RigError
+from impact_rig.core.given.findings import join_findings
 from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal, CampaignOutcome
 from impact_rig.nodes.campaign_plan import read_newest_campaign
 from impact_rig.page.view import list_numbers

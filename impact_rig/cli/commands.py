@@ -9,12 +9,12 @@ from typing import Any
 
 import click
 
-from impact_rig import __version__
 from impact_rig.cli import options
 from impact_rig.cli.options import FILE, FOLDER
 from impact_rig.cli.rig_group import RigGroup
 from impact_rig.cli.start import load_module
 from impact_rig.configuration import option_texts
+from impact_rig.version import __version__
 
 HAMMER_ACTIONS = ("state", "arm", "disarm", "stop", "reset", "confirm")
 

@@ -25,7 +25,7 @@ from impact_rig.configuration.processes import (
     make_run_folder,
 )
 from impact_rig.configuration.rig_file import RigFile
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.devices.drivers import VIRTUAL, read_driver_name
 from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal
 

@@ -11,7 +11,7 @@ from rich.text import Text
 from impact_rig.cli.libraries import describe_missing
 from impact_rig.configuration.rig_checks import check_rig
 from impact_rig.configuration.rig_file import RigFile, read_rig_file
-from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.given.errors import DeviceError, ParameterError, RigError
 from impact_rig.devices.drivers import (
     HOLDERS,
     SOURCES,

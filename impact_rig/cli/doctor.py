@@ -14,7 +14,7 @@ from pathlib import Path
 from rich.text import Text
 
 from impact_rig.cli.libraries import LIBRARIES, Library
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 from impact_rig.devices.drivers import HOLDERS, SOURCES, find_drivers
 from impact_rig.nodes.discovery import offer_profile, reserve_domain
 from impact_rig.present.console import ALARM, GOOD, WARNING, make_console, print_facts

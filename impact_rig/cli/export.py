@@ -13,8 +13,8 @@ from impact_rig.analysis.sources import RunSource, find_run, read_runs
 from impact_rig.cli.info import EXIT_DAMAGED, describe_hits
 from impact_rig.cli.options import refuse_given
 from impact_rig.cli.output import show_progress
-from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.overrules import find_label
+from impact_rig.core.given.errors import FileError, ParameterError
+from impact_rig.core.hit.overrules import find_label
 from impact_rig.files.formats.registry import WRITABLE, write_measurement
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.present.console import print_warning

@@ -13,7 +13,7 @@ from impact_rig.analysis.measured_files import (
 )
 from impact_rig.analysis.sources import find_repeated_files
 from impact_rig.cli.output import print_taken, raise_errors
-from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.core.given.errors import ParameterError, RigError
 from impact_rig.files.channels import make_template
 from impact_rig.files.formats.registry import read_measurement
 from impact_rig.files.import_file import MeasurementOptions, read_import_template

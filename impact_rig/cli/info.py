@@ -13,9 +13,9 @@ from rich.console import Console
 from rich.text import Text
 
 from impact_rig.cli.output import print_json, process_each, raise_errors, show_progress
-from impact_rig.core.errors import RigError
-from impact_rig.core.records import join_origins
-from impact_rig.core.sensors import Sensor
+from impact_rig.core.given.errors import RigError
+from impact_rig.core.given.records import join_origins
+from impact_rig.core.given.sensors import Sensor
 from impact_rig.present.console import (
     ALARM,
     GOOD,

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from click.core import ParameterSource
 
 from impact_rig.configuration import option_texts
 from impact_rig.configuration.processes import make_network_variables
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 from impact_rig.devices.virtual.choices import Fault, Plant
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def parse_angles(_: click.Context, option: click.Parameter, text: str) -> tuple[float, ...]:
     """Return release angles [rad], in degrees between commas; raises `ParameterError`."""
-    from impact_rig.core.setup import check_release_angles
+    from impact_rig.core.given.setup import check_release_angles
 
     if not text:
         return ()

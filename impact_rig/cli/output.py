@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from impact_rig.configuration.processes import RECORDING_NAME, REPORT_NAME
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.present.console import (
     GOOD,
     make_console,

@@ -9,7 +9,7 @@ from impact_rig.cli import options
 from impact_rig.cli.up import RunningNodes
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import NodeProcess
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 
 
 def run(

@@ -25,8 +25,8 @@ from impact_rig.configuration.particulars import (
 )
 from impact_rig.configuration.processes import REPORT_NAME
 from impact_rig.configuration.toml_table import read_toml_file
-from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.records import IMPORTED, MEASURED, join_origins
+from impact_rig.core.given.errors import FileError, ParameterError
+from impact_rig.core.given.records import IMPORTED, MEASURED, join_origins
 from impact_rig.present.console import print_warning
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report

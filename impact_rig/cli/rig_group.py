@@ -9,7 +9,7 @@ from typing import IO, Any
 import click
 
 from impact_rig.cli.libraries import explain_missing
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 
 EXIT_ERROR = 2  # something that the user can mend
 EXIT_INTERRUPTED = 130  # ended by Ctrl-C: 128 + SIGINT, as in shells

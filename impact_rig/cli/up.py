@@ -35,7 +35,7 @@ from impact_rig.configuration.processes import (
     read_notice,
 )
 from impact_rig.configuration.rig_file import RigFile, read_template
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.devices.drivers import read_driver_name
 from impact_rig.present.console import print_warning
 

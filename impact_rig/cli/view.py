@@ -12,7 +12,7 @@ import click
 from impact_rig.analysis.analyze import analyze
 from impact_rig.analysis.sources import find_run
 from impact_rig.cli.output import process_each, raise_errors, show_progress
-from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
+from impact_rig.core.given.errors import DeviceError, FileError, ParameterError, RigError
 from impact_rig.present.console import print_warning
 from impact_rig.present.rerun.delivery import join_views, write_view
 from impact_rig.present.rerun.viewers import (

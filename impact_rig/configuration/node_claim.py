@@ -11,7 +11,7 @@ import socket
 import struct
 from collections.abc import Iterable
 
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 
 WAITING_CALLS = 1000
 """Connections that may wait while a node lives: none is accepted."""

@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 
 CONTINUOUS = "continuous"
 """Mode of accelerometers that stream all the time."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Self
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable, parse_toml_table
-from impact_rig.core.errors import ParameterError, check_name
+from impact_rig.core.given.errors import ParameterError, check_name
 
 
 @dataclass(frozen=True)

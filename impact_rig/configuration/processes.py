@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from impact_rig.configuration.parameters import CONTINUOUS, check_parameters
-from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.given.errors import FileError, ParameterError
 
 if TYPE_CHECKING:
     from impact_rig.configuration.rig_file import RigFile

@@ -14,12 +14,12 @@ from impact_rig.configuration.rig_file import (
     take_trigger_level,
 )
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.checks import advise_check
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.filtering import HIGHEST_RELATIVE_CUTOFF
-from impact_rig.core.paper_estimate import check_control
-from impact_rig.core.sensors import CHANNELS, STANDARD_GRAVITY
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.estimates.checks import advise_check
+from impact_rig.core.estimates.paper_estimate import check_control
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.filtering import HIGHEST_RELATIVE_CUTOFF
+from impact_rig.core.given.sensors import CHANNELS, STANDARD_GRAVITY
+from impact_rig.core.given.setup import RigSetup
 
 HAMMER, SPECIMEN = CHANNELS
 VIRTUAL = "virtual"

@@ -29,15 +29,15 @@ from impact_rig.configuration.units import (
     parse_sensitivity,
     read_given,
 )
-from impact_rig.core.errors import ParameterError, check_name
-from impact_rig.core.sensors import (
+from impact_rig.core.given.errors import ParameterError, check_name
+from impact_rig.core.given.sensors import (
     CHANNELS,
     QUANTITIES,
     Sensor,
     compute_scale,
     normalize_unit,
 )
-from impact_rig.core.setup import (
+from impact_rig.core.given.setup import (
     DEFAULT_CLOCK_UNCERTAINTY,
     PAPER_SETUP,
     AnalysisSettings,

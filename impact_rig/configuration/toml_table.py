@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from impact_rig.configuration.units import parse_quantity
-from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.core.given.errors import FileError, ParameterError, RigError
 
 Content = TypeVar("Content")
 

@@ -9,8 +9,8 @@ from numbers import Real
 from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.sensors import VOLTAGES, Sensitivity, normalize_unit
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.sensors import VOLTAGES, Sensitivity, normalize_unit
 
 if TYPE_CHECKING:
     from pint import UnitRegistry

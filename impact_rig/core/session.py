@@ -9,21 +9,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import chain
 
-from impact_rig.core.checks import ask_for_mass
-from impact_rig.core.detection import ImpactDetector
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.findings import Note, Reason, Subject
-from impact_rig.core.hits import (
-    JudgedHit,
-    MeanHit,
-    describe_overruled,
-    find_objection,
-    judge_hit,
-    overrule_hit,
-)
-from impact_rig.core.overrules import NO_OVERRULES, Overrule, Overrules, Verdict
-from impact_rig.core.paper_estimate import estimate_paper
-from impact_rig.core.paper_method import (
+from impact_rig.core.estimates.checks import ask_for_mass
+from impact_rig.core.estimates.paper_estimate import estimate_paper
+from impact_rig.core.estimates.paper_method import (
     UNSEEN,
     HammerEstimate,
     HammerPulse,
@@ -31,19 +19,33 @@ from impact_rig.core.paper_method import (
     estimate_hammer,
     read_mean_hit,
 )
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import Block, PackedRecord, Record
-from impact_rig.core.sample import (
+from impact_rig.core.estimates.sample import (
     SampleEstimate,
     SampleParts,
     TraceEstimates,
     assemble_samples,
     estimate_traces,
 )
-from impact_rig.core.series import HitCount, HitSeries, Selection
-from impact_rig.core.setup import RigSetup
-from impact_rig.core.speed_exponents import SpeedExponents, estimate_speed_exponents
-from impact_rig.core.uncertainty import RigInputs
+from impact_rig.core.estimates.speed_exponents import SpeedExponents, estimate_speed_exponents
+from impact_rig.core.estimates.uncertainty import RigInputs
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.findings import Note, Reason, Subject
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.records import Block, PackedRecord, Record
+from impact_rig.core.given.setup import RigSetup
+from impact_rig.core.hit.detection import ImpactDetector
+from impact_rig.core.hit.judging import JudgedHit, judge_hit
+from impact_rig.core.hit.overrules import (
+    NO_OVERRULES,
+    Overrule,
+    Overrules,
+    Verdict,
+    describe_overruled,
+    find_objection,
+    overrule_hit,
+)
+from impact_rig.core.mean.mean_hit import MeanHit
+from impact_rig.core.mean.series import HitCount, HitSeries, Selection
 
 
 @dataclass(frozen=True)

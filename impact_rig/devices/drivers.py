@@ -6,7 +6,7 @@ from importlib import metadata, resources
 from typing import Any
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 
 SOURCES = "impact_rig.acceleration_sources"
 HOLDERS = "impact_rig.hammer_holders"

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 
 LEARNED_POINTS, LEARNED_MESSAGES = 100, 3
 """From so many points and messages the rate is known."""

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
-from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.records import Block, FloatArray
+from impact_rig.core.given.errors import DeviceError, RigError
+from impact_rig.core.given.records import Block, FloatArray
 from impact_rig.devices.drivers import read_example
 from impact_rig.devices.protocols import (
     NOT_MEASURED,

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
-from impact_rig.core.errors import DeviceError
-from impact_rig.core.sensors import VOLTAGES, compute_scale, normalize_unit
+from impact_rig.core.given.errors import DeviceError
+from impact_rig.core.given.sensors import VOLTAGES, compute_scale, normalize_unit
 from impact_rig.devices.drivers import read_example
 from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, FoundDevice, SourceChannel
 from impact_rig.devices.speed_gate import SpeedGate

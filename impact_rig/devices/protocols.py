@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 import numpy as np
 
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.errors import ParameterError, check_between, check_positive
-from impact_rig.core.quantity import Comparable
-from impact_rig.core.records import Block, ChannelBlock, HitLabel, RawArray
-from impact_rig.core.sensors import Sensor
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.errors import ParameterError, check_between, check_positive
+from impact_rig.core.given.quantity import Comparable
+from impact_rig.core.given.records import Block, ChannelBlock, HitLabel, RawArray
+from impact_rig.core.given.sensors import Sensor
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.devices.speed_gate import SpeedGate
 
 if TYPE_CHECKING:

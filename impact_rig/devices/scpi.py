@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
-from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.core.records import Block, ChannelBlock
+from impact_rig.core.given.errors import DeviceError, ParameterError
+from impact_rig.core.given.records import Block, ChannelBlock
 from impact_rig.devices.drivers import read_example
 from impact_rig.devices.protocols import (
     NOT_MEASURED,

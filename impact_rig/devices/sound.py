@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from impact_rig.configuration.toml_table import REQUIRED, TomlTable
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 from impact_rig.devices.drivers import read_example
 from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, FoundDevice, SourceChannel
 from impact_rig.devices.speed_gate import SpeedGate

@@ -10,8 +10,8 @@ from impact_rig.configuration.rig_file import (
     take_trigger_level,
 )
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.devices.drivers import SOURCES, VIRTUAL, make_device
 from impact_rig.devices.protocols import (
     AccelerationSource,

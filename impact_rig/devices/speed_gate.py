@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from impact_rig.configuration.rig_file import take_barrier_distance
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.records import NO_SPEED, FloatArray, MeasuredSpeed
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.records import NO_SPEED, FloatArray, MeasuredSpeed
+from impact_rig.core.given.setup import RigSetup
 
 PENDULUM_UNCERTAINTY = 0.05
 """Relative standard uncertainty of the pendulum's rate by the rig file [-], our choice."""

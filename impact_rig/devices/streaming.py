@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.errors import DeviceError
-from impact_rig.core.records import NO_SPEED, Block, MeasuredSpeed
+from impact_rig.core.given.errors import DeviceError
+from impact_rig.core.given.records import NO_SPEED, Block, MeasuredSpeed
 from impact_rig.devices.protocols import NOT_MEASURED, Acquisition, AcquisitionPlan, ChannelScale
 from impact_rig.devices.speed_gate import EdgeWatch
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from impact_rig.core.errors import ParameterError, SignalError
-from impact_rig.core.records import (
+from impact_rig.core.given.errors import ParameterError, SignalError
+from impact_rig.core.given.records import (
     IMPORTED,
     MIXED,
     SIMULATED,
@@ -20,7 +20,7 @@ from impact_rig.core.records import (
     Origin,
     RawArray,
 )
-from impact_rig.core.sensors import (
+from impact_rig.core.given.sensors import (
     ACCELERATIONS,
     FORCES,
     UNITS,

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 from impact_rig.configuration.rig_file import RESPONSE_KEYS, parse_response, parse_settings
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
 from impact_rig.configuration.units import parse_reading, parse_sensitivity, read_given
-from impact_rig.core.errors import FileError, check_name
-from impact_rig.core.quantity import Comparable
+from impact_rig.core.given.errors import FileError, check_name
+from impact_rig.core.given.quantity import Comparable
 from impact_rig.files.plan import ChannelPlan, ChannelUse
 
 CHANNEL_KEYS = (

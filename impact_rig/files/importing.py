@@ -14,13 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from impact_rig import __version__
-from impact_rig.core.detection import ImpactDetector, find_pulse_start
-from impact_rig.core.errors import SignalError
-from impact_rig.core.records import Block, HitLabel
-from impact_rig.core.sensors import CHANNELS
-from impact_rig.core.setup import AnalysisSettings, RigSetup
-from impact_rig.core.stream import cut_impacts
+from impact_rig.core.given.errors import SignalError
+from impact_rig.core.given.records import Block, HitLabel
+from impact_rig.core.given.sensors import CHANNELS
+from impact_rig.core.given.setup import AnalysisSettings, RigSetup
+from impact_rig.core.hit.detection import ImpactDetector, find_pulse_start
+from impact_rig.core.hit.stream import cut_impacts
 from impact_rig.files.channels import MeasuredHit, map_channels
 from impact_rig.files.formats.registry import read_measurement
 from impact_rig.files.plan import ChannelPlan
@@ -29,6 +28,7 @@ from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import compute_sha256
 from impact_rig.recordings.records import IMPORT_REMARKS, PROVENANCE_RECORD, OfferedQos
 from impact_rig.recordings.writer import RecordingWriter
+from impact_rig.version import __version__
 
 FIRST_STAMP = NANOSECONDS
 """When the first hit begins if its file states no time [ns since the epoch]; 0 means no time in

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.errors import FileError, ParameterError, check_positive
-from impact_rig.core.records import RawArray
-from impact_rig.core.sensors import normalize_unit
+from impact_rig.core.given.errors import FileError, ParameterError, check_positive
+from impact_rig.core.given.records import RawArray
+from impact_rig.core.given.sensors import normalize_unit
 
 ORIGIN = "origin"
 """Name of a channel's origin in exported files."""
@@ -35,7 +35,9 @@ class MeasuredChannel:
     # int32 or float64, shape (n,), neither scaled nor rounded, with NaN and infinity; read-only
     values: RawArray
     sampling_rate: float = math.nan  # [Hz]; NaN: the file does not state it
-    unit: str = ""  # spelled as in `impact_rig.core.sensors`; empty: the file does not state it
+    unit: str = (
+        ""  # spelled as in `impact_rig.core.given.sensors`; empty: the file does not state it
+    )
     start: float = 0.0  # time of the first point [s]
     # When that time was 0 [ns since the epoch]; 0: not stated, or not in `EARLIEST` to `LATEST`.
     recorded_at: int = 0

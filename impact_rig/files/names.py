@@ -3,7 +3,7 @@
 import re
 from enum import Enum
 
-from impact_rig.core.sensors import ACCELERATIONS, FORCES, UNITS, normalize_unit
+from impact_rig.core.given.sensors import ACCELERATIONS, FORCES, UNITS, normalize_unit
 from impact_rig.files.times import TIME_UNITS, normalize_time_unit
 
 BRACKETS = {"]": "[", ")": "("}

@@ -5,15 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from impact_rig.core.errors import ParameterError, check_if_known, check_not_negative
-from impact_rig.core.quantity import Comparable
-from impact_rig.core.sensors import (
-    FORCES,
-    UNITS,
-    VOLTAGES,
-    Sensitivity,
-    normalize_unit,
-)
+from impact_rig.core.given.errors import ParameterError, check_if_known, check_not_negative
+from impact_rig.core.given.quantity import Comparable
+from impact_rig.core.given.sensors import FORCES, UNITS, VOLTAGES, Sensitivity, normalize_unit
 from impact_rig.files.times import SAMPLES, TIME_UNITS, normalize_time_unit
 
 ROLES = ("time", "hammer", "specimen", "skip")

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from impact_rig.core.errors import SignalError
+from impact_rig.core.given.errors import SignalError
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.files.names import find_unit
 

@@ -12,7 +12,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from impact_rig.core.errors import ParameterError, SignalError
+from impact_rig.core.given.errors import ParameterError, SignalError
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.files.names import PARTS, Kind, find_kind, find_unit, says_hammer, says_sample
 from impact_rig.files.plan import ROLES, ChannelPlan, ChannelUse

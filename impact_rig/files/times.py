@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from impact_rig.core.errors import SignalError
-from impact_rig.core.records import RawArray
+from impact_rig.core.given.errors import SignalError
+from impact_rig.core.given.records import RawArray
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 """Units of times [s]."""

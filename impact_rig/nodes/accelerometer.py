@@ -8,9 +8,9 @@ from impact_rig_msgs.srv import Arm, JoinCampaign
 from std_srvs.srv import SetBool
 
 from impact_rig.configuration.parameters import CONTINUOUS
-from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.records import Block, HitLabel
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.errors import DeviceError, RigError
+from impact_rig.core.given.records import Block, HitLabel
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.accelerometer_source import (
     COMPLETE,

@@ -12,8 +12,8 @@ from impact_rig_msgs.msg import AccelerationBlock, StreamBlock
 
 from impact_rig.configuration.rig_checks import require_rig
 from impact_rig.configuration.rig_file import load_rig_file
-from impact_rig.core.errors import DeviceError, ParameterError, RigError
-from impact_rig.core.records import (
+from impact_rig.core.given.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.given.records import (
     MEASURED,
     NOT_ARMED,
     SIMULATED,

@@ -8,7 +8,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
 
-from impact_rig.core.errors import DeviceError, RigError
+from impact_rig.core.given.errors import DeviceError, RigError
 
 RESEND_PERIOD = 3.0
 """How soon an unanswered request is sent again [s]: longer than any answer takes but

@@ -25,11 +25,11 @@ from rclpy.duration import Duration
 from std_srvs.srv import Trigger
 
 from impact_rig.configuration.rig_file import load_rig_file, read_today
-from impact_rig.core.checks import advise_check
-from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.findings import Finding, join_findings
-from impact_rig.core.setup import PAPER_SETUP, RigSetup, Sample, format_angle
-from impact_rig.core.verdict import SHOWS_NOTHING
+from impact_rig.core.estimates.checks import advise_check
+from impact_rig.core.given.errors import DeviceError, RigError
+from impact_rig.core.given.findings import Finding, join_findings
+from impact_rig.core.given.setup import PAPER_SETUP, RigSetup, Sample, format_angle
+from impact_rig.core.hit.verdict import SHOWS_NOTHING
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.acts import BEAT, REACTION, NumberedState, Standstill
 from impact_rig.nodes.campaign_plan import plan_campaign

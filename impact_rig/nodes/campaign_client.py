@@ -19,7 +19,7 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.task import Future
 from std_msgs.msg import String
 
-from impact_rig.core.errors import DeviceError, RigError
+from impact_rig.core.given.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.acts import describe_caller, fill_act
 from impact_rig.nodes.client import START_ONE, RigClient

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes.intake import Received
 from impact_rig.recordings.campaigns import begins_campaign
 from impact_rig.recordings.messages import NO_ID

@@ -10,8 +10,8 @@ from impact_rig_msgs.action import RunCampaign
 from rclpy.serialization import deserialize_message
 
 from impact_rig.configuration.rig_file import make_check_mass
-from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.setup import RigSetup, Sample
+from impact_rig.core.given.errors import FileError, ParameterError
+from impact_rig.core.given.setup import RigSetup, Sample
 from impact_rig.nodes.identity import id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.messages import setup_to_msg
 from impact_rig.recordings.messages import NO_ID, SETUP_TYPE, setup_from_msg

@@ -11,8 +11,8 @@ from impact_rig_msgs.msg import CampaignState, Impact
 from impact_rig_msgs.msg import RigSetup as RigSetupMessage
 from rclpy.action.server import ServerGoalHandle
 
-from impact_rig.core.errors import DeviceError, RigError
-from impact_rig.core.setup import Sample
+from impact_rig.core.given.errors import DeviceError, RigError
+from impact_rig.core.given.setup import Sample
 from impact_rig.nodes.acts import NumberedState
 from impact_rig.recordings.messages import NO_ID, setup_from_msg
 from impact_rig.status.states import Step, Task

@@ -14,7 +14,7 @@ import rclpy
 from impact_rig_msgs.srv import Act
 from rclpy.node import Node
 
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.acts import REACTION, describe_caller, fill_act
 from impact_rig.nodes.discovery import offer_profile

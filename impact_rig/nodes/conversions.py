@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs import msg
 
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 from impact_rig.recordings.messages import NANOSECONDS, from_message, stamp_from_msg
 from impact_rig.status.states import CampaignStatus, HammerStatus, Level, NodeHealth
 

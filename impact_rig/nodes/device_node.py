@@ -6,7 +6,7 @@ from typing import Any
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from impact_rig.configuration.parameters import Parameter
-from impact_rig.core.errors import ParameterError, RigError
+from impact_rig.core.given.errors import ParameterError, RigError
 from impact_rig.nodes.rig_node import RigNode
 
 

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from impact_rig.configuration.processes import DISCOVERY, NETWORK, PROFILES, TRANSPORTS
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 
 PROFILE_FILE = Path("DEFAULT_FASTRTPS_PROFILES.xml")
 """A user's own profiles, in the folder in which a process runs."""

@@ -9,14 +9,14 @@ from builtin_interfaces.msg import Time
 from impact_rig_msgs import msg
 from impact_rig_msgs.srv import GetResults, JoinCampaign, OverruleHit
 
-from impact_rig.core.errors import ParameterError, RigError
-from impact_rig.core.hits import JudgedHit
-from impact_rig.core.overrules import Overrule
-from impact_rig.core.records import Block
-from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.errors import ParameterError, RigError
+from impact_rig.core.given.records import Block
+from impact_rig.core.given.setup import RigSetup
+from impact_rig.core.hit.judging import JudgedHit
+from impact_rig.core.hit.overrules import Overrule
+from impact_rig.core.hit.stream import StreamCutter
 from impact_rig.core.session import Session
-from impact_rig.core.setup import RigSetup
-from impact_rig.core.stream import StreamCutter
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, id_from_msg
 from impact_rig.nodes.intake import Received

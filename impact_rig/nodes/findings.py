@@ -7,7 +7,7 @@ import numpy as np
 from impact_rig_msgs import msg
 from numpy.typing import NDArray
 
-from impact_rig.core.errors import ParameterError, check_not_negative
+from impact_rig.core.given.errors import ParameterError, check_not_negative
 from impact_rig.recordings.messages import (
     from_message,
     label_from_msg,

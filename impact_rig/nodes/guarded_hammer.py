@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 from impact_rig.devices.protocols import AngledHolder, HammerHolder, HolderState
 from impact_rig.status.states import Disarming, HammerPlace, HammerStatus
 

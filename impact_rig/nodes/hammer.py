@@ -10,8 +10,8 @@ from impact_rig_msgs.msg import HammerRelease
 from impact_rig_msgs.srv import Release, SetAngle, SetArmed
 
 from impact_rig.configuration.rig_file import load_rig_file
-from impact_rig.core.errors import DeviceError, ParameterError, RigError
-from impact_rig.core.setup import check_release_angles
+from impact_rig.core.given.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.given.setup import check_release_angles
 from impact_rig.devices.drivers import HOLDERS, make_device
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.acts import NumberedState, Standstill

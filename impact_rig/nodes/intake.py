@@ -13,7 +13,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
 from impact_rig.configuration.processes import MEASURING
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.nodes.identity import Identity, Membership, identity_from_msg
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.recordings.messages import NO_ID, stamp_from_msg

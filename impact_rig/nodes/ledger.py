@@ -6,10 +6,10 @@ from pathlib import Path
 
 from impact_rig_msgs.msg import AccelerationBlock, RecordStored
 
-from impact_rig.core.errors import RigError
-from impact_rig.core.hits import JudgedHit
-from impact_rig.core.overrules import NO_OVERRULES, Overrules
-from impact_rig.core.records import Block
+from impact_rig.core.given.errors import RigError
+from impact_rig.core.given.records import Block
+from impact_rig.core.hit.judging import JudgedHit
+from impact_rig.core.hit.overrules import NO_OVERRULES, Overrules
 from impact_rig.core.session import Session
 from impact_rig.nodes.identity import id_from_msg
 from impact_rig.recordings.messages import BLOCK_TYPE, block_from_msg

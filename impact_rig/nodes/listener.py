@@ -14,7 +14,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.task import Future
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from impact_rig.core.errors import DeviceError, FileError
+from impact_rig.core.given.errors import DeviceError, FileError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.executor import accept_message_info, make_executor, spin_until

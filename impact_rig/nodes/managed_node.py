@@ -7,7 +7,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from impact_rig.configuration.processes import ACTIVE, Notice, notify
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.nodes.parameter_node import ParameterNode
 
 RCLError = rclpy_implementation.RCLError

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from builtin_interfaces.msg import Time
 from impact_rig_msgs import msg
 
-from impact_rig.core.records import Block
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.records import Block
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes.identity import NO_IDENTITY, Identity
 from impact_rig.recordings import messages as recorded
 

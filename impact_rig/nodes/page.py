@@ -26,10 +26,10 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from impact_rig.configuration.processes import Notice, notify
-from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.core.overrules import Overrule, Verdict
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.errors import DeviceError, ParameterError
+from impact_rig.core.given.setup import RigSetup
+from impact_rig.core.hit.overrules import Overrule, Verdict
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_feed import CampaignFeed
 from impact_rig.nodes.executor import make_executor, spin_until

@@ -12,7 +12,7 @@ from rcl_interfaces.msg import (
 from rclpy.parameter import Parameter
 
 from impact_rig.configuration import parameters
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 from impact_rig.nodes.async_node import AsyncNode
 
 

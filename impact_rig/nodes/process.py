@@ -19,7 +19,7 @@ from rclpy.task import Future
 
 from impact_rig.configuration.node_claim import claim_node
 from impact_rig.configuration.processes import LAUNCHER
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.rig_node import RigNode

@@ -20,14 +20,13 @@ from rclpy.serialization import deserialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
-from impact_rig import __version__
 from impact_rig.configuration.processes import (
     RECORDING_NAME,
     choose_run_folder,
     split_names,
 )
-from impact_rig.core.errors import FileError, ParameterError, RigError
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.errors import FileError, ParameterError, RigError
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.diagnostics import PARAMETERS
 from impact_rig.nodes.executor import accept_message_info
@@ -51,6 +50,7 @@ from impact_rig.recordings.records import (
 from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.source import SUFFIX
 from impact_rig.recordings.writer import RecordingWriter
+from impact_rig.version import __version__
 
 FINDINGS = (
     interfaces.IMPACT,

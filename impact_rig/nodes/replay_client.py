@@ -9,8 +9,8 @@ from typing import Any
 from impact_rig_msgs.srv import GetResults
 from rclpy.logging import LoggingSeverity, set_logger_level
 
-from impact_rig.core.errors import RigError
-from impact_rig.core.records import Block, HitLabel, Truth
+from impact_rig.core.given.errors import RigError
+from impact_rig.core.given.records import Block, HitLabel, Truth
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
 from impact_rig.nodes.estimator import EstimatorNode

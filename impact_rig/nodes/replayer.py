@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import split_names
-from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.process import run_node

@@ -11,14 +11,14 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from impact_rig_msgs import msg
 
-from impact_rig.core.comparison import ModelComparison
-from impact_rig.core.findings import Finding
-from impact_rig.core.hits import JudgedHit
-from impact_rig.core.overrules import Overrule
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.records import FloatArray
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.speed_exponents import SpeedExponents
+from impact_rig.core.estimates.comparison import ModelComparison
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.estimates.speed_exponents import SpeedExponents
+from impact_rig.core.given.findings import Finding
+from impact_rig.core.given.records import FloatArray
+from impact_rig.core.hit.judging import JudgedHit
+from impact_rig.core.hit.overrules import Overrule
 from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.identity import Identity
 from impact_rig.nodes.messages import make_message, stamp_to_msg

@@ -1,15 +1,12 @@
 """Another node of the rig, as a node sees it: alive, silent, or gone."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.intake import Received
 from impact_rig.recordings.messages import NO_ID
 from impact_rig.status.states import AcquisitionStatus, Phase
-
-if TYPE_CHECKING:
-    from impact_rig.nodes.rig_node import RigNode
 
 
 class RigMember:
@@ -21,7 +18,7 @@ class RigMember:
     Parameters
     ----------
     node : RigNode
-        That listens.
+        That listens; it has one of these itself, of the campaign.
     name : str
         Of the other node.
     topic : Topic
@@ -34,7 +31,7 @@ class RigMember:
 
     def __init__(
         self,
-        node: "RigNode",
+        node: Any,
         name: str,
         topic: interfaces.Topic,
         on_change: Callable[[], None] = lambda: None,

@@ -10,8 +10,8 @@ from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from std_srvs.srv import Trigger
 
-from impact_rig.core.errors import RigError
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.errors import RigError
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.acts import NumberedState
 from impact_rig.nodes.diagnostics import DIAGNOSTIC_PERIOD, make_diagnostics

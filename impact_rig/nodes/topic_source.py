@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.errors import DeviceError, ParameterError, RigError
-from impact_rig.core.sensors import VOLTAGES, compute_scale, normalize_unit
+from impact_rig.core.given.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.given.sensors import VOLTAGES, compute_scale, normalize_unit
 from impact_rig.devices.message_clock import STAMP_ERROR, MessageClock
 from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, FoundDevice, SourceChannel
 from impact_rig.devices.streaming import StreamedSource

@@ -15,12 +15,12 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from impact_rig.configuration.processes import Notice, notify
-from impact_rig.core.contact_law import NO_LAW
-from impact_rig.core.errors import RigError
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.records import Block, HitLabel
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.estimates.contact_law import NO_LAW
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.errors import RigError
+from impact_rig.core.given.records import Block, HitLabel
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_feed import CampaignFeed
 from impact_rig.nodes.intake import Received

@@ -25,7 +25,7 @@ from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.given.errors import DeviceError, ParameterError, RigError
 
 STATIC = {"page.css": "text/css; charset=utf-8", "page.js": "text/javascript; charset=utf-8"}
 MACROS = ("act", "note", "strength", "numbers")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from impact_rig.core.records import FloatArray
+from impact_rig.core.given.records import FloatArray
 from impact_rig.results.traces import AlignedHit, Float32Array, JudgedTraces
 
 COLUMNS = 700

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from types import SimpleNamespace
 
-from impact_rig.core.findings import Reason, join_findings
-from impact_rig.core.paper_method import HammerEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.given.findings import Reason, join_findings
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO, MISSING, format_number
 from impact_rig.results.tables import tabulate_summary

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import TYPE_CHECKING
 
-from impact_rig.core.equations import estimate_equivalent_mass
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.speed_exponents import (
+from impact_rig.core.estimates.equations import estimate_equivalent_mass
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.estimates.speed_exponents import (
     ALL_SAMPLES,
     HERTZ_SPEED_EXPONENTS,
     SpeedExponents,
 )
+from impact_rig.core.given.quantity import Quantity
 from impact_rig.present.picture import Picture, make_panel, make_picture, reuse_panel, shorten_name
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import MICRO, format_error, format_quantity

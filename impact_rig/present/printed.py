@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
-from impact_rig.core.findings import Finding, Note
-from impact_rig.core.quantity import INTERNAL, BudgetLine, Description, Quantity, list_fields
+from impact_rig.core.given.findings import Finding, Note
+from impact_rig.core.given.quantity import INTERNAL, BudgetLine, Description, Quantity, list_fields
 from impact_rig.present.console import format_tables
 from impact_rig.results.numbers import SCALES, format_quantity, show_unit
 from impact_rig.results.table import Table, make_table, make_text_column
@@ -82,7 +82,7 @@ class Number(Quantity):
 
     Examples
     --------
-    >>> from impact_rig.core.quantity import Description
+    >>> from impact_rig.core.given.quantity import Description
     >>> number = Number(169.68e-6, 0.06e-6, 0.13e-6, said=Description("s", "τp", shown="µs"))
     >>> number
     169.68 ± 0.13 µs

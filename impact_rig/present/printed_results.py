@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from impact_rig.core.errors import RigError, SignalError, check_name
+from impact_rig.core.given.errors import RigError, SignalError, check_name
 from impact_rig.present.printed import Number, Printed, View, tabulate_numbers
 from impact_rig.present.sample_figures import draw_sample
 from impact_rig.results.campaign import Results as CampaignResults

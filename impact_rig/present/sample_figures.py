@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from impact_rig.core.records import FloatArray
+from impact_rig.core.given.records import FloatArray
 from impact_rig.present.picture import (
     TOP,
     WIDTH,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
-from impact_rig.core.records import IMPORTED, MEASURED, join_origins
+from impact_rig.core.given.records import IMPORTED, MEASURED, join_origins
 from impact_rig.present.console import (
     ALARM,
     TITLE,

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from impact_rig.core.records import IMPORTED, MEASURED
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.records import IMPORTED, MEASURED
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.present.picture import Picture, drawing_style, make_panel, make_picture
 from impact_rig.present.report.page import Document, Section, drop_empty
 from impact_rig.results.numbers import CONTACT_TIME, Measurand

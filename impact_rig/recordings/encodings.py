@@ -6,7 +6,7 @@ from typing import Any
 
 from mcap.records import Schema
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.records import ROS, Channel, Encoding, RawMessage
 from impact_rig.recordings.schemas import decode_message
 

@@ -5,7 +5,7 @@ from enum import Enum
 from itertools import islice, pairwise
 from typing import Any
 
-from impact_rig.core.records import UNSTATED, HitLabel, Origin
+from impact_rig.core.given.records import UNSTATED, HitLabel, Origin
 from impact_rig.recordings.campaigns import CampaignWatch
 from impact_rig.recordings.messages import (
     BLOCK_TYPE,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 from impact_rig.recordings.messages import NANOSECONDS
 
 LONGEST_LIST = 36

@@ -15,11 +15,10 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
-from impact_rig import __version__
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.findings import CODES, read_code
-from impact_rig.core.quantity import list_fields
-from impact_rig.core.records import (
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.findings import CODES, read_code
+from impact_rig.core.given.quantity import list_fields
+from impact_rig.core.given.records import (
     NO_SPEED,
     NOT_ARMED,
     UNSTATED,
@@ -31,12 +30,13 @@ from impact_rig.core.records import (
     RawArray,
     Truth,
 )
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.recordings.schemas import (
     MessageDefinition,
     find_message_definition,
     parse_schema,
 )
+from impact_rig.version import __version__
 
 PACKAGE = "impact_rig_msgs/msg/"
 SETUP_TYPE = PACKAGE + "RigSetup"

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 
 ROOM_FOR_ENDING = 16 << 20
 """Room left free on the disk [byte], our choice: for the end of the file, and for others."""

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.overrules import NO_OVERRULES, Overrule, Overrules, Verdict
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.hit.overrules import NO_OVERRULES, Overrule, Overrules, Verdict
 from impact_rig.recordings.messages import PACKAGE, campaign_id_from_msg, stamp_from_msg
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.scan import Scan

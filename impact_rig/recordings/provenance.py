@@ -12,9 +12,9 @@ from typing import Any
 
 import yaml
 
-from impact_rig import __version__
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.records import PARAMETERS_RECORD, Attachment, MetadataRecord
+from impact_rig.version import __version__
 
 LIBRARIES = ("numpy", "scipy", "mcap", "zstandard", "lz4", "rclpy")
 """Those on which it depends what is recorded and estimated."""

@@ -5,14 +5,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from impact_rig import __version__
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.contents import Contents, choose_topics, inspect_run
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.records import RECOVERY_RECORD, Attachment, Channel, RawMessage
 from impact_rig.recordings.run import Run, report_from
 from impact_rig.recordings.scan import Report
 from impact_rig.recordings.writer import RecordingWriter
+from impact_rig.version import __version__
 
 LIBRARY = f"impact_rig-recover {__version__}"
 """Writer in the new file: its messages may not be numbered without gaps."""

@@ -5,11 +5,11 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from impact_rig.core.errors import FileError, RigError
-from impact_rig.core.overrules import NO_OVERRULES
-from impact_rig.core.records import Block, HitLabel, Truth
-from impact_rig.core.setup import RigSetup
-from impact_rig.core.stream import StreamCutter
+from impact_rig.core.given.errors import FileError, RigError
+from impact_rig.core.given.records import Block, HitLabel, Truth
+from impact_rig.core.given.setup import RigSetup
+from impact_rig.core.hit.overrules import NO_OVERRULES
+from impact_rig.core.hit.stream import StreamCutter
 from impact_rig.recordings.campaigns import CampaignWatch
 from impact_rig.recordings.hits import HIT_TYPES
 from impact_rig.recordings.messages import (

@@ -19,7 +19,7 @@ from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.summary import Summary
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.new_file import is_being_written
 from impact_rig.recordings.records import (
     RECORDER,

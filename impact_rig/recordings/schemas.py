@@ -20,7 +20,7 @@ from rosbags.serde.cdr import generate_deserialize_cdr
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.records import Channel, RawMessage
 
 MAX_SCHEMA = 1 << 16

@@ -6,7 +6,7 @@ import re
 import shlex
 from pathlib import Path
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.new_file import list_successors
 from impact_rig.recordings.scan import MAGIC, Scan
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
 
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.quantity import Quantity
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import (
     HAMMER_MEASURANDS,

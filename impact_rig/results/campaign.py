@@ -10,13 +10,14 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
-from impact_rig.core.checks import NO_CHECKS
-from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.findings import Finding, Reason
-from impact_rig.core.hits import JudgedHit
-from impact_rig.core.paper_estimate import PEAK, TIME, PaperEstimate
-from impact_rig.core.paper_method import BASE_WIDTH, CONTACT_TIME, WIDTH, HammerEstimate
-from impact_rig.core.quantity import (
+from impact_rig.core.estimates.checks import NO_CHECKS
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.estimates.paper_estimate import PEAK, TIME, PaperEstimate
+from impact_rig.core.estimates.paper_method import BASE_WIDTH, CONTACT_TIME, WIDTH, HammerEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.estimates.speed_exponents import SpeedExponents
+from impact_rig.core.given.findings import Finding, Reason
+from impact_rig.core.given.quantity import (
     INLINE,
     UNKNOWN,
     Comparable,
@@ -24,11 +25,10 @@ from impact_rig.core.quantity import (
     describe,
     drop_internals,
 )
-from impact_rig.core.records import UNSTATED, HitLabel, Origin, join_origins
-from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.given.records import UNSTATED, HitLabel, Origin, join_origins
+from impact_rig.core.given.setup import RigSetup
+from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.session import SessionResults
-from impact_rig.core.setup import RigSetup
-from impact_rig.core.speed_exponents import SpeedExponents
 from impact_rig.results.numbers import format_count
 
 Peaks = TypeVar("Peaks", PaperEstimate, "HitResults", "FileResults")

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from impact_rig.core.quantity import Conformity, Quantity
+from impact_rig.core.given.quantity import Conformity, Quantity
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import (
     CONTACT_TIME,

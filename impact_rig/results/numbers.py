@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from impact_rig.core.quantity import POSITIVE, Quantity
-from impact_rig.core.records import IMPORTED, Origin
+from impact_rig.core.given.quantity import POSITIVE, Quantity
+from impact_rig.core.given.records import IMPORTED, Origin
 
 MISSING = "-"
 """Stands where a number was not determined."""

@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass
 from functools import partial
 
-from impact_rig.core.findings import Subject
-from impact_rig.core.quantity import Comparable
-from impact_rig.core.records import SIMULATED, Origin
-from impact_rig.core.setup import (
+from impact_rig.core.given.findings import Subject
+from impact_rig.core.given.quantity import Comparable
+from impact_rig.core.given.records import SIMULATED, Origin
+from impact_rig.core.given.setup import (
     HAMMER_DAMPING_COEFFICIENT,
     HAMMER_STIFFNESS,
     MISPRINTS,

@@ -6,10 +6,11 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
-from impact_rig.core.findings import Note, Reason, Subject
-from impact_rig.core.overrules import Overrule
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.records import (
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.estimates.uncertainty import LEAST_HITS
+from impact_rig.core.given.findings import Note, Reason, Subject
+from impact_rig.core.given.records import (
     MIXED,
     SIMULATED,
     UNKNOWN_KIND,
@@ -17,9 +18,8 @@ from impact_rig.core.records import (
     Origin,
     join_origins,
 )
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import PULSE_NAME, RigSetup
-from impact_rig.core.uncertainty import LEAST_HITS
+from impact_rig.core.given.setup import PULSE_NAME, RigSetup
+from impact_rig.core.hit.overrules import Overrule
 from impact_rig.results.campaign import FileResults, HitResults, Results
 from impact_rig.results.numbers import (
     CONTACT_TIME,

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.speed_exponents import SpeedExponents
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.estimates.speed_exponents import SpeedExponents
+from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.results.campaign import Results
 from impact_rig.results.remarks import gather_remarks
 from impact_rig.results.wire import (

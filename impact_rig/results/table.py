@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any
 
-from impact_rig.core.quantity import Quantity
+from impact_rig.core.given.quantity import Quantity
 from impact_rig.results.numbers import MISSING, SCALES, format_number, format_quantity
 
 LONGEST_UNBROKEN = 24

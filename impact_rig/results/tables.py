@@ -4,21 +4,21 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from impact_rig.core.contact_law import NO_LAW
-from impact_rig.core.findings import Note
-from impact_rig.core.momenta import Hold
-from impact_rig.core.paper_estimate import NO_NUMBERS
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.pulse_shape import ShapeFit
-from impact_rig.core.quantity import UNKNOWN, BudgetLine, Quantity, list_fields
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import PULSE_NAME
-from impact_rig.core.speed_exponents import (
+from impact_rig.core.estimates.contact_law import NO_LAW
+from impact_rig.core.estimates.paper_estimate import NO_NUMBERS
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.pulse_shape import ShapeFit
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.estimates.speed_exponents import (
     ALL_SAMPLES,
     HERTZ_SPEED_EXPONENTS,
     SPRING_SPEED_EXPONENTS,
     SpeedExponents,
 )
+from impact_rig.core.given.findings import Note
+from impact_rig.core.given.quantity import UNKNOWN, BudgetLine, Quantity, list_fields
+from impact_rig.core.given.setup import PULSE_NAME
+from impact_rig.core.hit.momenta import Hold
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import (
     CONTACT_TIME,

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.hits import FilteredHit, MeanHit
-from impact_rig.core.law_pulses import LossForm, compute_pulses, find_places
-from impact_rig.core.overrules import Overrule
-from impact_rig.core.pulse_width import measure_pulse
-from impact_rig.core.pulses import compute_pulse
-from impact_rig.core.records import Block, ChannelBlock, FloatArray, HitLabel
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.estimates.law_pulses import LossForm, compute_pulses, find_places
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.records import Block, ChannelBlock, FloatArray, HitLabel
+from impact_rig.core.given.setup import RigSetup
+from impact_rig.core.hit.judging import FilteredHit
+from impact_rig.core.hit.overrules import Overrule
+from impact_rig.core.hit.pulse_width import measure_pulse
+from impact_rig.core.hit.pulses import compute_pulse
+from impact_rig.core.mean.mean_hit import MeanHit
 from impact_rig.results.campaign import HitResults, Results
 
 Float32Array = NDArray[np.float32]

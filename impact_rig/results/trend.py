@@ -8,9 +8,9 @@ from datetime import UTC, datetime
 import numpy as np
 import scipy
 
-from impact_rig.core.checks import CHAIN_TOLERANCE, Checks
-from impact_rig.core.quantity import UNKNOWN, Comparable, Quantity, describe
-from impact_rig.core.records import MEASURED, FloatArray
+from impact_rig.core.estimates.checks import CHAIN_TOLERANCE, Checks
+from impact_rig.core.given.quantity import UNKNOWN, Comparable, Quantity, describe
+from impact_rig.core.given.records import MEASURED, FloatArray
 from impact_rig.results.batch import BatchCampaign, shorten_paths
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.numbers import (

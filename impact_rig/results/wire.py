@@ -17,16 +17,16 @@ from collections.abc import Mapping
 from dataclasses import is_dataclass
 from typing import Any, TypeVar, get_args, get_origin
 
-from impact_rig.core.errors import ParameterError, RigError
-from impact_rig.core.findings import CODES, join_findings, read_code
-from impact_rig.core.quantity import (
+from impact_rig.core.given.errors import ParameterError, RigError
+from impact_rig.core.given.findings import CODES, join_findings, read_code
+from impact_rig.core.given.quantity import (
     BudgetLine,
     Quantity,
     StoredField,
     list_fields,
     read_description,
 )
-from impact_rig.core.records import Origin
+from impact_rig.core.given.records import Origin
 
 Json = dict[str, Any]
 Record = TypeVar("Record")

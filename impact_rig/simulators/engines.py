@@ -15,10 +15,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, least_squares
 
-from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.findings import join_findings
-from impact_rig.core.records import FloatArray, Origin
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.findings import join_findings
+from impact_rig.core.given.records import FloatArray, Origin
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import MICRO, format_quantity
 
@@ -75,7 +75,7 @@ def make_contact(results: Results, name: str) -> Contact:
 class Bend:
     """How an engine's spring and damper grow with the compression s: D = 1 - (1 - D0) (1 - s)^p.
 
-    All in the scales of `impact_rig.core.law_pulses`.
+    All in the scales of `impact_rig.core.estimates.law_pulses`.
     """
 
     start: float = 1.0  # [-], D0

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from impact_rig.core.errors import check_not_negative
-from impact_rig.core.quantity import describe
-from impact_rig.core.records import Block, ChannelBlock
+from impact_rig.core.given.errors import check_not_negative
+from impact_rig.core.given.quantity import describe
+from impact_rig.core.given.records import Block, ChannelBlock
 
 HIT = 20.0
 """A peak so many times the noise is a hit and no noise [-], our choice."""

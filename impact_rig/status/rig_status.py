@@ -29,8 +29,8 @@ from impact_rig.status.states import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from impact_rig.core.sample import SampleEstimate
-    from impact_rig.core.setup import RigSetup
+    from impact_rig.core.estimates.sample import SampleEstimate
+    from impact_rig.core.given.setup import RigSetup
     from impact_rig.results.campaign import HitResults
 
 MOST_NOTES = 20

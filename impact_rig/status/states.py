@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from impact_rig.core.quantity import INTERNAL, NOT_NEGATIVE
+from impact_rig.core.given.quantity import INTERNAL, NOT_NEGATIVE
 
 
 class Step(IntEnum):

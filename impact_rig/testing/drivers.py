@@ -26,8 +26,8 @@ import numpy as np
 import pytest
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
-from impact_rig.core.errors import DeviceError, ParameterError, RigError
-from impact_rig.core.records import Block, FloatArray
+from impact_rig.core.given.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.given.records import Block, FloatArray
 from impact_rig.devices.drivers import COMMON_KEYS, HOLDERS, SOURCES
 from impact_rig.devices.protocols import (
     AccelerationSource,

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.nodes.async_node import RESEND_PERIOD
 from impact_rig.nodes.interfaces import SETUP, Topic
 from impact_rig.nodes.listener import BackgroundNode

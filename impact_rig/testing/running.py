@@ -17,8 +17,8 @@ from impact_rig.configuration.processes import (
     list_rig_processes,
 )
 from impact_rig.configuration.rig_file import load_rig_file
-from impact_rig.core.errors import RigError, check_count
-from impact_rig.core.records import Truth
+from impact_rig.core.given.errors import RigError, check_count
+from impact_rig.core.given.records import Truth
 from impact_rig.present.printed_results import Results
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import TracedCampaign

@@ -14,9 +14,9 @@ import numpy as np
 from impact_rig.analysis.hits import Hit
 from impact_rig.analysis.sources import list_items
 from impact_rig.api import VirtualRig
-from impact_rig.core.errors import ParameterError, check_count
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import Truth
+from impact_rig.core.given.errors import ParameterError, check_count
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.records import Truth
 from impact_rig.present.printed import Printed
 from impact_rig.results.numbers import MISSING, format_count
 from impact_rig.results.table import Column, Table, make_table, make_text_column

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from impact_rig.analysis.analyze import analyze
-from impact_rig.core.records import MEASURED, Block, HitLabel, Origin
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.records import MEASURED, Block, HitLabel, Origin
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
 from impact_rig.files.channels import MeasuredHit
 from impact_rig.files.importing import write_imported

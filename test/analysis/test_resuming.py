@@ -6,9 +6,9 @@ import pytest
 
 from impact_rig.analysis.resuming import find_rig_of_run
 from impact_rig.configuration.rig_file import read_template
-from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.records import HitLabel, Origin
-from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.given.errors import FileError, ParameterError
+from impact_rig.core.given.records import HitLabel, Origin
+from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.recordings.messages import MessageEncoder
 from impact_rig.recordings.records import OfferedQos

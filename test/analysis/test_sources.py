@@ -8,9 +8,9 @@ import pytest
 
 from impact_rig.analysis.measured_files import make_series
 from impact_rig.analysis.sources import find_repeated_files, find_run
-from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.sensors import FLAT, SensorResponse
-from impact_rig.core.uncertainty import make_rig_numbers
+from impact_rig.core.estimates.uncertainty import make_rig_numbers
+from impact_rig.core.given.errors import FileError, ParameterError
+from impact_rig.core.given.sensors import FLAT, SensorResponse
 from impact_rig.files.import_file import MeasurementOptions
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from bench import PARTS
 from bench.measure import FULL, Bench, Extent, Figure
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 
 
 def run_part(name: str, extent: Extent, campaigns: Path) -> list[Figure]:

@@ -24,12 +24,12 @@ from bench.measure import Bench, Figure
 from impact_rig.analysis.analyze import analyze as analyze_source
 from impact_rig.analysis.measured_files import MeasuredFiles, make_series
 from impact_rig.configuration.rig_file import read_rig_file, read_template
-from impact_rig.core.errors import RigError
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.records import FloatArray, HitLabel
-from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.errors import RigError
+from impact_rig.core.given.records import FloatArray, HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP, RigSetup
 from impact_rig.core.session import Session
-from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.files.formats.registry import WRITABLE, write_measurement
 from impact_rig.files.import_file import MeasurementOptions

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.nodes.interfaces import RELEASE
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import decode_message

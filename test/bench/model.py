@@ -6,12 +6,12 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from bench.measure import Bench, Figure, compare_times, divide
-from impact_rig.core.contact_law import look_at_law
-from impact_rig.core.hits import MeanHit
-from impact_rig.core.model import ImpactModel, ModelVariant, simulate_impact
-from impact_rig.core.records import FloatArray, HitLabel
+from impact_rig.core.estimates.contact_law import look_at_law
+from impact_rig.core.estimates.model import ImpactModel, ModelVariant, simulate_impact
+from impact_rig.core.given.records import FloatArray, HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP
+from impact_rig.core.mean.mean_hit import MeanHit
 from impact_rig.core.session import Session
-from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.plants import make_nominal_model
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings

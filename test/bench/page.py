@@ -13,7 +13,7 @@ import psutil
 from bench.foreign import StrangerClient
 from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
 from impact_rig.results.campaign import HitResults

@@ -14,7 +14,7 @@ from typing import Any, Self
 
 from impact_rig.cli.up import make_words
 from impact_rig.configuration.processes import NodeProcess, list_rig_processes
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.recordings.source import RUN_NAME, SUFFIX
 from impact_rig.testing import use_own_domain
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses, run_campaign
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import decode_message
 

@@ -9,7 +9,7 @@ import psutil
 
 from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.recordings.messages import count_points
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import decode_message

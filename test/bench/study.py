@@ -22,7 +22,7 @@ from study.selection import (
 )
 
 from bench.measure import Bench, Figure
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 
 PERCENT = 100.0

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from impact_rig.cli.main import cli
-from impact_rig.core.records import HitLabel
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.core.session import Session
-from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
 from impact_rig.results.campaign import Results, results_from_session
 

@@ -10,8 +10,8 @@ import psutil
 import pytest
 
 from impact_rig.analysis.batch import connect_to_workers
-from impact_rig.core.errors import RigError
-from impact_rig.core.setup import CONTROL_SAMPLE
+from impact_rig.core.given.errors import RigError
+from impact_rig.core.given.setup import CONTROL_SAMPLE
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import results_to_json
 

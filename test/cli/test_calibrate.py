@@ -10,9 +10,9 @@ import pytest
 from fakes.scpi_digitizer import ScpiDigitizer
 
 from impact_rig.configuration.rig_file import read_rig_file
-from impact_rig.core.records import UNSTATED, Block, ChannelBlock, HitLabel
-from impact_rig.core.sensors import Sensor
-from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
+from impact_rig.core.given.records import UNSTATED, Block, ChannelBlock, HitLabel
+from impact_rig.core.given.sensors import Sensor
+from impact_rig.core.given.setup import PAPER_SETUP, Sample, SampleSet
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
 from impact_rig.recordings.messages import MessageEncoder
 from impact_rig.recordings.records import OfferedQos

@@ -3,7 +3,7 @@
 import math
 
 from impact_rig.cli.campaign import CampaignView
-from impact_rig.core.findings import Finding, Reason
+from impact_rig.core.given.findings import Finding, Reason
 from impact_rig.results.campaign import HitResults
 from impact_rig.status.rig_status import RigStatus
 from impact_rig.status.states import CampaignStatus, SampleProgress, Step

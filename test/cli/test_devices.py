@@ -7,7 +7,7 @@ import pytest
 from impact_rig.cli.devices import survey_drivers
 
 MODULE = '''
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 from impact_rig.devices.protocols import Acquisition
 from impact_rig.devices.protocols import FoundDevice
 from impact_rig.devices.protocols import HolderState

@@ -5,7 +5,7 @@ import pytest
 from impact_rig.cli import doctor
 from impact_rig.cli.doctor import Status, check_conversation, check_library, check_ros
 from impact_rig.cli.libraries import LIBRARIES, Library, describe_missing, explain_missing
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 
 from .conftest import finish, start_command, start_python
 

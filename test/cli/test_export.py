@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from impact_rig.core.records import Block
+from impact_rig.core.given.records import Block
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings, scheduled_fault_from_text
 from impact_rig.files.formats.registry import WRITABLE, read_measurement

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from impact_rig.core.records import Block
+from impact_rig.core.given.records import Block
 from impact_rig.recordings.run import Run
 
 DATA = Path(__file__).parents[1] / "data"

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.core.sensors import Sensor
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.sensors import Sensor
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.recordings.new_file import DiskFile
 from impact_rig.recordings.records import OfferedQos

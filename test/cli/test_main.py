@@ -11,7 +11,7 @@ import pytest
 from terminal import run_program
 
 from impact_rig.cli import main
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 
 from .conftest import finish, start_command, start_python
 

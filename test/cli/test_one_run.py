@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from impact_rig.core.setup import CONTROL_SAMPLE
+from impact_rig.core.given.setup import CONTROL_SAMPLE
 
 HITS = {CONTROL_SAMPLE: 3, "steel small": 4}
 SPLIT = 4

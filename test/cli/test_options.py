@@ -4,7 +4,7 @@ import click
 import pytest
 
 from impact_rig.cli.options import make_quantity_option, parse_angles
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 
 
 def convert(text):

@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from impact_rig.core.setup import CONTROL_SAMPLE
+from impact_rig.core.given.setup import CONTROL_SAMPLE
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
 from impact_rig.results.results_file import results_to_json
 from impact_rig.results.wire import format_json

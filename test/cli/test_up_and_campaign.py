@@ -13,7 +13,7 @@ from impact_rig.cli.up import describe_ready
 from impact_rig.configuration.processes import ACTIVE
 from impact_rig.configuration.rig_file import RigFile, read_template
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.run import Run
 from impact_rig.testing import use_own_domain

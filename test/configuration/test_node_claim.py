@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from impact_rig.cli.main import cli
 from impact_rig.configuration.node_claim import check_free, claim_node, join_names
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 
 HOLD = "import sys; from impact_rig.configuration.node_claim import claim_node;"
 HOLD += "claim = claim_node('/rig1/hammer'); print('held', flush=True); sys.stdin.read()"

@@ -10,7 +10,7 @@ from impact_rig.configuration.parameters import (
     check_parameters,
 )
 from impact_rig.configuration.processes import list_rig_processes
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 
 SOUND = """
 /**/hammer: {ros__parameters: {swing_time: 0.2, qos_overrides: {/setup: {depth: 3}}}}

@@ -6,7 +6,7 @@ import pytest
 
 from impact_rig.configuration.particulars import SAMPLE, TABLES, Particulars, read_particulars
 from impact_rig.configuration.rig_file import parse_rig_file
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 
 RIG = """
 [hammer]

@@ -16,8 +16,8 @@ from impact_rig.configuration.processes import (
 )
 from impact_rig.configuration.rig_file import RigFile
 from impact_rig.configuration.toml_table import parse_toml_table
-from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.errors import FileError, ParameterError
+from impact_rig.core.given.setup import PAPER_SETUP
 
 LARGE_SOCKETS = "DEFAULT?sockets_size=4000000B"
 

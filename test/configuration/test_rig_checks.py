@@ -6,7 +6,7 @@ import pytest
 
 from impact_rig.configuration.rig_checks import check_rig, require_rig
 from impact_rig.configuration.rig_file import load_rig_file, parse_rig_file, read_template
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 
 RIG = """\
 [hammer]

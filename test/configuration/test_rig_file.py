@@ -13,9 +13,9 @@ from impact_rig.configuration.rig_file import (
     read_template,
 )
 from impact_rig.configuration.toml_table import parse_toml_table
-from impact_rig.core.errors import FileError, ParameterError
-from impact_rig.core.sensors import Sensor, SensorResponse
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.errors import FileError, ParameterError
+from impact_rig.core.given.sensors import Sensor, SensorResponse
+from impact_rig.core.given.setup import PAPER_SETUP
 
 
 def read(text):

@@ -3,7 +3,7 @@
 import pytest
 
 from impact_rig.configuration.toml_table import REQUIRED, find_lines, parse_toml_table
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 
 LINES = '''\
 # a comment with """ and [brackets]

@@ -5,7 +5,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from impact_rig.configuration.units import parse_quantity
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 
 
 @pytest.mark.parametrize(

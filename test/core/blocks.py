@@ -5,18 +5,12 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.detection import ImpactDetector
-from impact_rig.core.hits import (
-    FilteredHit,
-    JudgedHit,
-    MeanHit,
-    make_mean,
-    shift_hit,
-    sum_up,
-)
-from impact_rig.core.records import Block, ChannelBlock, HitLabel, Record
+from impact_rig.core.given.records import Block, ChannelBlock, HitLabel, Record
+from impact_rig.core.given.setup import AnalysisSettings, RigSetup, Sample, SampleSet
+from impact_rig.core.hit.detection import ImpactDetector
+from impact_rig.core.hit.judging import FilteredHit, JudgedHit
+from impact_rig.core.mean.mean_hit import MeanHit, make_mean, shift_hit, sum_up
 from impact_rig.core.session import Session
-from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 
 RATE = 1e6
 FULL_SCALE = 2000.0

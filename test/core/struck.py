@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import butter, cont2discrete, lfilter
 
-from impact_rig.core.hits import JudgedHit
-from impact_rig.core.records import Block, ChannelBlock, HitLabel
+from impact_rig.core.given.records import Block, ChannelBlock, HitLabel
+from impact_rig.core.given.setup import RigSetup, Sample, SampleSet
+from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.session import Session
-from impact_rig.core.setup import RigSetup, Sample, SampleSet
 
 from .contacts import FloatArray, Motion, find_loss, strike_body
 

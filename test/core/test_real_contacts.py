@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import impact_rig.core
-from impact_rig.core.findings import Reason, Subject
-from impact_rig.core.hits import JudgedHit
-from impact_rig.core.records import HitLabel
+from impact_rig.core.given.findings import Reason, Subject
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.session import Session
 
 from .contacts import crush

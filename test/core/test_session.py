@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.findings import Note, Reason, Subject
-from impact_rig.core.hits import JudgedHit
-from impact_rig.core.overrules import Overrule, Overrules, Verdict
-from impact_rig.core.quantity import drop_internals
-from impact_rig.core.records import (
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.findings import Note, Reason, Subject
+from impact_rig.core.given.quantity import drop_internals
+from impact_rig.core.given.records import (
     MEASURED,
     SIMULATED,
     Block,
@@ -21,6 +19,8 @@ from impact_rig.core.records import (
     HitLabel,
     Origin,
 )
+from impact_rig.core.hit.judging import JudgedHit
+from impact_rig.core.hit.overrules import Overrule, Overrules, Verdict
 from impact_rig.core.session import Session
 from impact_rig.results.campaign import results_from_session
 from impact_rig.results.wire import to_json

@@ -3,7 +3,7 @@
 import pytest
 
 from impact_rig.configuration.toml_table import parse_toml_table
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 from impact_rig.devices.drivers import HOLDERS
 from impact_rig.devices.manual import ManualHolder
 from impact_rig.devices.protocols import HolderState

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 from impact_rig.devices.message_clock import MessageClock
 
 START = 1_700_000_000_000_000_000

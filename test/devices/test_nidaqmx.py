@@ -18,10 +18,10 @@ from nidaqmx.stream_writers import DigitalSingleChannelWriter
 
 from impact_rig.configuration.rig_file import parse_rig_file, read_template
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
-from impact_rig.core.errors import DeviceError, ParameterError, RigError
-from impact_rig.core.records import HitLabel
-from impact_rig.core.sensors import STANDARD_GRAVITY
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.sensors import STANDARD_GRAVITY
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.drivers import COMMON_KEYS, SOURCES
 from impact_rig.devices.nidaqmx import NidaqmxHolder, NidaqmxSource, report_errors
 from impact_rig.devices.source_table import make_plan

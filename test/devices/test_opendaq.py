@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
-from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.core.sensors import STANDARD_GRAVITY, Sensor
+from impact_rig.core.given.errors import DeviceError, ParameterError
+from impact_rig.core.given.sensors import STANDARD_GRAVITY, Sensor
 from impact_rig.devices.opendaq import OpenDaqSource, SignalFormat, make_instance, make_scale
 from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
 from impact_rig.testing import AccelerationSourceContract, SourceBench

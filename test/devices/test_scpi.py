@@ -14,10 +14,10 @@ from fakes.scpi_digitizer import ScpiDigitizer
 pytest.importorskip("pyvisa_py", reason="the extra `scpi` is not installed")
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
-from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.core.records import HitLabel
-from impact_rig.core.sensors import Sensor
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.errors import DeviceError, ParameterError
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.sensors import Sensor
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
 from impact_rig.devices.scpi import Instrument, ScpiSource
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings

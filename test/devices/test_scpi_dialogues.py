@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.errors import DeviceError
-from impact_rig.core.sensors import Sensor
+from impact_rig.core.given.errors import DeviceError
+from impact_rig.core.given.sensors import Sensor
 from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
 from impact_rig.devices.scpi import ScpiSource
 

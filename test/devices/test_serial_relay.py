@@ -6,7 +6,7 @@ import pytest
 from fakes.relay_board import RelayBoard
 
 from impact_rig.configuration.toml_table import parse_toml_table
-from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.given.errors import DeviceError, ParameterError
 from impact_rig.devices.serial_relay import SerialRelay
 from impact_rig.testing import HammerHolderContract, HolderBench
 

@@ -12,8 +12,8 @@ import pytest
 from fakes.sound_card import FakeSoundCard, is_installed, make_pulse
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
-from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.core.sensors import Sensor
+from impact_rig.core.given.errors import DeviceError, ParameterError
+from impact_rig.core.given.sensors import Sensor
 from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
 from impact_rig.devices.sound import SoundSource, compute_count_scale
 from impact_rig.testing import AccelerationSourceContract, SourceBench

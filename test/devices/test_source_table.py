@@ -7,7 +7,7 @@ import pytest
 from impact_rig.configuration.processes import SOURCE, format_source, parse_parameters
 from impact_rig.configuration.rig_file import parse_rig_file
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 from impact_rig.devices.source_table import make_plan, make_source, override_source
 
 RIG = """\

@@ -8,8 +8,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from impact_rig.configuration.rig_file import parse_rig_file
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.records import NO_SPEED
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.records import NO_SPEED
 from impact_rig.devices.source_table import make_source
 from impact_rig.devices.speed_gate import EdgeWatch, SpeedGate
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.core.sensors import Sensor
+from impact_rig.core.given.sensors import Sensor
 from impact_rig.devices.protocols import AcquisitionPlan, ChannelScale, SourceChannel
 from impact_rig.devices.streaming import StreamedSource
 

@@ -19,9 +19,9 @@ import opendaq
 
 from fakes.relay_board import RelayBoard
 from impact_rig.configuration.rig_file import read_template
-from impact_rig.core.records import HitLabel
-from impact_rig.core.sensors import STANDARD_GRAVITY
-from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.sensors import STANDARD_GRAVITY
+from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.devices.opendaq import make_instance
 from impact_rig.devices.speed_gate import SpeedGate
 from impact_rig.devices.virtual.rig import DigitizerSettings, VirtualRig, VirtualRigSettings

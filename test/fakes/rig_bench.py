@@ -10,9 +10,9 @@ from pathlib import Path
 from fakes.relay_board import RelayBoard
 from fakes.scpi_digitizer import ScpiDigitizer
 from impact_rig.configuration.rig_file import load_rig_file, read_template
-from impact_rig.core.records import HitLabel
-from impact_rig.core.sensors import STANDARD_GRAVITY
-from impact_rig.core.setup import CONTROL_SAMPLE
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.sensors import STANDARD_GRAVITY
+from impact_rig.core.given.setup import CONTROL_SAMPLE
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 
 SWING_TIME = 0.02  # [s], from release to contact, as in the tables: a tenth of the paper's

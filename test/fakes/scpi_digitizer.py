@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.records import FloatArray
+from impact_rig.core.given.records import FloatArray
 from impact_rig.devices.virtual.rig import VirtualHit
 
 CountArray = NDArray[np.int16]

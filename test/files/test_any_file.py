@@ -18,7 +18,7 @@ from scipy.io import savemat
 
 from impact_rig.analysis.analyze import judge
 from impact_rig.analysis.measured_files import MeasuredFiles, make_series
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.files.import_file import MeasurementOptions
 
 from .formats.foreign import make_function

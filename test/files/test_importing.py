@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
-from impact_rig.core.detection import ImpactDetector
-from impact_rig.core.errors import ParameterError, SignalError
-from impact_rig.core.records import Block, HitLabel
-from impact_rig.core.sensors import Sensitivity
-from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
+from impact_rig.core.given.errors import ParameterError, SignalError
+from impact_rig.core.given.records import Block, HitLabel
+from impact_rig.core.given.sensors import Sensitivity
+from impact_rig.core.given.setup import AnalysisSettings, RigSetup, Sample, SampleSet
+from impact_rig.core.hit.detection import ImpactDetector
 from impact_rig.files.channels import map_channels
 from impact_rig.files.importing import (
     check_series,

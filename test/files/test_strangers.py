@@ -23,7 +23,7 @@ from scipy.io import savemat
 from impact_rig.analysis.analyze import judge
 from impact_rig.analysis.measured_files import MeasuredFiles, make_series
 from impact_rig.configuration.units import parse_quantity
-from impact_rig.core.errors import SignalError
+from impact_rig.core.given.errors import SignalError
 from impact_rig.files.channels import map_channels
 from impact_rig.files.formats.registry import read_measurement
 from impact_rig.files.import_file import MeasurementOptions

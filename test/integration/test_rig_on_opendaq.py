@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from terminal import Terminal
 
-from impact_rig.core.records import HitLabel
+from impact_rig.core.given.records import HitLabel
 
 RIG = (sys.executable, "-m", "impact_rig.cli.main")
 TEST_FOLDER = Path(__file__).parents[1]

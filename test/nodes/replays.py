@@ -5,8 +5,8 @@ from pathlib import Path
 from impact_rig_msgs.msg import AccelerationBlock, HammerRelease
 from rclpy.serialization import serialize_message
 
-from impact_rig.core.records import HitLabel
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, make_id

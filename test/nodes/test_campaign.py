@@ -11,8 +11,8 @@ from impact_rig_msgs.msg import CampaignState
 from impact_rig_msgs.srv import ConfirmSample, JoinCampaign
 
 from impact_rig.configuration.rig_file import read_template
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.campaign_plan import plan_campaign

@@ -2,7 +2,7 @@
 
 from impact_rig_msgs import msg
 
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.nodes.campaign_feed import CampaignFeed
 from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.intake import Received

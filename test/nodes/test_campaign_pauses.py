@@ -9,7 +9,7 @@ from impact_rig_msgs.msg import CampaignState, HammerState
 from impact_rig_msgs.srv import Act, GetResults, JoinCampaign
 
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 from impact_rig.devices.virtual.drivers import VirtualHolder
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode

@@ -5,7 +5,7 @@ from impact_rig_msgs.action import RunCampaign
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.configuration.rig_file import make_check_mass, read_template
-from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.result_messages import results_from_msg

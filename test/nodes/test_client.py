@@ -7,7 +7,7 @@ import pytest
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import HammerState
 
-from impact_rig.core.errors import DeviceError, RigError
+from impact_rig.core.given.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.acts import describe_caller
 from impact_rig.nodes.campaign_client import CampaignClient

@@ -7,10 +7,10 @@ from impact_rig_msgs.srv import Arm
 from mcap.reader import make_reader
 from rclpy.serialization import deserialize_message
 
-from impact_rig.core.errors import FileError
-from impact_rig.core.records import HitLabel
+from impact_rig.core.given.errors import FileError
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP, RigSetup
 from impact_rig.core.session import Session
-from impact_rig.core.setup import PAPER_SETUP, RigSetup
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode

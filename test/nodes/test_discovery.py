@@ -22,7 +22,7 @@ from impact_rig.configuration.processes import (
     NETWORK,
     PROFILES,
 )
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 from impact_rig.nodes import discovery, interfaces
 from impact_rig.nodes.discovery import (
     DOMAINS,

@@ -6,9 +6,9 @@ import pytest
 from impact_rig_msgs.msg import Finding, RecordStored
 from impact_rig_msgs.srv import GetResults, JoinCampaign
 
-from impact_rig.core.records import HitLabel
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.session import Session
-from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.devices.virtual.rig import DigitizerSettings, VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from impact_rig_msgs.msg import StreamBlock
 
-from impact_rig.core.records import Block, ChannelBlock, HitLabel
-from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings
+from impact_rig.core.given.records import Block, ChannelBlock, HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP, AnalysisSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.identity import Identity, make_id

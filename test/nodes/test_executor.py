@@ -10,7 +10,7 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.task import Future
 
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.process import DRAIN_QUIET, drain

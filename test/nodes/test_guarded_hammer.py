@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 from impact_rig_msgs.msg import HammerState
 
-from impact_rig.core.errors import DeviceError
+from impact_rig.core.given.errors import DeviceError
 from impact_rig.devices.protocols import HolderState
 from impact_rig.nodes.guarded_hammer import NEVER_ARMED, TRANSITIONS, GuardedHammer
 from impact_rig.status.states import Disarming, HammerPlace, HammerStatus

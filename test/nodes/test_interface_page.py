@@ -8,7 +8,7 @@ from impact_rig_msgs.msg import CampaignState, HammerState
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from impact_rig.configuration.parameters import PARAMETERS, check_parameters
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 from impact_rig.nodes import guarded_hammer, interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode

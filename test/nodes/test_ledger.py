@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from impact_rig_msgs.msg import RecordStored
 from rclpy.serialization import serialize_message
 
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.overrules import NO_OVERRULES, Overrule, Overrules, Verdict
-from impact_rig.core.records import SIMULATED, Block, ChannelBlock, HitLabel, Origin
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.records import SIMULATED, Block, ChannelBlock, HitLabel, Origin
+from impact_rig.core.hit.overrules import NO_OVERRULES, Overrule, Overrules, Verdict
 from impact_rig.core.session import Session
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, make_id

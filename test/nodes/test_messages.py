@@ -8,22 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from impact_rig_msgs import msg
 
-from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.findings import Note, Reason, Subject
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
-from impact_rig.core.quantity import (
-    LARGEST,
-    BudgetLine,
-    Quantity,
-    StoredField,
-    list_fields,
-)
-from impact_rig.core.ringing import FreeDecayEstimate
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.sensors import Sensor
-from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample
-from impact_rig.core.speed_exponents import SpeedExponents
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.pulse_shape import PulseShapeEstimate, ShapeFit
+from impact_rig.core.estimates.ringing import FreeDecayEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.estimates.speed_exponents import SpeedExponents
+from impact_rig.core.given.findings import Note, Reason, Subject
+from impact_rig.core.given.quantity import LARGEST, BudgetLine, Quantity, StoredField, list_fields
+from impact_rig.core.given.sensors import Sensor
+from impact_rig.core.given.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample
 from impact_rig.nodes.messages import make_message
 from impact_rig.recordings.messages import fill_message, from_message
 

@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Time
 from impact_rig_msgs.msg import CampaignState
 from impact_rig_msgs.srv import JoinCampaign
 
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.identity import id_to_msg, make_id

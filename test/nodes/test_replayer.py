@@ -12,8 +12,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from impact_rig.core.errors import FileError
-from impact_rig.core.setup import CONTROL_SAMPLE
+from impact_rig.core.given.errors import FileError
+from impact_rig.core.given.setup import CONTROL_SAMPLE
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.replayer import ReplayerNode, RunToReplay

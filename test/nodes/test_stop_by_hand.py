@@ -9,7 +9,7 @@ from impact_rig_msgs.srv import Act
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.configuration.rig_file import read_template
-from impact_rig.core.findings import Finding, Reason
+from impact_rig.core.given.findings import Finding, Reason
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.recordings.run import Run

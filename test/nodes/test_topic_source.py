@@ -18,8 +18,8 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String
 
 from impact_rig.configuration.toml_table import parse_toml_table
-from impact_rig.core.errors import DeviceError, ParameterError, RigError
-from impact_rig.core.sensors import Sensor
+from impact_rig.core.given.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.given.sensors import Sensor
 from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
 from impact_rig.nodes.discovery import offer_profile
 from impact_rig.nodes.topic_source import TopicSource

@@ -3,7 +3,7 @@
 import pytest
 
 from impact_rig.analysis.analyze import analyze
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_plan import read_newest_campaign
 from impact_rig.recordings.contents import inspect_run

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from impact_rig_msgs import msg
 from impact_rig_msgs.srv import GetResults
 
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode

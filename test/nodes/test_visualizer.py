@@ -7,8 +7,8 @@ import pytest
 from impact_rig_msgs.msg import Impact, ModelComparison
 from lifecycle_msgs.msg import State
 
-from impact_rig.core.records import HitLabel
-from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.identity import Identity, make_id

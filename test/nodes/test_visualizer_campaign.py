@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from impact_rig.core.pulse_width import measure_pulse
-from impact_rig.core.records import HitLabel
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.hit.pulse_width import measure_pulse
 from impact_rig.core.session import Session
-from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import (
     FaultPlan,

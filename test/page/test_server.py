@@ -6,7 +6,7 @@ from concurrent.futures import Future
 
 import pytest
 
-from impact_rig.core.errors import DeviceError, ParameterError
+from impact_rig.core.given.errors import DeviceError, ParameterError
 from impact_rig.page.server import Address, Answer, PageServer
 from impact_rig.page.view import make_view
 from impact_rig.status.rig_status import RigStatus

@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import pytest
 
-from impact_rig.core.records import HitLabel
+from impact_rig.core.given.records import HitLabel
 from impact_rig.page.traces import COLUMNS, integrate_hammer, pack_traces
 from impact_rig.results.traces import AlignedHit, JudgedTraces
 

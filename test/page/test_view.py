@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.findings import Finding, Reason
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.findings import Finding, Reason
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.page.view import Strength, make_sentence, make_view
 from impact_rig.results.campaign import HitResults
 from impact_rig.status.levels import InputLevel, InputLevels

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 
 from impact_rig.analysis.analyze import analyze
-from impact_rig.core.overrules import NO_OVERRULES
-from impact_rig.core.records import HitLabel
-from impact_rig.core.setup import PAPER_SETUP, RigSetup
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP, RigSetup
+from impact_rig.core.hit.overrules import NO_OVERRULES
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.devices.virtual.truth import make_truth

@@ -7,13 +7,13 @@ from dataclasses import fields, replace
 import pytest
 from rich.console import Console
 
-from impact_rig.core.findings import Finding, Note, Reason, Subject
-from impact_rig.core.paper_estimate import PaperEstimate
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import IMPORTED, Origin
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
+from impact_rig.core.estimates.paper_estimate import PaperEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.findings import Finding, Note, Reason, Subject
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.records import IMPORTED, Origin
+from impact_rig.core.given.setup import PAPER_SETUP, Sample, SampleSet
 from impact_rig.present.screen import print_full, print_screen
 from impact_rig.results.campaign import FileResults, HitResults, Results
 

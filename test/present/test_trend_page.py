@@ -5,7 +5,7 @@ from datetime import datetime, timedelta
 
 import pytest
 
-from impact_rig.core.quantity import Quantity
+from impact_rig.core.given.quantity import Quantity
 from impact_rig.present.trend_page import draw_trend
 from impact_rig.results.numbers import CONTACT_TIME
 from impact_rig.results.trend import TrendPoint

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.contents import MOST_NOTES, inspect_run
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import Scan

@@ -8,7 +8,7 @@ from pathlib import Path
 import mcap.reader
 import pytest
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.new_file import ROOM_FOR_ENDING, DiskFullError
 from impact_rig.recordings.records import HEALTH_RECORD
 from impact_rig.recordings.schemas import MessageDefinition

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from impact_rig.core.records import HitLabel
+from impact_rig.core.given.records import HitLabel
 from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.hits import RecordedReason, RecordWatch
 from impact_rig.recordings.messages import NO_ID

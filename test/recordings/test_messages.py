@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
+from impact_rig.core.given.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.recordings.messages import (
     MessageEncoder,
     setup_from_msg,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.new_file import DiskFile, write_new_file
 
 CONTENT = bytes(range(256)) * 40

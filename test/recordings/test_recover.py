@@ -11,7 +11,7 @@ import mcap.writer
 import pytest
 from bench.damage import mutate
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.hits import HitState
 from impact_rig.recordings.run import Run

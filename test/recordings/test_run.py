@@ -5,9 +5,9 @@ from pathlib import Path
 import mcap.writer
 import pytest
 
-from impact_rig.core.errors import FileError
-from impact_rig.core.records import Block, HitLabel
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.errors import FileError
+from impact_rig.core.given.records import Block, HitLabel
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.run import Run
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mcap.data_stream import ReadDataStream
 from mcap.writer import CompressionType, IndexType, Writer
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.records import RawMessage
 from impact_rig.recordings.scan import MAGIC, Scan
 

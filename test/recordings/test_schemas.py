@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mcap_ros2._dynamic import serialize_dynamic
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings import schemas
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.schemas import (

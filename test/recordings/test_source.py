@@ -7,7 +7,7 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.source import find_recordings, is_recording

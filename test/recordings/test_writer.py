@@ -14,7 +14,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 
 from impact_rig.configuration.parameters import PARAMETERS
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.provenance import ATTACHMENT_LIMIT, read_attached_file
 from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.scan import Scan

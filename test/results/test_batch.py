@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from impact_rig.core.paper_estimate import PaperEstimate
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.estimates.paper_estimate import PaperEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.results.batch import (
     BatchCampaign,
     shorten_paths,

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.core.paper_estimate import PaperEstimate
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.quantity import UNKNOWN, Quantity
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.estimates.paper_estimate import PaperEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.quantity import UNKNOWN, Quantity
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.results.campaign import Results
 from impact_rig.results.limits import Conformity, JudgedValue, judge_values, tabulate_conformity
 from impact_rig.results.numbers import CONTACT_TIME

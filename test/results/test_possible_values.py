@@ -11,9 +11,9 @@ import pytest
 from impact_rig_msgs.msg import Impact
 from rich.console import Console
 
-from impact_rig.core.errors import FileError, RigError
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.ringing import FreeDecayEstimate
+from impact_rig.core.estimates.ringing import FreeDecayEstimate
+from impact_rig.core.given.errors import FileError, RigError
+from impact_rig.core.given.quantity import Quantity
 from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.messages import make_message
 from impact_rig.present.rerun.markdown import format_summary

@@ -4,17 +4,17 @@ from dataclasses import fields, replace
 
 import pytest
 
-from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.findings import Finding, Note, Reason, Subject
-from impact_rig.core.overrules import Overrule, Verdict
-from impact_rig.core.paper_estimate import PaperEstimate
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import SIMULATED, Origin
-from impact_rig.core.ringing import FreeDecayEstimate
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.estimates.paper_estimate import PaperEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.pulse_shape import PulseShapeEstimate, ShapeFit
+from impact_rig.core.estimates.ringing import FreeDecayEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.findings import Finding, Note, Reason, Subject
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.records import SIMULATED, Origin
+from impact_rig.core.given.setup import PAPER_SETUP
+from impact_rig.core.hit.overrules import Overrule, Verdict
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.campaign import HitResults, Results

@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.core.errors import FileError
-from impact_rig.core.findings import Finding, Note, Reason, Subject
-from impact_rig.core.paper_estimate import PaperEstimate
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import SIMULATED, Origin
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.estimates.paper_estimate import PaperEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.errors import FileError
+from impact_rig.core.given.findings import Finding, Note, Reason, Subject
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.records import SIMULATED, Origin
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.results import results_file
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.results_file import read_results, results_to_json, write_results

@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.findings import Finding, Note, Reason, Subject
-from impact_rig.core.paper_estimate import PaperEstimate
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
-from impact_rig.core.quantity import BudgetLine, Quantity
-from impact_rig.core.records import IMPORTED, SIMULATED, Origin
-from impact_rig.core.ringing import FreeDecayEstimate
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.estimates.paper_estimate import PaperEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.pulse_shape import PulseShapeEstimate, ShapeFit
+from impact_rig.core.estimates.ringing import FreeDecayEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.findings import Finding, Note, Reason, Subject
+from impact_rig.core.given.quantity import BudgetLine, Quantity
+from impact_rig.core.given.records import IMPORTED, SIMULATED, Origin
+from impact_rig.core.given.setup import PAPER_SETUP, Sample, SampleSet
 from impact_rig.results import tables
 from impact_rig.results.campaign import FileResults, HitResults, Results
 from impact_rig.results.numbers import format_quantity, format_uncertain

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from impact_rig.core.contact_law import NO_LAW
-from impact_rig.core.hits import JudgedHit
-from impact_rig.core.records import Block, ChannelBlock, HitLabel
+from impact_rig.core.estimates.contact_law import NO_LAW
+from impact_rig.core.given.records import Block, ChannelBlock, HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP
+from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.session import Session
-from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.contact import make_nominal_contact
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings

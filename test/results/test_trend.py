@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.special import stdtrit
 
-from impact_rig.core.checks import Checks
-from impact_rig.core.paper_estimate import PaperEstimate
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import CONTROL_SAMPLE, PAPER_SETUP, Sample
+from impact_rig.core.estimates.checks import Checks
+from impact_rig.core.estimates.paper_estimate import PaperEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP, Sample
 from impact_rig.results.batch import BatchCampaign
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import CONTACT_TIME

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.core.findings import Note, Reason, Subject
-from impact_rig.core.paper_estimate import PaperEstimate
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.pulse_shape import PulseShapeEstimate, ShapeFit
-from impact_rig.core.quantity import BudgetLine, Quantity
-from impact_rig.core.ringing import FreeDecayEstimate
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.sensors import Sensor
-from impact_rig.core.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
+from impact_rig.core.estimates.paper_estimate import PaperEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.pulse_shape import PulseShapeEstimate, ShapeFit
+from impact_rig.core.estimates.ringing import FreeDecayEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.findings import Note, Reason, Subject
+from impact_rig.core.given.quantity import BudgetLine, Quantity
+from impact_rig.core.given.sensors import Sensor
+from impact_rig.core.given.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.results.wire import WireError, from_json, to_json
 
 STIFFNESS = Quantity(3e6, 4e4, 9e4, budget=(BudgetLine("mass", "B", 4e4, 1.0),))

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from impact_rig.core.contact_law import NO_LAW
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.quantity import UNKNOWN
+from impact_rig.core.estimates.contact_law import NO_LAW
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.quantity import UNKNOWN
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.simulators.engines import ENGINES, format_contact, make_contact
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.records import Block, ChannelBlock
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.records import Block, ChannelBlock
 from impact_rig.status.levels import (
     InputLevel,
     InputLevels,

@@ -11,18 +11,18 @@ from operator import attrgetter
 import numpy as np
 from scipy.stats import binom
 
-from impact_rig.core.equations import (
+from impact_rig.core.estimates.equations import (
     estimate_damping_ratio_from_coefficient,
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
     estimate_hammer_stiffness,
     estimate_sample_stiffness,
 )
-from impact_rig.core.quantity import UNKNOWN, Quantity
-from impact_rig.core.records import HitLabel
-from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.quantity import UNKNOWN, Quantity
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.session import Session
-from impact_rig.core.setup import RigSetup
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.contact import make_nominal_contact
 from impact_rig.devices.virtual.plants import make_published_model

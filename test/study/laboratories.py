@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.signal import butter, cont2discrete, lfilter
 
-from impact_rig.core.findings import Finding, Note, Reason, Subject
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import Block, ChannelBlock, HitLabel
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.sensors import CHANNELS, Sensor
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.findings import Finding, Note, Reason, Subject
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.records import Block, ChannelBlock, HitLabel
+from impact_rig.core.given.sensors import CHANNELS, Sensor
+from impact_rig.core.given.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.core.session import Session
-from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 
 FloatArray = NDArray[np.float64]
 COVERED = 1.5

@@ -12,11 +12,11 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.records import Block, ChannelBlock, HitLabel
-from impact_rig.core.sensors import CHANNELS, Sensor
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.given.records import Block, ChannelBlock, HitLabel
+from impact_rig.core.given.sensors import CHANNELS, Sensor
+from impact_rig.core.given.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.core.session import Session
-from impact_rig.core.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 
 FloatArray = NDArray[np.float64]
 HITS = 10

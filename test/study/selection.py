@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter, lfilter
 
-from impact_rig.core.filtering import respond
-from impact_rig.core.findings import Reason
-from impact_rig.core.records import Block, ChannelBlock, FloatArray, HitLabel
-from impact_rig.core.sensors import SensorResponse
+from impact_rig.core.given.filtering import respond
+from impact_rig.core.given.findings import Reason
+from impact_rig.core.given.records import Block, ChannelBlock, FloatArray, HitLabel
+from impact_rig.core.given.sensors import SensorResponse
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.session import Session
-from impact_rig.core.setup import RigSetup
 from impact_rig.devices.virtual.contact import make_nominal_contact
 from impact_rig.devices.virtual.rig import (
     CountArray,

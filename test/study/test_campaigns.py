@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.setup import PAPER_SETUP
 from study.campaigns import ASKED, draw_truth, run_campaign
 from study.laboratories import Cause, draw_laboratory, judge, judge_all
 from study.selection import FAULTS, SURE, strike_fault, strike_good_hits

@@ -13,13 +13,13 @@ from typing import Any, Self
 import numpy as np
 import scipy
 
-from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.equations import estimate_equivalent_mass
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.model import Body, ImpactModel
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import FloatArray
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.estimates.equations import estimate_equivalent_mass
+from impact_rig.core.estimates.model import Body, ImpactModel
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.records import FloatArray
+from impact_rig.core.given.setup import RigSetup
 
 HERTZ_EXPONENT = 1.5
 TIP_RADIUS = 10e-3  # [m], of the hammer's tip: 212 us on the control sample, as in the paper

@@ -8,7 +8,7 @@ from zlib import crc32
 
 import numpy as np
 
-from impact_rig.core.records import NO_SPEED, Block, ChannelBlock
+from impact_rig.core.given.records import NO_SPEED, Block, ChannelBlock
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import (
     CountArray,

@@ -7,10 +7,10 @@ from importlib import import_module
 from typing import Any, ClassVar, TypeVar
 
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.core.errors import DeviceError
-from impact_rig.core.records import Block, HitLabel
-from impact_rig.core.sensors import Sensor
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.errors import DeviceError
+from impact_rig.core.given.records import Block, HitLabel
+from impact_rig.core.given.sensors import Sensor
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.devices.drivers import read_example
 from impact_rig.devices.protocols import (
     Acquisition,

@@ -13,24 +13,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from impact_rig.core.damping import estimate_log_decrement
-from impact_rig.core.equations import (
+from impact_rig.core.estimates.damping import estimate_log_decrement
+from impact_rig.core.estimates.equations import (
     estimate_damping_ratio_from_coefficient,
     estimate_equivalent_mass,
     estimate_equivalent_stiffness,
     estimate_hammer_stiffness,
 )
-from impact_rig.core.errors import NotDeterminedError, ParameterError
-from impact_rig.core.model import (
+from impact_rig.core.estimates.model import (
     Body,
     ImpactModel,
     ModelVariant,
     compute_peak_force,
     simulate_impact,
 )
-from impact_rig.core.pulses import compute_pulse
-from impact_rig.core.records import FloatArray
-from impact_rig.core.setup import HAMMER_DAMPING_COEFFICIENT, RigSetup
+from impact_rig.core.given.errors import NotDeterminedError, ParameterError
+from impact_rig.core.given.records import FloatArray
+from impact_rig.core.given.setup import HAMMER_DAMPING_COEFFICIENT, RigSetup
+from impact_rig.core.hit.pulses import compute_pulse
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.contact import Contact
 

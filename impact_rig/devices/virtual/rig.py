@@ -9,14 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.configuration.rig_checks import VIRTUAL_RATE
-from impact_rig.core.errors import (
-    ParameterError,
-    check_between,
-    check_count,
-    check_positive,
-)
-from impact_rig.core.model import ImpactModel
-from impact_rig.core.records import (
+from impact_rig.core.estimates.model import ImpactModel
+from impact_rig.core.given.errors import ParameterError, check_between, check_count, check_positive
+from impact_rig.core.given.records import (
     NO_SPEED,
     SIMULATED,
     Block,
@@ -26,7 +21,7 @@ from impact_rig.core.records import (
     MeasuredSpeed,
     Origin,
 )
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.devices.speed_gate import SpeedGate
 from impact_rig.devices.virtual.choices import IDENTITY, Fault, Plant
 from impact_rig.devices.virtual.contact import HERTZ_EXPONENT, Contact, make_nominal_contact

@@ -5,10 +5,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from impact_rig.core.errors import check_count
-from impact_rig.core.overrules import NO_OVERRULES
-from impact_rig.core.records import Block, HitLabel, Truth
-from impact_rig.core.setup import RigSetup
+from impact_rig.core.given.errors import check_count
+from impact_rig.core.given.records import Block, HitLabel, Truth
+from impact_rig.core.given.setup import RigSetup
+from impact_rig.core.hit.overrules import NO_OVERRULES
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig
 
 BLOCK_POINTS = 1000

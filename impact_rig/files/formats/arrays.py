@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.errors import FileError, SignalError
+from impact_rig.core.given.errors import FileError, SignalError
 from impact_rig.files.formats.rates import compute_stated_rate, states_unit
 from impact_rig.files.measurement import (
     NANOSECONDS,

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.errors import FileError
-from impact_rig.core.records import RawArray
+from impact_rig.core.given.errors import FileError
+from impact_rig.core.given.records import RawArray
 from impact_rig.files.formats.bounds import MEMORY, check_size
 from impact_rig.files.measurement import NANOSECONDS, MeasuredChannel, Measurement
 from impact_rig.files.times import LARGEST_TIME_ERROR, Clock, find_usual_step, read_clock

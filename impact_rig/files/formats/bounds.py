@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import cast
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.measurement import Measurement
 
 MEMORY, MEMORY_PER_BYTE = 1 << 28, 16

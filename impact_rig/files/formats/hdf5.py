@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.formats.arrays import (
     DIMENSIONS,
     UNIT_NAMES,

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from impact_rig.core.errors import FileError
-from impact_rig.core.records import FloatArray
+from impact_rig.core.given.errors import FileError
+from impact_rig.core.given.records import FloatArray
 from impact_rig.files.formats.text import (
     NOTHING,
     NUMBER,

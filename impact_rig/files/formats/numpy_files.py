@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.formats.arrays import NamedArray, make_measurement
 from impact_rig.files.formats.bounds import check_size
 from impact_rig.files.measurement import Measurement

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from impact_rig.core.errors import FileError, ParameterError, RigError
+from impact_rig.core.given.errors import FileError, ParameterError, RigError
 from impact_rig.files.formats.bags import read_bag
 from impact_rig.files.formats.bounds import read_apart
 from impact_rig.files.formats.hdf5 import read_hdf5, write_hdf5

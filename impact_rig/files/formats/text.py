@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from impact_rig.core.errors import FileError
-from impact_rig.core.records import FloatArray
+from impact_rig.core.given.errors import FileError
+from impact_rig.core.given.records import FloatArray
 from impact_rig.files.formats.rates import (
     compute_stated_rate,
     is_rate_name,

@@ -4,7 +4,7 @@ import io
 import struct
 from pathlib import Path
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.measurement import (
     MeasuredChannel,
     Measurement,

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from impact_rig import __version__
 from impact_rig.present.picture import Picture
 from impact_rig.results.remarks import Remark
 from impact_rig.results.table import Table
+from impact_rig.version import __version__
 
 if TYPE_CHECKING:
     import jinja2

@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from impact_rig.configuration.particulars import NOTHING_STATED, REPORT, Particulars
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import IMPORTED, MEASURED, join_origins
-from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.records import IMPORTED, MEASURED, join_origins
 from impact_rig.present.campaign_figures import (
     make_contact_pictures,
     make_model_pictures,

@@ -10,8 +10,8 @@ from impact_rig.configuration.particulars import (
     SAMPLE,
     Particulars,
 )
-from impact_rig.core.sensors import Sensor, describe_calibration_age
-from impact_rig.core.setup import (
+from impact_rig.core.given.sensors import Sensor, describe_calibration_age
+from impact_rig.core.given.setup import (
     DEFAULT_CLOCK_UNCERTAINTY,
     AnalysisSettings,
     RigSetup,

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
-from impact_rig.core.errors import DeviceError, FileError, ParameterError
+from impact_rig.core.given.errors import DeviceError, FileError, ParameterError
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.present.rerun.viewers import (

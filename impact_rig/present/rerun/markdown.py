@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from impact_rig.core.findings import join_findings
-from impact_rig.core.records import SIMULATED
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import ACCELERATION
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.findings import join_findings
+from impact_rig.core.given.records import SIMULATED
+from impact_rig.core.given.setup import ACCELERATION
 from impact_rig.page.view import make_sentence
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO, MISSING, format_count, format_number, show_unit

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.records import FloatArray
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.given.records import FloatArray
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.entities import BODIES, HIT_TIME, Path, make_body_path
 from impact_rig.present.rerun.viewers import import_rerun

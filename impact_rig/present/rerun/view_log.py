@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from impact_rig.core.contact_law import NO_LAW, ContactLaw
-from impact_rig.core.setup import ACCELERATION, RigSetup
+from impact_rig.core.estimates.contact_law import NO_LAW, ContactLaw
+from impact_rig.core.given.setup import ACCELERATION, RigSetup
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.blueprint import make_blueprint
 from impact_rig.present.rerun.entities import BODIES, Path

@@ -18,7 +18,7 @@ from pathlib import Path
 from types import ModuleType
 from urllib.parse import quote, urlsplit
 
-from impact_rig.core.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.given.errors import DeviceError, ParameterError, RigError
 
 MINIMUM_VERSION = (0, 41)
 """Oldest tested rerun-sdk."""

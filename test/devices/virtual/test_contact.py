@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.records import HitLabel
-from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP, Sample, SampleSet
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.contact import make_nominal_contact
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings

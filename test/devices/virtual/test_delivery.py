@@ -5,8 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from impact_rig.core.records import HitLabel
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.delivery import StreamingDigitizer
 from impact_rig.devices.virtual.rig import (

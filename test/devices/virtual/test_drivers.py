@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
-from impact_rig.core.errors import DeviceError, ParameterError
-from impact_rig.core.records import HitLabel
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.errors import DeviceError, ParameterError
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.drivers import (
     VirtualSource,

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.signal import find_peaks
 
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.model import Body, ModelVariant, simulate_impact
-from impact_rig.core.pulses import compute_pulse
-from impact_rig.core.setup import PAPER_SETUP, Sample, SampleSet
+from impact_rig.core.estimates.model import Body, ModelVariant, simulate_impact
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.setup import PAPER_SETUP, Sample, SampleSet
+from impact_rig.core.hit.pulses import compute_pulse
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.plants import (
     ASYMMETRY,

@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from impact_rig.core.errors import ParameterError
-from impact_rig.core.findings import Reason
-from impact_rig.core.hits import JudgedHit
-from impact_rig.core.records import HitLabel
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.findings import Reason
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP
+from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.session import Session, SessionResults
-from impact_rig.core.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import (
     DigitizerSettings,

@@ -12,7 +12,7 @@ from mcap_protobuf.writer import Writer as ProtobufWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.formats.registry import read_measurement
 
 BEGIN = 1_700_000_000_000_000_000

@@ -12,7 +12,7 @@ import pyuff
 from pyarrow import parquet
 from scipy.io import wavfile
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.formats.registry import read_measurement, write_measurement
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 

@@ -7,7 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.formats.registry import read_measurement
 
 POINTS = 42_000_000

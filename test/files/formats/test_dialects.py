@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import SignalError
-from impact_rig.core.sensors import Sensitivity
+from impact_rig.core.given.errors import SignalError
+from impact_rig.core.given.sensors import Sensitivity
 from impact_rig.files.channels import map_channels
 from impact_rig.files.formats.registry import read_measurement
 from impact_rig.files.plan import ChannelPlan, ChannelUse

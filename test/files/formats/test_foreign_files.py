@@ -11,7 +11,7 @@ import pyuff
 import scipy.io
 from pyarrow import parquet
 
-from impact_rig.core.errors import FileError, RigError
+from impact_rig.core.given.errors import FileError, RigError
 from impact_rig.files.formats.registry import (
     WRITABLE,
     read_measurement,

@@ -5,7 +5,7 @@ from bench.damage import mutate, write_files
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from impact_rig.core.errors import RigError
+from impact_rig.core.given.errors import RigError
 from impact_rig.files.formats.registry import FORMATS, read_measurement
 
 

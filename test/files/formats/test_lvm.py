@@ -6,7 +6,7 @@ import lvm_read
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.formats.registry import read_measurement
 
 REAL = Path(__file__).parents[2] / "data" / "repeat_shock" / "Test_001_shock.lvm"

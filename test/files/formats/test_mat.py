@@ -12,7 +12,7 @@ import pytest
 import scipy.io
 from terminal import run_program
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.formats.registry import read_measurement
 
 from .foreign import RATE, TRACE, describe, read_channels

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import FileError, ParameterError
+from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.files.times import SAMPLES, compute_rounding, find_time_unit, round_rate
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.formats.registry import read_measurement
 
 from .foreign import read_channels

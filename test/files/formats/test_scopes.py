@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from files.formats.foreign import read_channels
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.formats.registry import read_measurement
 
 SCOPES = Path(__file__).parents[2] / "data" / "scopes"

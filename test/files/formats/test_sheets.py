@@ -7,7 +7,7 @@ import openpyxl
 import pytest
 from files.formats.foreign import RATE, TRACE, describe, read_channels
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.formats.registry import read_measurement
 
 

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from impact_rig.core.errors import FileError
+from impact_rig.core.given.errors import FileError
 from impact_rig.files.formats import text
 from impact_rig.files.formats.registry import read_measurement, write_measurement
 from impact_rig.files.measurement import MeasuredChannel, Measurement

@@ -8,7 +8,7 @@ import pytest
 import pyuff
 from scipy.io import savemat
 
-from impact_rig.core.errors import SignalError
+from impact_rig.core.given.errors import SignalError
 from impact_rig.files.channels import map_channels
 from impact_rig.files.formats.registry import read_measurement
 from impact_rig.files.plan import ChannelPlan

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 from impact_rig_msgs.srv import Arm
 
-from impact_rig.core.records import UNSTATED, HitLabel
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.records import UNSTATED, HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces
 

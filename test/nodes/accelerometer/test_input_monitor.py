@@ -4,7 +4,7 @@ import pytest
 from impact_rig_msgs.msg import AcquisitionState
 from std_srvs.srv import SetBool
 
-from impact_rig.core.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError
 from impact_rig.nodes import interfaces
 
 from .desk_rig import arm, make_record, wait_for_state

@@ -6,8 +6,8 @@ from impact_rig_msgs.msg import AcquisitionState, HammerState
 from impact_rig_msgs.srv import Arm, JoinCampaign
 from std_srvs.srv import Trigger
 
-from impact_rig.core.records import MEASURED, Origin
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.records import MEASURED, Origin
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.estimator import EstimatorNode

@@ -3,8 +3,8 @@
 import threading
 from collections import deque
 
-from impact_rig.core.errors import DeviceError
-from impact_rig.core.records import Block
+from impact_rig.core.given.errors import DeviceError
+from impact_rig.core.given.records import Block
 from impact_rig.devices.protocols import Acquisition, FoundDevice
 
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.paper_method import HammerEstimate
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.sample import SampleEstimate
-from impact_rig.core.setup import PAPER_SETUP
-from impact_rig.core.speed_exponents import estimate_speed_exponents
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.estimates.speed_exponents import estimate_speed_exponents
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.present.campaign_figures import (
     SHOWN,
     draw_responses,

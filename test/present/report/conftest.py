@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from impact_rig.configuration.particulars import Particulars
-from impact_rig.core.sensors import Sensor
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.sensors import Sensor
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.rig import FaultPlan, ScheduledFault, VirtualRigSettings
 from impact_rig.present.report.page import render_page

@@ -6,13 +6,13 @@ from dataclasses import replace
 import pytest
 
 from impact_rig.configuration.particulars import Particulars
-from impact_rig.core.contact_law import ContactLaw
-from impact_rig.core.findings import Finding, Reason
-from impact_rig.core.overrules import Overrule, Verdict
-from impact_rig.core.paper_estimate import PaperEstimate
-from impact_rig.core.quantity import Quantity
-from impact_rig.core.records import IMPORTED, HitLabel, Origin
-from impact_rig.core.sample import SampleEstimate
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.estimates.paper_estimate import PaperEstimate
+from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.given.findings import Finding, Reason
+from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.records import IMPORTED, HitLabel, Origin
+from impact_rig.core.hit.overrules import Overrule, Verdict
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import _list_facts, conclude, make_report
 from impact_rig.results.tables import tabulate_results

@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 
 import impact_rig
-from impact_rig.core.law_pulses import LossForm
+from impact_rig.core.estimates.law_pulses import LossForm
 
 from .conftest import HOSTILE, HOSTILE_NOTE
 from .reader import HEADINGS

@@ -11,8 +11,8 @@ import numpy as np
 import psutil
 import pytest
 
-from impact_rig.core.records import FloatArray
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.records import FloatArray
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.entities import APPLICATION
 from impact_rig.present.rerun.view_log import ViewLog

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import psutil
 
-from impact_rig.core.records import HitLabel
+from impact_rig.core.given.records import HitLabel
 from impact_rig.results.traces import HitTraces
 
 PATIENCE = 20.0

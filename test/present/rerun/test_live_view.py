@@ -9,7 +9,7 @@ import numpy as np
 import psutil
 import pytest
 
-from impact_rig.core.errors import DeviceError, FileError, ParameterError, RigError
+from impact_rig.core.given.errors import DeviceError, FileError, ParameterError, RigError
 from impact_rig.present.rerun import viewers
 from impact_rig.present.rerun.viewers import (
     check_viewer_address,
@@ -65,7 +65,7 @@ def test_who_comes_late_gets_everything_and_only_this_host_reaches_it(
 WRITER = """
 import sys
 import numpy as np
-from impact_rig.core.records import HitLabel
+from impact_rig.core.given.records import HitLabel
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.results.traces import HitTraces
 view = LiveView(output=sys.argv[1], web=True, announce=print, notify=print)

@@ -3,8 +3,8 @@
 import re
 from dataclasses import replace
 
-from impact_rig.core.findings import Finding, Reason, join_findings
-from impact_rig.core.records import SIMULATED, Origin
+from impact_rig.core.given.findings import Finding, Reason, join_findings
+from impact_rig.core.given.records import SIMULATED, Origin
 from impact_rig.present.rerun.markdown import (
     escape_markdown,
     format_log_line,

@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.present.rerun.blueprint import (
     TAB_CAMPAIGN,
     TAB_HEALTH,

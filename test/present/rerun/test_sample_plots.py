@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from impact_rig.core.contact_law import NO_LAW
-from impact_rig.core.findings import Note, Subject
-from impact_rig.core.records import HitLabel
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.estimates.contact_law import NO_LAW
+from impact_rig.core.given.findings import Note, Subject
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.results.traces import (
     DRIVEN,
     PRINTED,

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from impact_rig.core.records import HitLabel
-from impact_rig.core.setup import PAPER_SETUP
+from impact_rig.core.given.records import HitLabel
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import HitTraces
 

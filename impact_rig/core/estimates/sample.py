@@ -1,0 +1,296 @@
+"""Everything that is estimated of one sample."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from impact_rig.core.estimates.checks import (
+    NO_CHECKS,
+    Checks,
+    check_momenta,
+    check_speed,
+    use_measured_speed,
+)
+from impact_rig.core.estimates.comparison import ModelComparison, compare_with_model
+from impact_rig.core.estimates.contact_law import NO_LAW, ContactLaw
+from impact_rig.core.estimates.model import Body, ImpactModel, ModelVariant
+from impact_rig.core.estimates.paper_estimate import MOMENT, NO_NUMBERS, PaperEstimate
+from impact_rig.core.estimates.paper_method import NAN, BodyEstimate, HammerPulse, look_at_pulse
+from impact_rig.core.estimates.pulse_shape import NO_SHAPE, PulseShapeEstimate
+from impact_rig.core.estimates.ringing import (
+    NO_DECAY,
+    FreeDecayEstimate,
+    estimate_decay,
+    find_shared_ringing,
+    is_same,
+)
+from impact_rig.core.estimates.uncertainty import make_rig_numbers
+from impact_rig.core.given.errors import RigError
+from impact_rig.core.given.findings import Note, Subject
+from impact_rig.core.given.quantity import INLINE, INTERNAL, NOT_NEGATIVE, Comparable
+from impact_rig.core.given.sensors import CHANNELS
+from impact_rig.core.given.setup import RigSetup
+from impact_rig.core.hit.pulse_width import find_base, measure_pulse
+from impact_rig.core.mean.mean_hit import MeanHit
+
+NEAR_LOW_PASS = 2.0
+"""Lowest harmless resonance [cutoff frequencies]; at twice the cutoff a sixteenth is left."""
+
+
+def check_sensors(setup: RigSetup, contact_time: float) -> tuple[Note, ...]:
+    """Warn of stated resonances near the low-pass or the spectrum of a contact [s]."""
+    cutoff = setup.analysis.cutoff_frequency
+    warnings = []
+    for channel in CHANNELS:
+        resonance = setup.find_sensor(channel).resonance
+        what = f"the resonance of the {channel}'s sensor, {resonance * 1e-3:.4g} kHz, lies near"
+        if resonance and cutoff and resonance < NEAR_LOW_PASS * cutoff:
+            warnings.append(
+                f"{what} the low-pass of {cutoff * 1e-3:.4g} kHz: the models are sent through it,"
+                " widths and peaks are read with its ringing; a low-pass of"
+                f" {resonance / NEAR_LOW_PASS * 1e-3:.3g} kHz leaves little of that"
+            )
+        # Beyond this a pulse has 1e-3 left.
+        if 0.0 < resonance < 5.0 / contact_time:
+            warnings.append(
+                f"{what} the spectrum of a contact this short, which makes it ring: the models are"
+                " sent through it, widths and peaks are not; take a sensor with a higher one"
+            )
+    return tuple(Note(Subject.SENSOR, warning) for warning in warnings)
+
+
+@dataclass(frozen=True)
+class TraceEstimates:
+    """Estimates from a sample's mean traces, independent of the hammer's stiffness."""
+
+    pulse: HammerPulse
+    checks: Checks
+    free_decay: FreeDecayEstimate
+    notes: tuple[Note, ...]  # why any of it is not determined
+
+
+def estimate_traces(name: str, mean: MeanHit, setup: RigSetup) -> TraceEstimates:
+    """Estimate pulse shape, contact law and free decay of one sample from its mean hit.
+
+    Raises
+    ------
+    SignalError
+        If the hammer's mean trace has no whole pulse.
+    """
+    shape, rate = measure_pulse(mean.traces[0]), mean.sampling_rate
+    pulse = look_at_pulse(mean, setup, name)
+    contact_end = max(
+        # A pulse that falls half as long again as it rises ends a twentieth later than tau_p says.
+        0.55 * setup.analysis.pulse_factor * shape.half_amplitude_width / rate,
+        pulse.law.separation,
+        # Without a law a long foot is still the contact; what stays above 1 % is no foot.
+        float(np.nan_to_num(find_base(mean.traces[0], shape)[1] - shape.middle)) / rate,
+    )
+    notes = pulse.notes + (() if pulse.law.is_known else pulse.law.notes)
+    decay = NO_DECAY
+    if mean.traces.shape[0] > 1:
+        try:
+            decay = estimate_decay(mean, setup, name, contact_end)
+        except RigError as error:
+            notes = (*notes, Note(Subject.FREE_DECAY, str(error)))
+    checks = check_momenta(mean, setup, make_rig_numbers(setup, name), name)
+    notes = (*notes, *decay.notes, *checks.notes)
+    return TraceEstimates(pulse, checks, decay, tuple(dict.fromkeys(notes)))
+
+
+@dataclass(frozen=True)
+class ModelErrors(Comparable):
+    """Distance between the model by the paper's numbers and the mean traces; NaN: not known."""
+
+    # of the driven model over the record, as in Fig. 6
+    mse_hammer_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    mse_sample_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    # RMS of the same over the contact alone
+    contact_error_hammer_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    contact_error_sample_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    shift_hammer: float = field(default=NAN, metadata=MOMENT)  # of the model, later is positive
+    shift_sample: float = field(default=NAN, metadata=MOMENT)
+    # of equations (1) and (2) as printed
+    printed_mse_hammer_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    printed_mse_sample_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+
+
+NOT_COMPARED = ModelErrors()
+"""Where there is no model to compare with."""
+
+
+@dataclass(frozen=True)
+class SampleEstimate(Comparable):
+    """Everything known of one sample; NaN: not determined, see the notes."""
+
+    name: str
+    impacts_accepted: int
+    impacts_rejected: int
+    paper: PaperEstimate = field(default=NO_NUMBERS, metadata=INLINE)
+    errors: ModelErrors = field(default=NOT_COMPARED, metadata=INLINE)
+    pulse_shape: PulseShapeEstimate = NO_SHAPE
+    contact_law: ContactLaw = NO_LAW  # of hammer and sample as free bodies
+    checks: Checks = NO_CHECKS
+    free_decay: FreeDecayEstimate = NO_DECAY
+    warnings: tuple[Note, ...] = ()
+    notes: tuple[Note, ...] = ()  # what could not be determined, and why
+    comparisons: tuple[ModelComparison, ...] = field(default=(), metadata=INTERNAL)
+
+
+@dataclass(frozen=True)
+class SampleParts:
+    """Parts from which a sample's estimate is put together."""
+
+    name: str
+    impacts_rejected: int
+    mean: MeanHit
+    paper: PaperEstimate
+    hammer: BodyEstimate
+    warnings: tuple[Note, ...] = ()  # of the series as a whole
+    notes: tuple[Note, ...] = ()
+    traces: TraceEstimates | None = None  # None: not looked at yet
+
+    def without_ringing(self, shared: float) -> "SampleParts":
+        """Return it without what comes from a sensor that rings at a frequency [Hz]."""
+        if self.traces is None or not self.traces.free_decay.is_known:
+            return self
+        told = (
+            f"what rings at {shared * 1e-3:.2g} kHz does so on all samples, though their masses"
+            " differ: it is a sensor or its mount, and no sample's k, zeta or c comes from it"
+        )
+        paper = self.paper
+        period = paper.second_peak_time - paper.first_peak_time
+        if period and is_same(1.0 / period, shared):
+            paper = paper.without_damping()
+        notes = (*self.traces.notes, Note(Subject.SENSOR, told))
+        traces = replace(self.traces, free_decay=NO_DECAY, notes=notes)
+        return replace(self, paper=paper, traces=traces)
+
+    def assemble(self, setup: RigSetup) -> SampleEstimate:
+        """Return the estimate, with every part's warnings and notes."""
+        paper, traces = self.paper, self.traces
+        counts = self.mean.count, self.impacts_rejected
+        if traces is None:
+            return SampleEstimate(
+                self.name, *counts, paper,
+                warnings=paper.warnings + self.warnings, notes=paper.notes + self.notes,
+            )  # fmt: skip
+        checks, setup = traces.checks, use_measured_speed(setup, self.mean)
+        speed_is = "measured" if self.mean.impact_speeds.size else "stated"
+        shape, law, contact_time = traces.pulse.shape, traces.pulse.law, paper.contact_time.value
+        # Where a law contradicts the versed-sine, its note suffices for the shape.
+        is_said = law.is_known and law.excludes_versed_sine
+        warnings = (
+            None if is_said else shape.warning,
+            *check_sensors(setup, contact_time),
+            check_speed(law.impact_speed, checks.stated_restitution, setup, speed_is),
+            *checks.warnings,
+            *traces.free_decay.warnings,
+            *law.warnings,
+            check_delay(self.mean, checks, contact_time),
+            *paper.warnings,
+            *self.warnings,
+        )
+        comparisons = compare_models(self.name, paper, self.mean, self.hammer, setup)
+        return SampleEstimate(
+            self.name,
+            *counts,
+            paper,
+            _read_errors(comparisons),
+            _add_stiffness(shape, paper),
+            law,
+            checks,
+            traces.free_decay,
+            tuple(filter(None, warnings)),
+            paper.notes + self.notes + traces.notes,
+            comparisons,
+        )
+
+
+def assemble_samples(parts: Sequence[SampleParts], setup: RigSetup) -> tuple[SampleEstimate, ...]:
+    """Return the estimates of all samples, without what is a sensor's on all of them."""
+    decays = {part.name: part.traces.free_decay for part in parts if part.traces is not None}
+    shared = find_shared_ringing(decays, setup)
+    if shared is not None:
+        parts = [part.without_ringing(shared) for part in parts]
+    return tuple(part.assemble(setup.for_series(part.name)) for part in parts)
+
+
+def _add_stiffness(shape: PulseShapeEstimate, paper: PaperEstimate) -> PulseShapeEstimate:
+    """Add k2 as each shape would make it: k_eq, k1 and with them k2 go as F^-2."""
+    k2, tau = paper.stiffness.value, paper.contact_time.value
+    fits = (replace(fit, stiffness=k2 * (tau / fit.contact_time) ** 2) for fit in shape.fits)
+    return replace(shape, fits=tuple(fits))
+
+
+def compare_models(
+    name: str, paper: PaperEstimate, mean: MeanHit, hammer: BodyEstimate, setup: RigSetup
+) -> tuple[ModelComparison, ...]:
+    """Lay the model by the paper's numbers onto the mean traces: driven, then as printed."""
+    if not paper.damping_coefficient.is_known:
+        return ()
+    variants = [ModelVariant.DRIVEN]
+    if hammer.damping_coefficient.is_known and math.isfinite(setup.impact_speed):
+        variants.append(ModelVariant.PRINTED)
+    model = ImpactModel(
+        # The driven model does not use the hammer's damping, nor the speed.
+        hammer=Body(
+            setup.hammer_mass,
+            hammer.stiffness.value,
+            float(np.nan_to_num(hammer.damping_coefficient.value)),
+        ),
+        specimen=Body(
+            setup.samples.get_moving_mass(name),
+            paper.stiffness.value,
+            paper.damping_coefficient.value,
+        ),
+        contact_time=paper.contact_time.value,
+        impact_speed=float(np.nan_to_num(setup.impact_speed)),
+        peak_force=setup.hammer_mass * paper.hammer_peak,
+    )
+    return tuple(
+        compare_with_model(mean, model, variant, setup.find_chains(mean.sampling_rate))
+        for variant in variants
+    )
+
+
+def _read_errors(comparisons: Sequence[ModelComparison]) -> ModelErrors:
+    if not comparisons:
+        return NOT_COMPARED
+    driven, *printed = comparisons
+    return ModelErrors(
+        mse_hammer_percent=driven.hammer.mse_percent,
+        mse_sample_percent=driven.specimen.mse_percent,
+        contact_error_hammer_percent=driven.hammer.contact_error_percent,
+        contact_error_sample_percent=driven.specimen.contact_error_percent,
+        shift_hammer=driven.hammer.shift,
+        shift_sample=driven.specimen.shift,
+        printed_mse_hammer_percent=printed[0].hammer.mse_percent if printed else NAN,
+        printed_mse_sample_percent=printed[0].specimen.mse_percent if printed else NAN,
+    )
+
+
+def check_delay(mean: MeanHit, checks: Checks, contact_time: float) -> Note | None:
+    """Warn unless hammer and sample, if it is free, pass half of their momenta at one time."""
+    # A spring takes part of the momentum to its support.
+    if not math.isclose(checks.momentum_ratio.value, 1.0, abs_tol=0.1):
+        return None
+    pulse, rate = measure_pulse(mean.traces[0]), mean.sampling_rate
+    reach = pulse.half_amplitude_width
+    first, last = max(int(pulse.rise - reach), 0), math.ceil(pulse.fall + reach)
+    halves = []
+    for trace in mean.traces[:, first:last]:
+        passed = np.abs(np.cumsum(trace))
+        halves.append(float(np.interp(0.5 * passed[-1], passed, np.arange(passed.size))))
+    delay = (halves[-1] - halves[0]) / rate
+    # Sound needs so long for 20 mm of steel.
+    if abs(delay) <= 0.02 * contact_time:
+        return None
+    side = "after" if delay > 0.0 else "before"
+    return Note(
+        Subject.DELAY,
+        f"the sample's momentum comes {abs(delay) * 1e6:.2g} µs {side} the hammer's: a channel is"
+        " late, or points are missing",
+    )

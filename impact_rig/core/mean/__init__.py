@@ -1,0 +1,1 @@
+"""The mean of a sample's hits, and their series: outliers, trends, groups."""
