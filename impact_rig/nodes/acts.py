@@ -12,8 +12,6 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rclpy.node import Node
-
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.recordings.messages import NANOSECONDS, stamp_from_msg
@@ -61,8 +59,8 @@ class NumberedState:
 
     Parameters
     ----------
-    node : Node
-        Whose clock it is.
+    clock : callable
+        Returns the time by which the state is stamped [ns].
     send : callable
         Publishes a stamped state with some fields changed.
     tell : callable
@@ -71,12 +69,12 @@ class NumberedState:
 
     def __init__(
         self,
-        node: Node,
+        clock: Callable[[], int],
         send: Callable[..., None],
         tell: Callable[[Mapping[str, Any]], Any] = dict,
     ) -> None:
         self.number = 0
-        self._node, self._send, self._tell = node, send, tell
+        self._clock, self._send, self._tell = clock, send, tell
         self._fields: dict[str, Any] = {}
         self._told: Any = None
 
@@ -106,7 +104,7 @@ class NumberedState:
 
     def refuse_late(self, act: Any) -> str | None:
         """Return by how much a deadline is over; None: it is not."""
-        deadline, now = stamp_from_msg(act.deadline), self._node.get_clock().now().nanoseconds
+        deadline, now = stamp_from_msg(act.deadline), self._clock()
         if deadline and now > deadline:
             late = (now - deadline) / NANOSECONDS
             return f"not done: it came {late:.1f} s too late; look, then do it again"

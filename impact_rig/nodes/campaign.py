@@ -31,7 +31,7 @@ from impact_rig.core.given.findings import Finding, join_findings
 from impact_rig.core.given.setup import PAPER_SETUP, RigSetup, Sample, format_angle
 from impact_rig.core.hit.verdict import SHOWS_NOTHING
 from impact_rig.nodes import interfaces, messages
-from impact_rig.nodes.acts import BEAT, REACTION, NumberedState, Standstill
+from impact_rig.nodes.acts import BEAT, REACTION, Standstill
 from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.campaign_state import (
     TASKS,
@@ -85,7 +85,7 @@ class CampaignNode(RigNode):
         self._setup = self.advertise(interfaces.SETUP)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
         self.listen(interfaces.IMPACT.unread, self._on_impact)
-        self._told = NumberedState(self, self.advertise_state(interfaces.CAMPAIGN_STATE), tell)
+        self._told = self.number_state(interfaces.CAMPAIGN_STATE, tell)
         self._standstill = Standstill()
         self.create_timer(BEAT / self.pace, self._beat)
         self.offer_act(interfaces.PAUSE_CAMPAIGN, self._hold)
@@ -338,6 +338,8 @@ class CampaignNode(RigNode):
         """
         campaign.stands_since = min(campaign.stands_since, time.monotonic())
         campaign.stumbled_at = math.inf
+        if time.monotonic() - campaign.stands_since > interfaces.LEASE:
+            campaign.is_to_arm = False  # who said that it may go has walked on
         with contextlib.suppress(DeviceError):
             await self._take_enable(campaign, campaign.state.message)
         hammer, was_held = self._hammer, campaign.is_held

@@ -14,7 +14,7 @@ from impact_rig.core.given.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.given.setup import check_release_angles
 from impact_rig.devices.drivers import HOLDERS, make_device
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.acts import NumberedState, Standstill
+from impact_rig.nodes.acts import BEAT, Standstill
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.guarded_hammer import GuardedHammer
 from impact_rig.nodes.identity import id_from_msg, identity_from_msg
@@ -47,7 +47,7 @@ class HammerNode(DeviceNode):
         self._armed_record = 0
         self._swing = self.create_timer(1.0, self._on_swing_time)
         self._swing.cancel()
-        self._told = NumberedState(self, self.advertise_state(interfaces.HAMMER_STATE))
+        self._told = self.number_state(interfaces.HAMMER_STATE)
         self._changed_at = self._stopped_at = Time()
         self._release = self.advertise(interfaces.RELEASE)
         self._hammer = GuardedHammer(self._publish_condition)
@@ -66,7 +66,7 @@ class HammerNode(DeviceNode):
         self.create_service(Release, interfaces.RELEASE_HAMMER, self._on_release)
         self.offer_to_join(self._check_rig)
         # An operator who pulls a plug wants to see the enable go.
-        self.create_timer(0.5 / self.pace, self._watch)
+        self.create_timer(BEAT / self.pace, self._watch)
 
     # Every callback first looks whether this process stood still before it.
 

@@ -1,7 +1,7 @@
 """Common part of the rig's nodes: topics with one way in, campaigns, and diagnostics."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias
 
@@ -135,6 +135,14 @@ class RigNode(ManagedNode):
         # Members of a campaign ignore what was published before this node joined it.
         self._states.append((publisher, lambda: publish() if newest else None))
         return publish
+
+    def number_state(
+        self, topic: Topic, tell: Callable[[Mapping[str, Any]], Any] = dict
+    ) -> NumberedState:
+        """Create a publisher of a state from which persons act; `tell`: what it tells them."""
+        return NumberedState(
+            lambda: self.get_clock().now().nanoseconds, self.advertise_state(topic), tell
+        )
 
     # Services and campaigns.
 

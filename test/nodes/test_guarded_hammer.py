@@ -61,6 +61,8 @@ class Interlock(RuleBasedStateMachine):
         self.accepted = 0
         self.is_enabled = False
         self.is_stopped = False
+        self.stopped_by = ""
+        self.needs_person = False
         self.is_in_holder = True
 
     def attempt(self, action, *arguments, **options):
@@ -109,10 +111,22 @@ class Interlock(RuleBasedStateMachine):
         refusal = self.hammer.arm()
         assert bool(refusal) == (self.is_stopped or self.holder is None)
         self.is_enabled = self.is_enabled or not refusal
+        self.needs_person = self.needs_person and bool(refusal)
+
+    @rule()
+    def arm_again(self):
+        refusal = self.hammer.arm_again()
+        assert bool(refusal) == (self.needs_person or self.holder is None)
+        self.is_enabled = self.is_enabled or not refusal
 
     @rule()
     def disarm(self):
-        self.hammer.disarm("disarmed")
+        self.hammer.disarm("Anna")
+        self.is_enabled, self.needs_person = False, True
+
+    @rule()
+    def disarm_for_now(self):
+        self.hammer.disarm_for_now("hands are in")
         self.is_enabled = False
 
     @rule()
@@ -120,16 +134,17 @@ class Interlock(RuleBasedStateMachine):
         self.hammer.disarm_by_loss("the recorder has gone")
         self.is_enabled = False
 
-    @rule()
-    def stop(self):
-        self.is_stopped, self.is_enabled = True, False
-        self.attempt(self.hammer.stop)
+    @rule(who=st.sampled_from(["Anna", "Ben"]))
+    def stop(self, who):
+        self.stopped_by = self.stopped_by if self.is_stopped else who
+        self.is_stopped, self.is_enabled, self.needs_person = True, False, True
+        self.attempt(self.hammer.stop, who)
         assert self.holder is None or self.holder.state is HolderState.HOLDING
 
     @rule()
     def reset_stop(self):
         self.hammer.reset()
-        self.is_stopped = False
+        self.is_stopped, self.stopped_by = False, ""
 
     @rule(obstacle=st.sampled_from([None, "the accelerometers are not armed"]))
     def release(self, obstacle):
@@ -168,6 +183,8 @@ class Interlock(RuleBasedStateMachine):
         assert condition == self.told[-1]
         assert condition.armed == self.is_enabled
         assert (condition.disarmed_by is Disarming.EMERGENCY_STOP) == self.is_stopped
+        assert condition.needs_person == self.needs_person
+        assert condition.stopped_by == self.stopped_by
         assert condition.message
 
 

@@ -199,19 +199,19 @@ def frozen(harness, start_process):
         publisher.publish(message)
     assert harness.call(Act, interfaces.ARM_HAMMER).success
     states.wait(lambda messages: messages[-1].armed)
-    states.messages.clear()
     hammer.process.send_signal(signal.SIGSTOP)
     return hammer, states
 
 
-def wake(hammer):
+def wake(hammer, states):
     threading.Event().wait(interfaces.LEASE + 0.2)
+    states.messages.clear()
     hammer.process.send_signal(signal.SIGCONT)
 
 
 def test_who_stood_still_takes_the_enable_back_before_anything_else(harness, frozen):
     hammer, states = frozen
-    wake(hammer)
+    wake(hammer, states)
     state = states.wait_for_count(1)[0]  # the first that it says
     assert (state.armed, state.disarmed_by) == (False, HammerState.LOSS)
     # Or the end of another's lease, which it learns of as soon as it runs.
@@ -232,7 +232,7 @@ def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(
         harness.wait_until(client.service_is_ready)
     armed = arm.call_async(Act.Request()) if asks_to_arm else None
     released = release.call_async(Release.Request(**HIT))
-    wake(hammer)
+    wake(hammer, states)
 
     if armed is not None:
         assert "stood still" in harness.wait(armed).message
