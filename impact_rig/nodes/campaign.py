@@ -156,7 +156,9 @@ class CampaignNode(RigNode):
             # While it looks, what was asked for still is.
             is_looking = state in (Step.JOINING, Step.COUNTING)
             asked = {} if is_looking else {"task": TASKS.get(state, task), "until": Time()}
-            campaign.publish(state=state, **asked)
+            campaign.change(state=state, **asked)
+            if state is not Step.COUNTING:  # a moment after each hit
+                campaign.publish()
             self._check_end(campaign)
             try:
                 if campaign.is_held and is_looking:
@@ -259,7 +261,7 @@ class CampaignNode(RigNode):
         sample = missing[0] if missing else plan.samples[-1]
         if sample != campaign.state.sample:
             campaign.state.task = Task.NOTHING  # which was for another
-        campaign.publish(
+        campaign.change(
             sample=sample,
             impact=min(counts[sample].accepted, plan.impacts),
             counts=list(counts.values()),
@@ -448,7 +450,7 @@ class CampaignNode(RigNode):
         if verdict.accepted:
             campaign.failures = 0
         campaign.stands_since = math.inf
-        campaign.publish(last=verdict, message="", task=Task.NOTHING, until=Time())
+        campaign.change(last=verdict, message="", task=Task.NOTHING, until=Time())
         return Step.COUNTING
 
     async def _count_down(self, campaign: Campaign) -> None:

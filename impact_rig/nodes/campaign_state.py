@@ -67,10 +67,14 @@ class Campaign:
         """Finds a sample by its name."""
         return setup_from_msg(self.setup).samples.find
 
-    def publish(self, **fields: Any) -> None:
-        """Publish the state with some fields changed."""
+    def change(self, **fields: Any) -> None:
+        """Change fields of the state, which are published with what follows from them."""
         for name, value in fields.items():
             setattr(self.state, name, value)
+
+    def publish(self, **fields: Any) -> None:
+        """Publish the state with some fields changed."""
+        self.change(**fields)
         told = {name: getattr(self.state, name) for name in FIELDS}
         self.state.number = self.told.count(told)
         if self.is_announced:

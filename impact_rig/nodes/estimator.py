@@ -275,7 +275,7 @@ class EstimatorNode(RigNode):
             self._impact.publish(hit_to_msg(hit, self.membership.identity))
         if numbers is not None:
             self._publish_estimate(session, numbers)
-        if hit.filtered is not None:
+        if hit.filtered is not None and self._trace.get_subscription_count():
             aligned = align_hit(hit.label, hit.filtered)
             identity = self.membership.identity
             self._trace.publish(trace_to_msg(hit, aligned, self._full_scale, identity))

@@ -145,7 +145,7 @@ OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False))
 IMPACT_TRACE = Topic(
     "impact/trace", ImpactTrace, make_qos(64, latched=True), _finding("judged_traces_from_msg")
 )
-"""Traces as judged, 60 kB each."""
+"""Traces as judged, 60 kB each, while somebody listens."""
 ESTIMATE = Topic("estimate", SampleEstimate, _RESULT, _by("core.sample", "SampleEstimate"))
 HAMMER_ESTIMATE = Topic(
     "hammer_estimate", HammerEstimate, _LATEST, _by("core.paper_method", "HammerEstimate")

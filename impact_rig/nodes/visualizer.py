@@ -136,7 +136,7 @@ class VisualizerNode(RigNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("visualizer", **options)
-        self.offer_to_join()
+        self._is_to_join = True
         self._view: LiveView | None = None
         self._latest: dict[Hashable, Work] = {}  # to be logged at the next refresh
         self._refreshing: Any = None
@@ -144,7 +144,7 @@ class VisualizerNode(RigNode):
         self._left_out = ""  # why the last view that could not be shown was not
         self._subscriptions_of_view: list[Any] = []
         self._assembler = TraceAssembler()
-        self._feed: CampaignFeed
+        self._feed = CampaignFeed(self._on_campaign, self._on_finding)
         self._campaign: ShownCampaign  # that of the feed
         self._status = RigStatus(self.get_namespace())
         self._counts = {"blocks": 0, "hits": 0, "comparisons": 0, "left out": 0}
@@ -164,22 +164,37 @@ class VisualizerNode(RigNode):
         self._log(lambda log: log.log_setup("", ()))
         # What is replaced as a whole is replaced once a second.
         self._refreshing = self.create_timer(1.0, self._refresh)
-        self._feed = CampaignFeed(self._on_campaign, self._on_finding)
+
+    def autostart(self) -> None:
+        """Subscribe before Rerun loads: what comes meanwhile waits."""
+        if self.get_value("autostart"):
+            self._subscribe()
+        super().autostart()
+        if not self.is_active:
+            self.deactivate()
 
     def activate(self) -> None:
         """Subscribe; latched messages come at once."""
+        if self._is_to_join:  # not before: a campaign's start waits for who takes part
+            self._is_to_join = False
+            self.offer_to_join()
+        if not self._subscriptions_of_view:
+            self._subscribe()
+
+    def _subscribe(self) -> None:
         self._subscriptions_of_view = [
             self.listen(topic, callback)
             for topic, callback in (
                 (interfaces.SETUP, self._feed.on_setup),
-                # 16 MB, for the seconds that the first plots take on a busy computer.
+                # 16 MB each, for the seconds that Rerun and its first plots take on a busy
+                # computer.
                 (interfaces.ACCELERATION.deepen(2000), self._on_block),
+                (interfaces.IMPACT_TRACE.deepen(300), self._feed.on_finding),
+                (interfaces.COMPARISON.deepen(200), self._feed.on_finding),
                 (interfaces.VIRTUAL_IMPACT, self._feed.on_finding),
                 (interfaces.IMPACT, self._feed.on_finding),
-                (interfaces.IMPACT_TRACE, self._feed.on_finding),
                 (interfaces.ESTIMATE, self._feed.on_finding),
                 (interfaces.HAMMER_ESTIMATE, self._feed.on_finding),
-                (interfaces.COMPARISON, self._feed.on_finding),
                 (interfaces.DIAGNOSTICS, self._on_diagnostics),
                 (interfaces.CAMPAIGN_STATE, self._on_state),
                 (interfaces.HAMMER_STATE, self._on_state),
@@ -202,6 +217,7 @@ class VisualizerNode(RigNode):
                 self.get_logger().warning(warning)
             self._view.close()
             self._view = None
+            self._feed = CampaignFeed(self._on_campaign, self._on_finding)
 
     def diagnose(self) -> dict[str, Any]:
         """Return how many messages were shown, and how many left out."""
