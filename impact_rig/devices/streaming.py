@@ -227,8 +227,9 @@ class StreamedSource(ABC):
             if get_end(block) > self._searched:
                 place = block.first_sample
                 counts: NDArray[Any] = block.hammer.output
-                # The point before those that are searched tells whether the first one crosses.
-                if before is not None and get_end(before) == place:
+                # The point before those that are searched tells whether the first one crosses;
+                # where points are missing, the one before them.
+                if before is not None:
                     place, counts = place - 1, np.append(before.hammer.output[-1:], counts)
                 hidden = max(self._searched - 1 - place, 0)
                 crossing = find_crossing(counts[hidden:], level)
@@ -245,7 +246,10 @@ def get_end(block: Block) -> int:
 
 
 def find_crossing(counts: NDArray[Any], level: float) -> int:
-    """Return where counts, shape (n,), first reach a level in size from below; n: nowhere."""
-    is_large = (counts >= level) | (counts <= -level)
+    """Return where counts, shape (n,), first reach a level in size from below; n: nowhere.
+
+    What is no number reaches it: the record says so, where no trigger would say nothing.
+    """
+    is_large = ~((counts < level) & (counts > -level))
     crossings = np.flatnonzero(is_large[1:] & ~is_large[:-1])
     return int(crossings[0]) + 1 if crossings.size else counts.size

@@ -1,5 +1,7 @@
 """Hits in the stream of a device without a trigger, found as one who sees all of it finds them."""
 
+from itertools import pairwise
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -42,8 +44,8 @@ def make_source(*, continuous: bool = False) -> FedSource:
 
 def find_record(there: dict[int, int]) -> list[int]:
     """Return the places of the first record among numbers by their places."""
-    for place in range(BEFORE, max(there) + 1):
-        if abs(there.get(place, 0)) >= LEVEL > abs(there.get(place - 1, LEVEL)):
+    for before, place in pairwise(sorted(there)):
+        if place >= BEFORE and abs(there[place]) >= LEVEL > abs(there[before]):
             wanted = range(place - BEFORE, place - BEFORE + POINTS)
             return [each for each in wanted if each in there] if wanted[-1] <= max(there) else []
     return []
@@ -75,6 +77,15 @@ def test_a_record_is_what_came_around_the_first_crossing(fed):
         assert [block.last for block in blocks] == [False] * (len(blocks) - 1) + [True]
         assert blocks[0].stamp == STAMP + round(places[0] / RATE * 1e9)
         assert all(block.specimen.scale == -1.0 for block in blocks)
+
+
+def test_a_pulse_of_no_numbers_is_recorded_so_that_its_verdict_says_so():
+    source = make_source()
+    source.take(np.full((POINTS, 2), np.nan), STAMP)
+    blocks = [source.read(0.0)]
+    while not blocks[-1].last:
+        blocks.append(source.read(0.0))
+    assert np.isnan(blocks[-1].hammer.acceleration).all()
 
 
 def test_a_stream_comes_as_it_came_with_its_gaps():
