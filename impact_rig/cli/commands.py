@@ -259,6 +259,13 @@ def calibrate() -> None:
       impact-rig hammer confirm      the hammer is back in its holder
     """)
 @click.argument("action", type=click.Choice(HAMMER_ACTIONS), default=HAMMER_ACTIONS[0])
+@click.option(
+    "--within",
+    type=click.FloatRange(0.1, 60.0),
+    default=2.0,
+    metavar="S",
+    help="Do not arm, reset or confirm later than this [s]. [2]",
+)
 @options.rig_options
 def hammer() -> None:
     """Show the state of a rig's hammer, arm, disarm or stop it.

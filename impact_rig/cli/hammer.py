@@ -11,9 +11,9 @@ LOOK_TIMEOUT = 2.0
 """The same for who only looks [s]."""
 
 
-def run(action: str, namespace: str, network: bool) -> None:
+def run(action: str, within: float, namespace: str, network: bool) -> None:
     """Run the command; its options are declared in `commands.py`."""
     set_discovery(network=network)
     timeout = LOOK_TIMEOUT if action == "state" else ACT_TIMEOUT
     with HammerClient(namespace, timeout) as client:
-        click.echo(client.describe() if action == "state" else client.ask(action))
+        click.echo(client.describe() if action == "state" else client.ask(action, within))

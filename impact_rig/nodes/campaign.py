@@ -33,6 +33,7 @@ from impact_rig.core.hit.verdict import SHOWS_NOTHING
 from impact_rig.nodes import interfaces, messages
 from impact_rig.nodes.acts import BEAT, REACTION, Standstill
 from impact_rig.nodes.campaign_plan import plan_campaign
+from impact_rig.nodes.campaign_results import ResultsWriter
 from impact_rig.nodes.campaign_state import (
     TASKS,
     TASKS_IN_PAUSE,
@@ -62,6 +63,8 @@ CHECK_ATTEMPTS = 3
 """Hits in a row that fail the operational check, and end a campaign [-], our choice."""
 BLIND_HITS = 5
 """Hits in a row that showed nothing, and end a campaign [-]: a cable off stays off."""
+TRUTH_TIMEOUT = 2.0
+"""How long the truth behind the last simulated hits is waited for [s]."""
 DISPLAYS = ("visualizer", "page")
 DISPLAY_TIMEOUT = 1.0
 """How long a campaign's start may wait for a display [s]."""
@@ -80,11 +83,13 @@ class CampaignNode(RigNode):
         self._check_mass: Sample | None = None
         self._checked_on = ""  # day of the latest operational check that was passed
         self._campaign: Campaign | None = None
-        self._ended: RigSetupMessage | None = None  # of the latest campaign that is over
+        self._ended: Campaign | None = None  # the latest that is over
         self._hammer = HammerStatus(message="it has published no state")
         self._setup = self.advertise(interfaces.SETUP)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
         self.listen(interfaces.IMPACT.unread, self._on_impact)
+        self._writer = ResultsWriter(lambda error: self.get_logger().error(error))
+        self.listen(interfaces.VIRTUAL_IMPACT, self._writer.on_truth)
         self._told = self.number_state(interfaces.CAMPAIGN_STATE, tell)
         self._standstill = Standstill()
         self.create_timer(BEAT / self.pace, self._beat)
@@ -147,6 +152,11 @@ class CampaignNode(RigNode):
         """Ask the hammer to disarm, and wait for nothing."""
         request = SetArmed.Request(campaign_id=campaign.setup.campaign_id, why=why)
         self._set_armed.call_async(request)
+
+    def close(self) -> None:
+        """Close, when the results are written."""
+        super().close()
+        self._writer.close()
 
     # The states.
 
@@ -511,15 +521,18 @@ class CampaignNode(RigNode):
         if self._campaign is not None:
             self._campaign.verdict = received.value
         elif self._ended is not None:  # a person decided on a hit
-            asked = self._results.call_async(GetResults.Request(counts_only=True))
+            asked = self._results.call_async(GetResults.Request())
             asked.add_done_callback(self._count_again)
 
     def _count_again(self, done: Any) -> None:
-        """Publish what a person's verdict makes of the counts of a campaign that is over."""
-        setup, ledger = self._ended, done.result()
-        if setup is None or self._campaign is not None:
+        """Publish and write what a person's verdict makes of a campaign that is over."""
+        ended, ledger = self._ended, done.result()
+        if ended is None or self._campaign is not None:
             return
+        setup = ended.setup
         if ledger.setup.campaign_id == setup.campaign_id:
+            if not setup.plan.trial:
+                self._writer.write(ledger, ended.recording)
             self._told.publish(counts=list(_find_counts(setup, ledger).values()))
 
     def _on_confirm_sample(
@@ -588,6 +601,7 @@ class CampaignNode(RigNode):
             handle.abort()
             return result
         self.membership.join(Identity(id_from_msg(setup.campaign_id)))
+        self._writer.begin()
         self._campaign = campaign = Campaign(handle, setup, self._told)
         campaign.publish(
             impacts=setup.plan.impacts,
@@ -608,7 +622,7 @@ class CampaignNode(RigNode):
                 task=Task.NOTHING,
                 until=Time(),
             )
-            self._campaign, self._ended = None, setup
+            self._campaign, self._ended = None, campaign
         if result.success:
             handle.succeed()
         elif handle.is_cancel_requested:
@@ -647,6 +661,10 @@ class CampaignNode(RigNode):
             return
         for name in ("hammer", "samples", "speed_exponents", "accepted", "rejected"):
             setattr(result, name, getattr(results, name))
+        if not campaign.setup.plan.trial and campaign.recording:
+            await self.wait_until(lambda: not self._writer.lacks_truth(result), TRUTH_TIMEOUT)
+            written = self._writer.write(result, campaign.recording)
+            await self.wait_until(written.done, RESULTS_TIMEOUT)
 
 
 def _find_counts(setup: RigSetupMessage, ledger: GetResults.Response) -> dict[str, SampleCount]:

@@ -12,7 +12,7 @@ from typing import Any, Protocol, TypeAlias
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import HammerRelease
+from impact_rig_msgs.msg import HammerRelease, RigSetup
 from impact_rig_msgs.srv import Act, ConfirmSample, SetArmed
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy
@@ -22,17 +22,13 @@ from std_msgs.msg import String
 from impact_rig.core.given.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.acts import describe_caller, fill_act
+from impact_rig.nodes.campaign_results import read_faults
 from impact_rig.nodes.client import START_ONE, RigClient
 from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import UNSOUND, Received
 from impact_rig.nodes.result_messages import results_from_msg
-from impact_rig.recordings.messages import (
-    VIRTUAL_IMPACT_TYPE,
-    RecordedTruth,
-    campaign_id_from_msg,
-    truth_from_msg,
-)
+from impact_rig.recordings.messages import RecordedTruth
 from impact_rig.recordings.run import Run
 from impact_rig.results.campaign import Results
 from impact_rig.status.rig_status import RigStatus
@@ -451,7 +447,7 @@ class CampaignClient(RigClient):
         path = self._status.recorder.uri
         return Path(path).parent if path else None
 
-    def check_run(self, folder: Path) -> None:
+    def check_run(self, folder: Path, resumed: RigSetup) -> None:
         """Require that the rig records into a run's folder, as far as that can be seen from here.
 
         What the virtual rig did on purpose to the run's earlier hits is read from its recordings.
@@ -468,8 +464,6 @@ class CampaignClient(RigClient):
                 f"the rig records into {recording.parent}: start it with"
                 f" `impact-rig up --resume {folder}`"
             )
-        run = Run(folder)
-        for raw in run.read_messages({VIRTUAL_IMPACT_TYPE}):
-            campaign_id = run.convert(raw, campaign_id_from_msg)
-            label, truth = run.convert(raw, truth_from_msg)
-            self._faults.setdefault((campaign_id, label.record), truth.faults)
+        campaign_id = id_from_msg(resumed.campaign_id)
+        for record, faults in read_faults(Run(folder), campaign_id).items():
+            self._faults.setdefault((campaign_id, record), faults)

@@ -85,11 +85,16 @@ class ManagedNode(ParameterNode):
         return TransitionCallbackReturn.SUCCESS
 
     def autostart(self) -> None:
-        """Configure and activate, if the parameter of that name says so."""
+        """Configure and activate, if the parameter of that name says so; else end, with the fault.
+
+        Nobody would wait for a node that never becomes active.
+        """
         if not self.get_value("autostart"):
             return
-        if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
-            self.trigger_activate()
+        good = TransitionCallbackReturn.SUCCESS
+        if self.trigger_configure() == good and self.trigger_activate() == good:
+            return
+        self.request_stop(RigError(self.fault or "the node cannot be started"))
 
     def close(self) -> None:
         """Leave the states active and configured, whatever led here; safe to call twice."""

@@ -86,7 +86,8 @@ def _run(make_node: Callable[[], RigNode], argv: Sequence[str] | None) -> int:
     except ExternalShutdownException:
         pass
     except (InvalidParameterTypeException, InvalidParameterValueException, RigError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        if node is None or str(error) != node.fault:  # which it has said
+            print(f"error: {error}", file=sys.stderr)
         return 2
     finally:
         # First, since what follows waits for locks of the middleware, which may be held for ever

@@ -6,6 +6,7 @@ from impact_rig_msgs.srv import GetResults, OverruleHit
 from unique_identifier_msgs.msg import UUID
 
 from impact_rig.analysis.analyze import analyze
+from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.replay_client import ReplayClient
 from impact_rig.nodes.result_messages import results_from_msg
@@ -70,6 +71,8 @@ def test_a_hit_left_out_by_hand_is_struck_again_and_every_reader_says_the_same(h
     live = find_results(harness)
     assert '"accepted": false' in live
     assert analyze_again(harness) == live
+    written = harness.recording.with_name(RESULTS_NAME)
+    assert written.read_text() == live
     with ReplayClient() as replay:
         (replayed,) = replay.estimate(Run(harness.recording), lambda _: None)
     assert write(replayed) == live
@@ -78,6 +81,7 @@ def test_a_hit_left_out_by_hand_is_struck_again_and_every_reader_says_the_same(h
     states = harness.listen(interfaces.CAMPAIGN_STATE)
     assert ask(campaign, 2, Overrule.REJECT).success
     states.wait(lambda got: [item.accepted for item in got[-1].counts] == [2])
+    harness.wait_until(lambda: written.read_text() == find_results(harness) != live)
     assert ask(campaign, 2, Overrule.UNDO).success
     # Undone, and a resumed run knows of both; the recording keeps all that was decided.
     assert ask(campaign, 1, Overrule.UNDO).success

@@ -3,6 +3,7 @@
 import itertools
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -52,6 +53,15 @@ def test_a_node_without_the_rig_s_messages_says_how_to_build_them():
     assert done.returncode == 1
     assert done.stderr.startswith("error: impact_rig_msgs is missing: build both packages")
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_node_that_cannot_be_configured_ends_and_says_why_once(ros_domain):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        words = ["--ros-args", "-p", f"port:={other.getsockname()[1]}"]
+        done = run_program([sys.executable, "-m", "impact_rig.nodes", "page", *words])
+    assert done.returncode == 2
+    assert done.stderr.count("the page cannot listen at 127.0.0.1:") == 1
+    assert "Traceback" not in done.stderr
 
 
 def test_a_node_needs_no_standard_error():

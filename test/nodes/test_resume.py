@@ -7,6 +7,7 @@ from action_msgs.msg import GoalStatus
 from impact_rig_msgs.action import RunCampaign
 
 from impact_rig.analysis.analyze import analyze
+from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.nodes.campaign_plan import read_newest_campaign
@@ -100,8 +101,9 @@ def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
     on()
     with CampaignClient() as client:
         client.wait_for_rig(START_PATIENCE)
-        client.check_run(tmp_path)
-        goal = RunCampaign.Goal(resumed=read_newest_campaign(tmp_path))
+        resumed = read_newest_campaign(tmp_path)
+        client.check_run(tmp_path, resumed)
+        goal = RunCampaign.Goal(resumed=resumed)
         outcome = client.run(goal, Onlooker(lambda _: None))
     assert outcome.success, outcome.message
     off()
@@ -116,4 +118,5 @@ def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
     assert len(list(tmp_path.glob("session*.mcap"))) == 2
     (campaign,) = analyze(Run(tmp_path)).campaigns
     live = format_json(results_to_json(outcome.results))
+    assert (tmp_path / RESULTS_NAME).read_text() == live
     assert format_json(results_to_json(campaign.results)) == live
