@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from numpy.typing import ArrayLike
 
@@ -26,7 +26,7 @@ from impact_rig.analysis.sources import (
     read_runs,
 )
 from impact_rig.configuration.processes import limit_threads
-from impact_rig.configuration.rig_file import read_rig_file, read_settings
+from impact_rig.configuration.rig_file import add_samples, load_rig_file, read_settings
 from impact_rig.configuration.units import Given
 from impact_rig.core.given.errors import (
     FileError,
@@ -37,9 +37,8 @@ from impact_rig.core.given.errors import (
     check_name,
 )
 from impact_rig.core.given.records import HitLabel, Truth
-from impact_rig.core.given.setup import PAPER_SETUP
-from impact_rig.devices.virtual.choices import Plant
-from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
+from impact_rig.devices.source_table import read_source_keys, read_virtual_settings
+from impact_rig.devices.virtual.choices import SourceKeys
 from impact_rig.devices.virtual.rig import VirtualRig as Simulation
 from impact_rig.devices.virtual.truth import VirtualCampaign, make_truth
 from impact_rig.present.printed import Number  # noqa: F401 - public
@@ -398,13 +397,21 @@ class VirtualRig:
 
     Parameters
     ----------
-    plant : str
-        Physics: "published" (the paper's tables), "dynamics", "dynamics_printed" (the model with
-        known truth), "contact" (metal on metal, Hertz with loss).
-    faults : float
-        Probability of each fault, for each hit.
     rig_file : str or Path, optional
-        Masses and samples; those of the paper without it.
+        Masses, samples and virtual rig; those of the paper without it.
+    samples : mapping of str to mapping, optional
+        Samples beside those of the rig, by the keys of a rig file's [[sample]]:
+        ``{"mine": {"mass": "60 g", "material": "steel"}}``.
+    **source
+        In place of keys of [source], see `SourceKeys`: ``seed``; ``plant``, the physics:
+        "published" (the paper's tables), "dynamics", "dynamics_printed" (the model with known
+        truth), "contact" (metal on metal, Hertz with loss); ``faults``, the probability of each,
+        for each hit; ``noise``, ``bits``, ``restitution`` and others.
+
+    Raises
+    ------
+    RigError
+        If the rig file cannot be read, or a value cannot be meant.
 
     Examples
     --------
@@ -412,20 +419,26 @@ class VirtualRig:
     >>> hit = rig.strike("steel small")
     >>> hit.truth.exponent, round(hit.truth.restitution, 3)
     (1.5, 0.95)
+
+    Which ± a sample will have that is not machined yet:
+
+    >>> mine = {"mine": {"mass": "60 g", "material": "bronze"}}
+    >>> planned = VirtualRig(samples=mine, plant="contact", bits=16)
+    >>> planned.run(["mine", "aluminium large"], 5).analyze()["mine"].contact_time
+    18... ± ... µs
     """
 
     def __init__(
         self,
         *,
-        seed: int = 1,
-        plant: str = "published",
-        faults: float = 0.0,
         rig_file: str | Path | None = None,
+        samples: Mapping[str, Mapping[str, Given]] | None = None,
+        **source: Unpack[SourceKeys],
     ) -> None:
-        check_name("plant", plant, [item.value for item in Plant])
-        self.setup = PAPER_SETUP if rig_file is None else read_rig_file(Path(rig_file)).setup
-        settings = VirtualRigSettings(Plant(plant), seed=seed, faults=FaultPlan(faults))
-        self._rig = Simulation(self.setup, settings)
+        rig = load_rig_file(rig_file)
+        self.setup = add_samples(rig.setup, samples or {})
+        keys = read_source_keys(source)
+        self._rig = Simulation(self.setup, read_virtual_settings(rig.source, self.setup, keys))
         self._counts: Counter[str] = Counter()
 
     @property

@@ -17,7 +17,9 @@ import pytest
 import impact_rig as ir
 from impact_rig import api
 from impact_rig.analysis import hits as analysis_hits
+from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.given.quantity import Description
+from impact_rig.devices.source_table import make_source
 from impact_rig.files.formats.registry import write_measurement
 from impact_rig.files.importing import write_imported
 from impact_rig.files.measurement import MeasuredChannel, Measurement
@@ -211,10 +213,22 @@ MISTAKES = {
     "files is 3: it must be the name of a file": lambda: ir.read_files([3]),
     "path is None: it must be the name of a file": lambda: ir.open_run(None),
     r"README\.md is no MCAP recording": lambda: ir.open_run(README),
-    "seed is -1: it must be a whole number, 0 or more": lambda: ir.VirtualRig(seed=-1),
-    "seed is 1.5: it must be a whole number": lambda: ir.VirtualRig(seed=1.5),
-    "unknown plant 'moon': there are 'published'": lambda: ir.VirtualRig(plant="moon"),
-    "fault probability is 'many'": lambda: ir.VirtualRig(faults="many"),
+    "seed of the virtual rig is -1: it must be a whole number between 0": lambda: ir.VirtualRig(
+        seed=-1
+    ),
+    "seed of the virtual rig is 1.5: it must be a whole number": lambda: ir.VirtualRig(seed=1.5),
+    "plant of the virtual rig is 'moon': it must be one of published, ": lambda: ir.VirtualRig(
+        plant="moon"
+    ),
+    "fault_probability of the virtual rig is 'many'": lambda: ir.VirtualRig(faults="many"),
+    "the virtual rig has an unknown key 'noize': did you mean 'noise'": lambda: ir.VirtualRig(
+        noize=0.1
+    ),
+    "noise is 1.5: it must lie between 0 and 1": lambda: ir.VirtualRig(noise=1.5),
+    "sample 'mine' is 3: give its keys": lambda: ir.VirtualRig(samples={"mine": 3}),
+    "sample 'mine' has an unknown key 'weight'": lambda: ir.VirtualRig(
+        samples={"mine": {"weight": 3}}
+    ),
     "impacts is 2.5: it must be a whole number": lambda: ir.VirtualRig().run(CONTROL, 2.5),
     "impacts is 0: .* 1 or more": lambda: ir.VirtualRig().run(CONTROL, 0),
     "unknown sample 3: there are": lambda: ir.VirtualRig().run(3),
@@ -390,6 +404,58 @@ def test_the_same_seed_gives_the_same_hits_and_faults_are_named():
     assert all(np.array_equal(a.hammer, b.hammer) for a, b in zip(first, second, strict=True))
     assert {fault for hit in first for fault in hit.truth.faults}
     assert first[0].truth.exponent == 1.5
+
+
+VIRTUAL_RIG = """
+[hammer]
+mass = "100 g"
+impact_speed = "10 cm/s"
+[samples]
+control = "disc"
+[[sample]]
+name = "disc"
+material = "steel"
+mass = "100 g"
+[source]
+driver = "virtual"
+plant = "contact"
+seed = 4
+contact_exponent = 2.0
+restitution = 0.7
+noise = 0.02
+sampling_rate = "1 MHz"
+"""
+
+
+def test_a_rig_file_is_the_same_virtual_rig_for_the_library_as_for_its_node(tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text(VIRTUAL_RIG)
+    found = ir.VirtualRig(rig_file=path).strike("disc")
+    given = load_rig_file(path)
+    source, plan = make_source(given.source, given.setup)
+    source.configure(plan)
+    source.take_setup(given.setup)
+    wanted = source.strike(found.label, 0.0)
+    assert np.array_equal(found.hammer, wanted.hammer.acceleration)
+    assert found.rate == 1e6
+    assert found.truth.exponent == 2.0
+    assert found.truth.restitution == pytest.approx(0.7, rel=0.03)  # it scatters with the speed
+    other = ir.VirtualRig(rig_file=path, seed=5, restitution=0.9).strike("disc")
+    assert other.truth.exponent == 2.0
+    assert other.truth.restitution == pytest.approx(0.9, rel=0.03)
+    path.write_text(VIRTUAL_RIG.replace('driver = "virtual"', 'driver = "sound"'))
+    device = ir.VirtualRig(rig_file=path, plant="contact").strike("disc")
+    assert (device.rate, device.truth.exponent) == (1e6, 1.5)  # how it is sampled, no physics
+
+
+def test_a_sample_is_planned_beside_those_of_the_rig():
+    mine = {"mass": 0.06, "reference_contact_time": "180 us", "reference_stiffness": 30e6,
+            "reference_damping_coefficient": "300 N s/m"}  # fmt: skip
+    rig = ir.VirtualRig(samples={"mine": mine}, noise=1e-4, bits=16)
+    found = rig.run(["mine", CONTROL], 4).analyze()["mine"]
+    assert found.contact_time.value == pytest.approx(180e-6, rel=0.005)
+    assert rig.strike("mine").truth.stiffness == 30e6
+    assert STEEL in rig.samples
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,8 @@ import doctest
 import math
 import os
 import re
+import signal
+import subprocess
 import sys
 from contextlib import closing
 from importlib.util import find_spec
@@ -11,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.stats
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import CampaignState
 from impact_rig_msgs.srv import Act
@@ -20,7 +23,7 @@ from terminal import Terminal, run_program
 from impact_rig import Number, open_run
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.nodes.interfaces import CAMPAIGN_STATE, PAUSE_CAMPAIGN, RUN_CAMPAIGN
-from impact_rig.testing import score, score_node, scoring
+from impact_rig.testing import run_rig, score, score_node, scoring
 from impact_rig.testing.harness import Harness
 
 README = Path(__file__).resolve().parent.parent / "README.md"
@@ -40,12 +43,13 @@ def test_a_campaign_finds_what_really_happened(virtual_rig):
 
 
 def test_a_node_in_the_rigs_domain_is_scored_against_the_truth(virtual_rig):
-    """The rig's own estimator, as anybody's node; its ± here is 1 % of what it says."""
+    """The rig's own estimator, as anybody's node; its interval here does not hold the truth."""
     assert os.environ["ROS_DOMAIN_ID"] == str(virtual_rig.domain)
 
     def read(message):
         time = 1.02 * message.contact_time
-        return message.sample, message.impact, message.attempt, time, 0.01 * time
+        ends = 0.99 * time, 1.03 * time
+        return message.sample, message.impact, message.attempt, time, *ends
 
     (found,) = score_node(virtual_rig, "/impact", read, samples=[STEEL], impacts=3)
     assert (found.sample, found.hits, found.failed, found.coverage) == (STEEL, 3, 0, 0.0)
@@ -87,7 +91,9 @@ def test_an_estimator_is_scored_against_the_truth():
         "0",
         "1.000",
         "0.000",
-        "100.000",
+        "100.0",
+        "39.8",
+        "100.0",
     ]
     wrong = score(lambda hit: (hit.truth.contact_time * 1.1, 1e-6), samples=[STEEL], impacts=2)
     assert wrong[0].coverage == 0.0
@@ -98,12 +104,40 @@ def test_an_estimator_is_scored_against_the_truth():
     assert (broken[0].failed, math.isnan(broken[0].bias)) == (2, True)
     with pytest.raises(ParameterError, match="no true 'stiffness': it has 'contact_time', "):
         score(np.mean, quantity="stiffness", samples=[STEEL])
+    damped = {"quantity": "damping_coefficient", "plant": "dynamics", "impacts": 2}
+    (found,) = score(lambda hit: hit.truth.damping_coefficient, samples=STEEL, **damped)
+    assert found.bias == 0.0
 
 
-def test_an_estimate_may_be_a_number_with_its_uncertainty():
-    number = Number(200e-6, 50e-6, 100e-6)
-    (found,) = score(lambda _: number, samples=STEEL, impacts=2)
-    assert (found.failed, found.coverage) == (0, 1.0)
+TRUE = 170e-6  # contact time of the steel sample on the published plant, within 3 µs
+AROUND = {
+    "a number": (Number(200e-6, 50e-6, 100e-6), 1.0),
+    "an uneven number that reaches it by its long end": (
+        Number(TRUE + 40e-6, 5e-6, 10e-6, TRUE - 10e-6, TRUE + 45e-6), 1.0
+    ),
+    "an uneven number that misses it by its short end": (
+        Number(TRUE + 20e-6, 15e-6, 30e-6, TRUE + 10e-6, TRUE + 90e-6), 0.0
+    ),
+    "a number without an upper end": (
+        Number(TRUE - 20e-6, 5e-6, 10e-6, TRUE - 25e-6, math.nan), 1.0
+    ),
+    "both ends": ((TRUE + 40e-6, TRUE - 10e-6, TRUE + 45e-6), 1.0),
+    "both ends above it": ((TRUE + 40e-6, TRUE + 10e-6, TRUE + 45e-6), 0.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", AROUND)
+def test_an_estimate_may_have_an_interval_of_any_kind(kind):
+    estimate, coverage = AROUND[kind]
+    (found,) = score(lambda _: estimate, samples=STEEL, impacts=2, plant="published")
+    assert (found.failed, found.coverage) == (0, coverage)
+
+
+@pytest.mark.parametrize(("count", "total"), [(0, 20), (19, 20), (20, 20), (3, 7)])
+def test_the_interval_of_a_coverage_is_clopper_and_pearsons(count, total):
+    low, high = scoring.compute_part_interval(count, total)
+    wanted = scipy.stats.binomtest(count, total).proportion_ci(method="exact")
+    assert (low, high) == pytest.approx((wanted.low, wanted.high), abs=1e-9)
 
 
 @pytest.mark.parametrize("factor", [1e6, 1e-3])
@@ -113,7 +147,7 @@ def test_estimates_in_another_unit_are_warned_of(factor):
 
 
 @pytest.mark.parametrize(
-    "wrong", ["a", [1.0, 2.0, 3.0], np.zeros((2, 2)), {}, True, (1e-4, -1e-6)]
+    "wrong", ["a", [1.0, 2.0, 3.0], np.zeros((2, 2)), {}, True, (1e-4, -1e-6), (1.0, 0.0, 0.9)]
 )
 def test_what_is_no_estimate_is_named(wrong):
     with pytest.raises(ParameterError, match=r"the estimator's answer to steel small/1 is .*: it"):
@@ -151,6 +185,21 @@ ENDLESS = """
 def test_that_does_not_end(virtual_rig):
     print("it begins")
     virtual_rig.campaign("steel small", impacts=100_000)
+"""
+VIRTUAL_RIG = """
+[hammer]
+mass = "100 g"
+impact_speed = "10 cm/s"
+[samples]
+control = "disc"
+[[sample]]
+name = "disc"
+material = "steel"
+mass = "100 g"
+[source]
+driver = "virtual"
+plant = "contact"
+contact_exponent = 2.0
 """
 PYTEST = (sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-rf")
 
@@ -196,3 +245,32 @@ def test_a_campaign_that_a_test_has_left_in_a_pause_is_ended_by_the_next(virtual
 
 def test_the_example_of_scores_is_true():
     assert doctest.testmod(scoring).failed == 0
+
+
+def test_a_rig_file_with_a_source_of_its_own_has_its_truth(tmp_path):
+    """A script runs it: no pytest, no folder of its own."""
+    path = tmp_path / "rig.toml"
+    path.write_text(VIRTUAL_RIG)
+    with run_rig(path, seed=5) as rig:
+        (hit,) = rig.campaign("disc", impacts=1).record.hits
+        recorded = open_run(rig.recording).hits["disc"][0].truth
+        assert rig.find_truth(hit).contact_time == recorded.contact_time
+        assert rig.find_truth(hit).exponent == 2.0
+    assert not rig.folder.exists()
+
+
+def test_nodes_of_a_strangers_accelerometer_join_a_rig_of_any_file(tmp_path):
+    outside = Path(__file__).with_name("ros2") / "outside/bench_accelerometer"
+    code = "from samples import main; main()"
+    folder = outside / "bench_accelerometer"
+    with run_rig(outside / "bench.toml", tmp_path) as rig:
+        node = subprocess.Popen([sys.executable, "-c", code], cwd=folder)
+        try:
+            found = rig.campaign("rubber", impacts=2)["rubber"]
+        finally:
+            node.send_signal(signal.SIGINT)
+            node.wait()
+        with pytest.raises(ParameterError, match="known on the virtual rig alone"):
+            rig.find_truth(rig.campaign)
+    assert found.impacts_accepted == 2
+    assert found.contact_time.value == pytest.approx(8e-3, rel=2e-3)

@@ -197,17 +197,10 @@ def use_private_domain() -> Iterator[None]:
 
     A demonstration must never reach the hammer of a rig that is up on the same network.
     """
-    if "ROS_DOMAIN_ID" in os.environ:
-        yield
-        return
-    from impact_rig.nodes.discovery import reserve_domain
+    from impact_rig.nodes.discovery import use_own_domain
 
-    with reserve_domain() as number:
-        os.environ["ROS_DOMAIN_ID"] = str(number)
-        try:
-            yield
-        finally:
-            del os.environ["ROS_DOMAIN_ID"]
+    with contextlib.nullcontext() if "ROS_DOMAIN_ID" in os.environ else use_own_domain():
+        yield
 
 
 measurement_options = _combine(

@@ -19,6 +19,7 @@ from impact_rig.configuration.particulars import (
 from impact_rig.configuration.toml_table import (
     REQUIRED,
     TomlTable,
+    make_values,
     parse_toml_table,
     read_toml_file,
 )
@@ -401,6 +402,34 @@ def _parse_samples(document: TomlTable) -> SampleSet:
     }
     with common.locating():
         return SampleSet(tuple(samples.values()), control, **masses)
+
+
+def add_samples(setup: RigSetup, given: Mapping[str, Mapping[str, Any]]) -> RigSetup:
+    """Return a set-up with further samples that a program gives, or others of the same names.
+
+    Parameters
+    ----------
+    given : mapping of str to mapping
+        Keys of [[sample]], by name; numbers are in SI units.
+
+    Raises
+    ------
+    ParameterError
+        If a key is unknown, or a value cannot be meant.
+    """
+    units = {"mass": "kg", "mass_uncertainty": "kg"}
+    units |= {f"reference_{name}": unit for name, (unit, _) in MEASURANDS.items()}
+    samples = {sample.name: sample for sample in setup.samples.samples}
+    for name, keys in given.items():
+        if not isinstance(keys, Mapping):
+            raise ParameterError(
+                f'sample {name!r} is {keys!r}: give its keys, like {{"mass": "60 g"}}'
+            )
+        table = TomlTable({"name": name, **make_values(keys, units)}, f"sample {name!r}")
+        table.check_keys("name", "material", *units)
+        samples[name] = _parse_sample(table)
+    kept = replace(setup.samples, samples=tuple(samples.values()))
+    return replace(setup, samples=kept)
 
 
 def _parse_sample(table: TomlTable) -> Sample:

@@ -7,6 +7,7 @@ import math
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -335,6 +336,16 @@ def _describe_range(low: float, high: float, unit: str) -> str:
     if math.isfinite(low):
         return f"{low:g} {unit} or more"
     return f"{high:g} {unit} or less" if math.isfinite(high) else f"a finite number of {unit}"
+
+
+def make_values(given: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, Any]:
+    """Return what a program gives as TOML would have it: with units [SI], of Python's types."""
+    values = dict(given)
+    for key, value in given.items():
+        if isinstance(value, Real) and not isinstance(value, bool):
+            number = int(value) if isinstance(value, Integral) else float(value)
+            values[key] = f"{number!r} {units[key]}" if key in units else number
+    return values
 
 
 def parse_toml_table(text: str) -> TomlTable:

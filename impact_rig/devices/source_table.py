@@ -3,16 +3,17 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from impact_rig.configuration.rig_file import (
     PRE_TRIGGER_MARGIN,
     SENSOR_KEYS,
     take_trigger_level,
 )
-from impact_rig.configuration.toml_table import TomlTable, parse_toml_table
+from impact_rig.configuration.toml_table import TomlTable, make_values, parse_toml_table
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.setup import RigSetup
-from impact_rig.devices.drivers import SOURCES, VIRTUAL, make_device
+from impact_rig.devices.drivers import SOURCES, VIRTUAL, make_device, read_driver_name
 from impact_rig.devices.protocols import (
     AccelerationSource,
     AcquisitionPlan,
@@ -20,7 +21,16 @@ from impact_rig.devices.protocols import (
     SourceChannel,
 )
 from impact_rig.devices.speed_gate import take_speed_gate
-from impact_rig.devices.virtual.drivers import make_virtual_plan
+from impact_rig.devices.virtual.drivers import (
+    KEYS,
+    QUANTITIES,
+    make_virtual_plan,
+    read_virtual_rig,
+)
+from impact_rig.devices.virtual.rig import VirtualRigSettings
+
+RECORD_KEYS = ("sampling_rate", "record_duration", "pre_trigger")
+"""Keys of [source] that say the same of every driver."""
 
 
 def override_source(table: TomlTable, text: str) -> TomlTable:
@@ -43,6 +53,48 @@ def override_source(table: TomlTable, text: str) -> TomlTable:
     if given and not table:
         table = TomlTable({"driver": VIRTUAL}, table.place)
     return table.merge(given)
+
+
+def read_source_keys(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a program gives of a virtual rig, see `SourceKeys`, as keys of [source].
+
+    Raises
+    ------
+    ParameterError
+        If one is unknown, or cannot be meant.
+    """
+    units = {name: unit for name, (unit, _) in QUANTITIES.items()}
+    named = {"fault_probability" if name == "faults" else name: given[name] for name in given}
+    keys = make_values({key: value for key, value in named.items() if value is not None}, units)
+    table = TomlTable(keys, "the virtual rig")
+    table.check_keys(*KEYS)
+    read_virtual_rig(table)
+    return keys
+
+
+def read_virtual_settings(
+    table: TomlTable, setup: RigSetup, given: Mapping[str, Any]
+) -> VirtualRigSettings:
+    """Return what a virtual rig is by a table [source], as its node takes it.
+
+    Parameters
+    ----------
+    table : TomlTable
+        Of the rig file. Where it is of a device, a virtual rig has its rate and record alone.
+    setup : RigSetup
+        For the speed gate.
+    given : mapping
+        Keys that a program gives in place of the table's, see `read_source_keys`.
+
+    Raises
+    ------
+    ParameterError
+        If a value cannot be meant; the message names its line.
+    """
+    if read_driver_name(table) != VIRTUAL:
+        table = table.without(*(key for key in table if key not in RECORD_KEYS))
+    table = table.merge(TomlTable(given))
+    return replace(read_virtual_rig(table), gate=take_speed_gate(table, setup))
 
 
 def make_source(

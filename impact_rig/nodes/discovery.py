@@ -110,6 +110,21 @@ def reserve_domain(domains: Sequence[int] = DOMAINS) -> Iterator[int]:
     )
 
 
+@contextmanager
+def use_own_domain() -> Iterator[int]:
+    """Let all nodes that start in the block, in any process, be in a ROS domain of their own."""
+    names = ("ROS_DOMAIN_ID", DISCOVERY)
+    before = {name: os.environ[name] for name in names if name in os.environ}
+    with reserve_domain() as domain:
+        os.environ.update(zip(names, (str(domain), "LOCALHOST"), strict=True))
+        try:
+            yield domain
+        finally:
+            for name in names:
+                os.environ.pop(name, None)
+            os.environ.update(before)
+
+
 def _is_in_use(domain: int) -> bool:
     """Return whether a node of this host is in a domain: each has a port, by DDSI-RTPS 2.5."""
     first = 7400 + 250 * domain + 10

@@ -2,7 +2,7 @@
 
 - A driver: subclass `AccelerationSourceContract` or `HammerHolderContract`, see `drivers`.
 - A program beside a rig: the pytest fixture `virtual_rig`, which is there once `impact_rig` is
-  installed, is a `RunningRig`; `run_virtual_rig` starts others.
+  installed, is a `RunningRig`; `run_rig` starts that of any rig file, also in a script.
 - A node: the fixture `harness` is a `harness.Harness`, which runs nodes in the test's process.
 - An estimator: `score`, or `score_node` for one that is a node.
 """
@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from impact_rig.nodes.discovery import use_own_domain
     from impact_rig.testing.drivers import (
         AccelerationSourceContract,
         Bench,
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
         HolderBench,
         SourceBench,
     )
-    from impact_rig.testing.running import RunningRig, run_virtual_rig, use_own_domain
+    from impact_rig.testing.running import RunningRig, run_rig, run_virtual_rig
     from impact_rig.testing.scoring import Score, score, score_node
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "RunningRig",
     "Score",
     "SourceBench",
+    "run_rig",
     "run_virtual_rig",
     "score",
     "score_node",

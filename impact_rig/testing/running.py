@@ -1,24 +1,23 @@
 """A rig of real nodes, for tests of programs that talk to one."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-
-import pytest
+from tempfile import TemporaryDirectory
+from typing import Any, Unpack
 
 from impact_rig.analysis.sources import list_items
 from impact_rig.api import VirtualRig
 from impact_rig.cli.libraries import explain_missing
-from impact_rig.configuration.processes import (
-    DISCOVERY,
-    LOG_NAME,
-    RECORDING_NAME,
-    list_rig_processes,
-)
+from impact_rig.configuration.processes import LOG_NAME, RECORDING_NAME, list_rig_processes
 from impact_rig.configuration.rig_file import load_rig_file
-from impact_rig.core.given.errors import RigError, check_count
-from impact_rig.core.given.records import Truth
+from impact_rig.core.given.errors import ParameterError, RigError, check_count
+from impact_rig.core.given.records import HitLabel, Truth
+from impact_rig.devices.drivers import VIRTUAL, read_driver_name
+from impact_rig.devices.source_table import read_source_keys
+from impact_rig.devices.virtual.choices import SourceKeys
+from impact_rig.nodes.discovery import use_own_domain
 from impact_rig.present.printed_results import Results
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import TracedCampaign
@@ -43,7 +42,7 @@ class RunningRig:
 
     domain: int  # ROS domain of its own
     folder: Path  # of the run
-    simulation: VirtualRig  # strikes the same hits
+    simulation: VirtualRig | None  # strikes the same hits; None: it is no virtual rig
     check: Callable[[], None]  # raises `RigError`, with the end of the log, once the rig has ended
 
     @property
@@ -81,8 +80,16 @@ class RunningRig:
             raise RigError(f"the campaign did not succeed: {outcome.message}")
         return Results(TracedCampaign(outcome.results), "campaign")
 
-    def find_truth(self, hit: HitResults) -> Truth:
-        """Return the truth of a hit of `Results.record.hits`."""
+    def find_truth(self, hit: HitResults | HitLabel) -> Truth:
+        """Return the truth of a hit of `Results.record.hits`, or of its label.
+
+        Raises
+        ------
+        ParameterError
+            If this is no virtual rig.
+        """
+        if self.simulation is None:
+            raise ParameterError("the truth of a hit is known on the virtual rig alone")
         return self.simulation.find_truth(hit)
 
 
@@ -99,54 +106,64 @@ class _Nobody:
 
 
 @contextmanager
-def run_virtual_rig(
-    folder: Path,
+def run_rig(
+    rig_file: str | Path | None = None,
+    folder: Path | None = None,
     *,
-    seed: int = 1,
-    plant: str = "published",
-    faults: float = 0.0,
-    rig_file: Path | None = None,
+    parameters: Mapping[str, Mapping[str, Any]] | None = None,
+    **source: Unpack[SourceKeys],
 ) -> Iterator[RunningRig]:
-    """Run a virtual rig of real nodes during a block, in a ROS domain of its own.
+    """Run the nodes of any rig during a block, in a ROS domain of its own.
 
-    Its processes have ended when the block has, also if this process is killed.
+    Its processes have ended when the block has, also if this process is killed. Nodes of yours
+    that the rig needs, as by the driver `topic`, are started within the block: `campaign` waits.
 
     Parameters
     ----------
-    folder : Path
-        An empty one, for recording and log.
-    seed, plant, faults, rig_file
-        As of `impact_rig.VirtualRig`.
+    rig_file : str or Path, optional
+        Without it the paper's virtual rig.
+    folder : Path, optional
+        An empty one, for recording and log; without it one that is gone after the block.
+    parameters : mapping, optional
+        Of nodes: ``{"accelerometer": {"trigger_timeout": 5.0}}``. The virtual rig is quick where
+        nothing else is said.
+    **source
+        As of `impact_rig.VirtualRig`, of a virtual rig: ``seed=7, plant="contact", faults=0.1``.
 
     Raises
     ------
     RigError
-        If it does not start.
+        If it cannot be started.
     """
     with explain_missing():
-        from impact_rig.cli.demo import run_rig
+        from impact_rig.cli.demo import run_rig as run_processes
         from impact_rig.nodes.campaign_client import CampaignClient
 
-    simulation = VirtualRig(seed=seed, plant=plant, faults=faults, rig_file=rig_file)
-    processes = list_rig_processes(
-        folder.resolve(),
-        rig=load_rig_file(rig_file),
-        source={"seed": seed, "plant": plant, "fault_probability": faults},
-        visualize=False,
-        overrides=QUICK,
-    )
-    with use_own_domain() as domain, run_rig(processes, folder / LOG_NAME) as check:
-        with CampaignClient(check=check) as client:
-            client.wait_for_rig(START_TIMEOUT)
-        yield RunningRig(domain, folder, simulation, check)
+    rig = load_rig_file(rig_file)
+    is_virtual = read_driver_name(rig.source) == VIRTUAL
+    simulation = VirtualRig(rig_file=rig_file, **source) if is_virtual else None
+    with ExitStack() as stack:
+        place = folder or Path(stack.enter_context(TemporaryDirectory()))
+        processes = list_rig_processes(
+            place.resolve(),
+            rig=rig,
+            source=read_source_keys(source),
+            visualize=False,
+            overrides=parameters or (QUICK if is_virtual else {}),
+        )
+        domain = stack.enter_context(use_own_domain())
+        check = stack.enter_context(run_processes(processes, place / LOG_NAME))
+        if is_virtual:
+            with CampaignClient(check=check) as client:
+                client.wait_for_rig(START_TIMEOUT)
+        yield RunningRig(domain, place, simulation, check)
 
 
-@contextmanager
-def use_own_domain() -> Iterator[int]:
-    """Let all nodes that start in the block, in any process, be in a ROS domain of their own."""
-    from impact_rig.nodes.discovery import reserve_domain
-
-    with reserve_domain() as domain, pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_DOMAIN_ID", str(domain))
-        patch.setenv(DISCOVERY, "LOCALHOST")
-        yield domain
+def run_virtual_rig(
+    folder: Path,
+    *,
+    rig_file: str | Path | None = None,
+    **source: Unpack[SourceKeys],
+) -> AbstractContextManager[RunningRig]:
+    """Run a virtual rig: `run_rig` with seed 1 where nothing else is said."""
+    return run_rig(rig_file, folder, **source)

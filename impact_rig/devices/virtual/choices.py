@@ -1,6 +1,7 @@
 """Names of the virtual rig's plants and faults; a light module, which every help imports."""
 
 from enum import Enum
+from typing import Literal, TypedDict
 
 IDENTITY = "virtual rig"
 """Name of the virtual rig."""
@@ -13,6 +14,28 @@ class Plant(Enum):
     DYNAMICS = "dynamics"
     DYNAMICS_PRINTED = "dynamics_printed"
     CONTACT = "contact"
+
+
+PlantName = Literal["published", "dynamics", "dynamics_printed", "contact"]
+
+
+class SourceKeys(TypedDict, total=False):
+    """Keys of the table [source] of a virtual rig, as a program gives them; None: not given."""
+
+    seed: int | None
+    plant: PlantName | None
+    faults: float | None  # probability of each, for each hit: `fault_probability` of the table
+    contact_exponent: float  # n of the plant "contact" [-]
+    restitution: float  # e of the plant "contact" [-]
+    contact_time_scatter: float  # from hit to hit, standard, relative
+    amplitude_scatter: float  # the same of the force
+    noise: float  # standard deviation, part of full scale
+    bits: int
+    sampling_rate: str | float  # with a unit or [Hz]
+    record_duration: str | float  # with a unit or [s]
+    pre_trigger: str | float  # with a unit or [s]
+    hammer_full_scale: str | float  # with a unit or [m/s^2]
+    specimen_full_scale: str | float  # with a unit or [m/s^2]
 
 
 class Fault(Enum):
