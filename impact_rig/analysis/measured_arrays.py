@@ -17,9 +17,10 @@ from impact_rig.core.given.errors import ParameterError, RigError, check_between
 from impact_rig.core.given.records import IMPORTED, FloatArray, HitLabel, Origin
 from impact_rig.core.given.sensors import FORCES, compute_scale, normalize_unit
 from impact_rig.core.given.setup import RigSetup, Sample, SampleSet
-from impact_rig.files.channels import MINIMUM_POINTS, map_channels
+from impact_rig.files.channels import map_channels
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.files.plan import ChannelPlan
+from impact_rig.files.raster import MINIMUM_POINTS
 
 RATES = 100.0, 1e12
 """Sampling rates that can be meant [Hz]: below them no contact has ten points."""

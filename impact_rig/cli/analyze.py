@@ -123,6 +123,7 @@ def run(
     files: tuple[Path, ...],
     is_full: bool,
     as_json: bool,
+    is_shown: bool,
     accept: tuple[str, ...],
     reject: tuple[str, ...],
     workers: int | None,
@@ -136,13 +137,8 @@ def run(
     show = partial(show_results, is_full=is_full, as_json=as_json)
     results = [path for path in files if path.suffix == RESULTS_SUFFIX and not is_list(path)]
     if results:
-        options.refuse_given(
-            {"accept", "reject", "workers", "scheduler", *given},
-            f"does not change {results[0]}, a results file: analyze its recording",
-        )
-        if len(files) > 1:
-            raise ParameterError(f"{results[0]} is a results file: it must be the only file")
-        show(results[0], [read_results(results[0])])
+        unused = {"accept", "reject", "workers", "scheduler", "is_shown", *given}
+        _show_again(results[0], files, unused, show)
         return
     measured = MeasurementOptions(**given)
     recorded, plain = _sort_files([find_bag(path) for path in files])
@@ -158,7 +154,17 @@ def run(
         raise ParameterError(
             f"{runs[0].path} is a recording and {others[0]} a plain trace: analyze them apart"
         )
-    if runs and (trend or len(files) > 1):
+    if runs and is_shown:
+        raise ParameterError("--show is for plain traces: impact-rig view shows a recording")
+    if others:
+        if trend or workers is not None or scheduler is not None:
+            raise ParameterError("--workers, --scheduler and --trend are for recordings")
+        found = MeasuredFiles(others, make_series(measured))
+        print_taken(found, is_shown=is_shown, is_aside=as_json)
+        errors += _report_traces(found, accept, reject, show)
+    elif len(runs) == 1 and not (trend or len(files) > 1):
+        _report_run(runs[0], make_recorded_settings(measured), accept, reject, show, as_json)
+    elif runs:
         if accept or reject:
             raise ParameterError(
                 "--accept and --reject name hits of one recording: analyze recordings one by one"
@@ -166,24 +172,38 @@ def run(
         settings = make_recorded_settings(measured)
         campaigns, failed = analyze_runs(runs, settings, workers, scheduler)
         errors += failed
-        follow_control = partial(report_trend, errors=errors, page=output)
-        report = follow_control if trend or output else report_batch
-        report(campaigns, as_json=as_json)
-    elif runs:
-        (run,) = runs
-        settings = make_recorded_settings(measured)
-        with show_progress() as follow:
-            analysis = analyze(run, settings, accept, reject, report=follow)
-        show(run.name, [campaign.results for campaign in analysis.campaigns], analysis.warnings)
-        if not as_json:
-            print_places(recording=run.name)
-    elif others:
-        if trend or workers is not None or scheduler is not None:
-            raise ParameterError("--workers, --scheduler and --trend are for recordings")
-        found = MeasuredFiles(others, make_series(measured))
-        print_taken(found.taken, is_aside=as_json)
-        errors += _report_traces(found, accept, reject, show)
+        if trend or output:
+            report_trend(campaigns, as_json=as_json, errors=errors, page=output)
+        else:
+            report_batch(campaigns, as_json=as_json)
     raise_errors(list(dict.fromkeys(errors)))  # an error of an option comes with each file
+
+
+def _show_again(
+    path: Path, files: Sequence[Path], unused: set[str], show: Callable[..., None]
+) -> None:
+    """Print a results file once more."""
+    told = f"does not change {path}, a results file: analyze its recording"
+    options.refuse_given(unused, told)
+    if len(files) > 1:
+        raise ParameterError(f"{path} is a results file: it must be the only file")
+    show(path, [read_results(path)])
+
+
+def _report_run(
+    run: Run,
+    settings: Settings,
+    accept: Sequence[str],
+    reject: Sequence[str],
+    show: Callable[..., None],
+    as_json: bool,
+) -> None:
+    """Analyze one recording and print its campaigns."""
+    with show_progress() as follow:
+        analysis = analyze(run, settings, accept, reject, report=follow)
+    show(run.name, [campaign.results for campaign in analysis.campaigns], analysis.warnings)
+    if not as_json:
+        print_places(recording=run.name)
 
 
 def _report_traces(

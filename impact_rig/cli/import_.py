@@ -23,7 +23,9 @@ from impact_rig.recordings.source import SUFFIX, find_bag
 from impact_rig.results.numbers import format_count
 
 
-def run(files: tuple[Path, ...], output: Path | None, template: bool, **given: Any) -> None:
+def run(
+    files: tuple[Path, ...], output: Path | None, template: bool, is_shown: bool, **given: Any
+) -> None:
     """Run the command; its options are declared in `commands.py`."""
     files = tuple(map(find_bag, files))
     if template:
@@ -34,11 +36,13 @@ def run(files: tuple[Path, ...], output: Path | None, template: bool, **given: A
         raise click.UsageError("name the files, and the recording: FILE... -o OUT.mcap")
     if output.suffix != SUFFIX:
         raise ParameterError(f"{output} should be a recording: give it the suffix .mcap")
-    errors = _import_files(files, output, make_series(MeasurementOptions(**given)))
-    raise_errors(errors)
+    series = make_series(MeasurementOptions(**given))
+    raise_errors(_import_files(files, output, series, is_shown=is_shown))
 
 
-def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) -> list[str]:
+def _import_files(
+    files: tuple[Path, ...], output: Path, series: TraceSeries, *, is_shown: bool
+) -> list[str]:
     """Write the recording; return the errors of files that are not in it."""
     repeated = find_repeated_files(files)
     paths = [path for place, path in enumerate(files) if place not in repeated]
@@ -46,7 +50,7 @@ def _import_files(files: tuple[Path, ...], output: Path, series: TraceSeries) ->
     hits, errors = read.hits, [*repeated.values(), *read.errors]
     if not hits:
         return [*errors, f"no file could be used: {output} is not written"]
-    print_taken(read.taken)
+    print_taken(read, is_shown=is_shown)
     judged = [hit for _, _, found in judge(read) for _, hit in found]
     reasons = {finding.reason for hit in judged for finding in hit.rejections}
     for remark in (*read.warnings, *read.advise(reasons)):

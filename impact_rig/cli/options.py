@@ -204,6 +204,7 @@ def use_private_domain() -> Iterator[None]:
 
 
 measurement_options = _combine(
+    click.option("--show", "is_shown", is_flag=True, help="Draw the traces that are taken."),
     click.option(
         "--channels",
         type=FILE,

@@ -15,11 +15,14 @@ from impact_rig.present.console import (
     make_console,
     make_printable,
     print_text,
+    print_trace,
 )
 from impact_rig.results.wire import format_json
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
+
+    from impact_rig.analysis.measured_files import MeasuredFiles
 
 _S = TypeVar("_S")
 _T = TypeVar("_T")
@@ -113,10 +116,24 @@ def print_places(**places: Path | None) -> None:
         click.echo(f"report:    {shorten_path(report) if report.exists() else command}", err=True)
 
 
-def print_taken(lines: Sequence[str], *, is_aside: bool = False) -> None:
-    """Print which channel was taken as what; aside on standard error, beside JSON."""
-    for line in lines:
-        print_text(make_console(stderr=is_aside), f"Channels: {line}.")
+def print_taken(files: "MeasuredFiles", *, is_shown: bool, is_aside: bool = False) -> None:
+    """Print which channel was taken as what, and draw the first hit of each choice if asked to.
+
+    Beside JSON that goes to standard error.
+    """
+    console = make_console(stderr=is_aside)
+    for line in files.taken:
+        print_text(console, f"Channels: {line}.")
+    first = {hit.taken: hit for hit in reversed(files.hits)} if is_shown else {}
+    for hit in reversed(first.values()):
+        block = hit.block
+        print_text(
+            console, f"{hit.path.name}: {hit.duration * 1e3:.4g} ms at {block.sampling_rate:g} Hz"
+        )
+        for role, name, channel in zip(
+            ("hammer", "sample"), hit.names, block.channels, strict=False
+        ):
+            print_trace(console, f"{role} {name!r}, as in the file", channel.output)
 
 
 def shorten_path(path: Path) -> Path:

@@ -30,7 +30,7 @@ from impact_rig.core.given.sensors import (
     normalize_unit,
 )
 from impact_rig.files.measurement import NANOSECONDS, MeasuredChannel, Measurement
-from impact_rig.files.names import find_unit
+from impact_rig.files.names import find_unit, is_unit, split_name
 from impact_rig.files.plan import ChannelPlan, ChannelUse
 from impact_rig.files.questions import (
     BODIES,
@@ -40,6 +40,7 @@ from impact_rig.files.questions import (
     describe_channel,
     describe_channels,
 )
+from impact_rig.files.raster import MINIMUM_POINTS, find_hold, is_envelope, split_measurement
 from impact_rig.files.roles import (
     Roles,
     ask_for_specimen,
@@ -67,9 +68,11 @@ time: the standard shock of 11 ms is 7 ms wide."""
 LONGEST_CONTACT = 0.2
 """Width of a pulse above which a stated unit of time is doubted [s], our choice: no hammer stays
 on anything so long."""
+SHORTEST_CONTACT = 2e-6
+"""Width of a pulse below which a stated unit of time cannot be [s], our choice: a ball of 1 mm
+touches for longer."""
 LARGEST_RANGE = 1e12
 """Largest value over the unit, and over the pulse that is in it [-]: no instrument has more."""
-MINIMUM_POINTS = 16  # of a trace: a pulse and some baseline
 
 NO_SPECIMEN = ChannelBlock(np.empty(0), 1.0, 0.0, 0.0)
 
@@ -123,12 +126,13 @@ def map_channels(
     ParameterError
         If the units do not fit, or the user contradicts the file.
     """
-    questions = Questions(measurement, needs_scale)
+    questions = Questions(split_measurement(measurement, plan), needs_scale)
     return list(_map_hits(questions, assign_roles(questions, plan), plan, hammer_mass))
 
 
 def make_template(measurement: Measurement) -> str:
     """Return a file of channels for a measurement; what must be said stands in it as "?"."""
+    measurement = split_measurement(measurement, ChannelPlan())
     questions = Questions(measurement, needs_scale=True)
     roles: list[Roles] = []
     with contextlib.suppress(SignalError, ParameterError):
@@ -172,6 +176,11 @@ def _map_hits(
             questions.missing.append(ask_for_specimen(found))
         rate = _choose_rate(questions, plan, channel, found.time)
         questions.ask()
+        held = _find_hold(questions, channel, found.specimen)
+        if held.step > 1:
+            rate /= held.step
+            hammer = replace(hammer, output=hammer.output[held])
+            specimen = replace(specimen, output=specimen.output[held])
         block = Block(
             0,
             rate,
@@ -186,9 +195,24 @@ def _map_hits(
         names: tuple[str, ...] = (channel.name,)
         if found.specimen is not None and specimen.output.size:
             names += (found.specimen.name,)
+        _tell_left_out(questions, found)
         remarks = tuple(dict.fromkeys((*questions.measurement.remarks, *questions.remarks)))
         taken = describe_roles(found, plan, has_sample=len(names) > 1)
         yield MeasuredHit(path, block, has_scale, unit, remarks, names, taken)
+
+
+def _tell_left_out(questions: Questions, found: Roles) -> None:
+    """Remark which channels are left out since their unit is none of acceleration or force."""
+    taken = [channel.name for _, channel in found.list_channels()]
+    left = [
+        f"{channel.name!r} [{unit}]"
+        for channel in questions.measurement.channels
+        if channel.name not in taken
+        and (unit := channel.unit or split_name(channel.name)[1])
+        and not is_unit(unit)
+    ]
+    if left:
+        questions.remarks.append(f"left out for their units: {', '.join(left)}")
 
 
 def _describe_origin(path: Path, stated: str) -> Origin:
@@ -269,6 +293,32 @@ def _cut_padding(questions: Questions, block: Block) -> Block:
     return block.cut(first, block.hammer.output.size)
 
 
+def _find_hold(
+    questions: Questions, hammer: MeasuredChannel, specimen: MeasuredChannel | None
+) -> slice:
+    """Return the points to take where each value stands several times, as on a finer raster.
+
+    Raises
+    ------
+    SignalError
+        If hammer and sample stand otherwise, or not equally often everywhere.
+    """
+    held = [find_hold(channel.values) for channel in (hammer, specimen) if channel is not None]
+    first, times = held[0]
+    if all(count == 1 for _, count in held):
+        return slice(0, None, 1)
+    path = questions.measurement.path
+    if times == 0 or any(found != held[0] for found in held):
+        raise SignalError(
+            f"{path}: values stand several times, and not equally often: it was exported onto"
+            " another raster than it was measured on; export it with its own sampling rate"
+        )
+    questions.remarks.append(
+        f"every value stands {times} times, as exported onto a finer raster: each is taken once"
+    )
+    return slice(first, None, times)
+
+
 def count_padding(values: RawArray) -> int:
     """Return how many points before the signal are constant padding.
 
@@ -312,8 +362,7 @@ def _choose_rate(
         raise ParameterError(
             f"{path}: its times are in {clock.unit}, as the file states, not in {plan.time_unit}"
         )
-    if clock.has_gap or (clock.flaw and math.isnan(plan.sampling_rate)):
-        raise SignalError(clock.flaw)
+    _check_clock(path, plan, clock, hammer, time)
     if not math.isnan(plan.sampling_rate):
         _check_rate(path, plan, clock.rate, clock.unit)
         if clock.flaw:
@@ -330,6 +379,23 @@ def _choose_rate(
     else:
         _check_width(questions, hammer, rate, clock.unit)
     return rate
+
+
+def _check_clock(
+    path: Path,
+    plan: ChannelPlan,
+    clock: Clock,
+    hammer: MeasuredChannel,
+    time: MeasuredChannel | None,
+) -> None:
+    """Refuse times that are those of no trace, or make no rate where none is given."""
+    if time is not None and clock.flaw and is_envelope(time.values, hammer.values):
+        raise SignalError(
+            f"{path}: two values stand at each time, the lower and the higher one: it is the"
+            " envelope of the trace (peak detect), and no rate makes a trace of it: record samples"
+        )
+    if clock.has_gap or (clock.flaw and math.isnan(plan.sampling_rate)):
+        raise SignalError(clock.flaw)
 
 
 def _check_rate(path: Path, plan: ChannelPlan, rate: float, unit: str) -> None:
@@ -360,6 +426,12 @@ def _check_width(questions: Questions, hammer: MeasuredChannel, rate: float, uni
             f"{questions.measurement.path} is sampled at {rate:.4g} Hz: no instrument is that fast"
         )
     width = count_width(hammer.values) / rate
+    if unit and width < SHORTEST_CONTACT:
+        raise SignalError(
+            f"{questions.measurement.path}: its times are in {unit}, as it states, and the pulse"
+            f" would be {_format_time(width)} wide at half its height: no contact is that short."
+            " If another unit was meant, skip the times (columns) and give --rate"
+        )
     if unit and width > LONGEST_CONTACT:
         questions.remarks.append(
             f"the pulse is {_format_time(width)} wide at half its height: is the file's unit of"

@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from impact_rig.core.given.errors import ParameterError, SignalError
 from impact_rig.files.measurement import MeasuredChannel, Measurement
@@ -23,7 +24,14 @@ from impact_rig.files.questions import (
     Questions,
     list_channels,
 )
-from impact_rig.files.times import Axis, find_axis, is_clock
+from impact_rig.files.times import (
+    LARGEST_TIME_ERROR,
+    TIME_UNITS,
+    Axis,
+    find_axis,
+    find_time_unit,
+    is_clock,
+)
 
 NUMBER = re.compile(r"\d+")
 SEGMENT = re.compile(r" \(segment (\d+)\)$")
@@ -124,20 +132,39 @@ def find_clock(channels: Channels) -> MeasuredChannel | None:
 
 
 def _check_clocks(measurement: Measurement) -> None:
-    """Raise `SignalError` if there are two columns of times that differ: each has its channels."""
+    """Raise `SignalError` if there are two columns of times that differ: each has its channels.
+
+    Times beside each other may be those of the record and those of the day.
+    """
     clocks = [
-        channel
-        for channel in measurement.channels
+        (place, channel)
+        for place, channel in enumerate(measurement.channels)
         if find_axis(channel.name, channel.unit) is Axis.TIME and is_clock(channel.values)
     ]
-    for other in clocks[1:]:
-        spans = [float(channel.values[-1] - channel.values[0]) for channel in (clocks[0], other)]
-        # In other units they may be the same times.
-        if other.unit == clocks[0].unit and not math.isclose(*spans, rel_tol=1e-3):
-            raise SignalError(
-                f"{measurement.path} has times in {clocks[0].name!r} and others in {other.name!r}:"
-                " make a file of each with the channels that go with it"
-            )
+    for (before, first), (place, other) in pairwise(clocks):
+        units = [find_time_unit(it.name, it.unit) for it in (first, other)]
+        starts, ends = (
+            [
+                float(channel.values[at]) * TIME_UNITS.get(unit, 1.0)
+                for channel, unit in zip((first, other), units, strict=True)
+            ]
+            for at in (0, -1)
+        )
+        spans = [end - start for start, end in zip(starts, ends, strict=True)]
+        delay = starts[1] - starts[0]
+        step = spans[0] / max(first.values.size - 1, 1)
+        are_apart = abs(delay) > LARGEST_TIME_ERROR * step
+        are_of_day = place == before + 1 and abs(delay) > spans[0]
+        # In units that are not stated they may be the same times.
+        are_same = units[0] != units[1] and "" in units
+        if are_same or (math.isclose(*spans, rel_tol=1e-3) and (are_of_day or not are_apart)):
+            continue
+        apart = f", which start {abs(delay):g} s apart" if are_apart else ""
+        raise SignalError(
+            f"{measurement.path} has times in {first.name!r} and others in {other.name!r}{apart}:"
+            " make a file of each with the channels that go with it, or name the one that holds"
+            " for all (columns)"
+        )
 
 
 def _is_constant(channel: MeasuredChannel) -> bool:

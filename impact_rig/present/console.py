@@ -9,7 +9,8 @@ import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from io import StringIO
-from typing import Any, TextIO
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich import box
 from rich.cells import cell_len
@@ -23,6 +24,9 @@ from rich.text import Text
 from impact_rig.results.palette import GREEN, VERMILION, format_hex
 from impact_rig.results.table import Column
 from impact_rig.results.table import Table as ResultTable
+
+if TYPE_CHECKING:
+    from impact_rig.core.given.records import RawArray
 
 TITLE = "bold"
 NOTE = "dim"
@@ -42,6 +46,8 @@ NARROWEST_TEXT = 10
 """Smallest width of a column of texts [characters]."""
 EASY_TEXT = 30
 """Width of texts below which a column is left out [characters]: about five words."""
+TRACE_LINES = 8
+"""Height of a drawn trace [lines]."""
 NO_ESCAPES = ("dumb", "unknown")
 """TERM of terminals without escape sequences."""
 
@@ -146,6 +152,20 @@ def print_item(console: Console, text: str) -> None:
     table = Table.grid(padding=(0, 1, 0, 0))
     table.add_row("-", Text(make_printable(text), overflow="fold"))
     console.print(table, width=min(console.width, EASY_LINE))
+
+
+def print_trace(console: Console, title: str, values: "RawArray") -> None:
+    """Draw a trace below its title: in each column stands what its points reach over."""
+    import numpy as np  # most commands need it not
+
+    width = min(console.width, EASY_LINE)
+    pieces = np.array_split(values.astype(np.float64), min(width, values.size))
+    low, high = float(values.min()), float(values.max())
+    print_text(console, f"{title}: {low:.4g} to {high:.4g}, {values.size} points", NOTE)
+    edges = np.linspace(high, low, TRACE_LINES + 1)
+    for above, below in pairwise(edges.tolist()):
+        cells = ("█" if p.max() >= below and p.min() <= above else " " for p in pieces)
+        console.print("".join(cells).rstrip())
 
 
 def print_facts(console: Console, rows: Iterable[Sequence[str | Text]]) -> None:

@@ -1,6 +1,7 @@
 """`impact-rig import`: files of other instruments become recordings that `analyze` takes."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -75,9 +76,13 @@ def test_a_files_number_is_its_hits_record(run, save, tmp_path, channels):
     files = [save("b.npy"), save("a.npy", 210e-6)]
     output = tmp_path / "hits.mcap"
     words = ("-o", output, "--sample", "brass", *channels('[specimen]\nunit = "g"'))
-    outcome = run("import", *files, *words, *ACCELERATION)
+    outcome = run("import", *files, *words, *ACCELERATION, "--show")
     assert outcome.exit_code == 0
     assert "2 hits on 'brass', from 2 of 2 files" in outcome.stdout
+    # One choice of channels is drawn once: its first hit, both traces in eight lines each.
+    drawn = re.findall(r"^(hammer|sample) '.*', as in the file: ", outcome.stdout, re.MULTILINE)
+    assert drawn == ["hammer", "sample"]
+    assert sum("█" in line for line in outcome.stdout.splitlines()) >= 9
     assert outcome.stderr == ""
     blocks = read_blocks(output)
     assert [block.label.record for block in blocks] == [1, 2]

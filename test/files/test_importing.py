@@ -121,7 +121,8 @@ def test_where_files_state_rates_the_first_two_channels_are_hammer_and_sample():
     found = map_one(file, plan(), hammer_mass=0.5)
     assert found.names == ("force", "response")
     assert (found.block.hammer.scale, found.block.specimen.scale) == (2.0, 9.80665)
-    assert (found.remarks, found.unit) == ((), "N")
+    told = "left out for their units: 'temperature' [degC]"
+    assert (found.remarks, found.unit) == ((told,), "N")
 
 
 def test_volts_without_a_sensitivity_stay_volts_and_forces_without_a_mass_forces():

@@ -10,9 +10,16 @@ from impact_rig.core.given.quantity import Comparable, describe
 STANDARD_GRAVITY = 9.80665
 """[m/s^2], by definition."""
 
-ACCELERATIONS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "kgn": 1e3 * STANDARD_GRAVITY}
+ACCELERATIONS = {
+    "m/s^2": 1.0, "g": STANDARD_GRAVITY, "kgn": 1e3 * STANDARD_GRAVITY,
+    "mg": 1e-3 * STANDARD_GRAVITY, "ug": 1e-6 * STANDARD_GRAVITY, "mm/s^2": 1e-3, "cm/s^2": 1e-2,
+    "in/s^2": 0.0254, "ft/s^2": 0.3048,
+}  # fmt: skip
 """Units of acceleration [m/s^2]; kgn: a thousand g."""
-FORCES = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605, "kgf": STANDARD_GRAVITY}
+FORCES = {
+    "N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605, "kgf": STANDARD_GRAVITY,
+    "ozf": 4.4482216152605 / 16.0, "dyn": 1e-5,
+}  # fmt: skip
 """Units of force [N]; the pound by definition."""
 VOLTAGES = {"V": 1.0, "mV": 1e-3}
 """Units of voltage [V]."""
@@ -25,9 +32,12 @@ SPELLINGS = {
     "ms⁻²": "m/s^2", "m s⁻²": "m/s^2", "m·s⁻²": "m/s^2",
     "kg": "kgn", "kG": "kgn", "kg_n": "kgn", "lb": "lbf", "lbs": "lbf", "kp": "kgf",
     "g0": "g", "newton": "N", "Newton": "N", "volt": "V", "Volt": "V", "volts": "V", "Volts": "V",
-    "VOLT": "V", "v": "V", "VOLTS": "V", "mVolt": "mV", "millivolts": "mV",
+    "mG": "mg", "milli-g": "mg", "µg": "ug", "μg": "ug", "Gal": "cm/s^2", "dyne": "dyn",
+    "oz": "ozf", "VOLT": "V", "v": "V", "VOLTS": "V", "mVolt": "mV", "millivolts": "mV",
 }  # fmt: skip
 """Other spellings of these units in files."""
+LENGTH_PER_SECOND = re.compile(r"(in|ft|mm|cm)/s(?:ec)?(?:²|\^?2|\*\*2)")
+"""Spellings of accelerations in other lengths than metres."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +64,9 @@ class Sensitivity:
 
 def normalize_unit(unit: str) -> str:
     """Return how a unit is written here; unchanged if it is unknown."""
-    return SPELLINGS.get(unit.strip(), unit.strip())
+    name = unit.strip()
+    length = LENGTH_PER_SECOND.fullmatch(name)
+    return f"{length[1]}/s^2" if length else SPELLINGS.get(name, name)
 
 
 def compute_scale(

@@ -11,7 +11,7 @@ FREQUENCY_WORDS = {"rate", "frequency", "freq"}
 """A name of a rate is one of the first, or has a word of each of the others."""
 STEP_NAMES = {
     "dt", "delta t", "delta x", "step", "ts", "sample interval", "sampling interval", "increment",
-    "tinc", "tinterval",
+    "sample period", "sampling period", "time interval", "tinc", "tinterval",
 }  # fmt: skip
 PREFIXES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
 FREQUENCIES = {

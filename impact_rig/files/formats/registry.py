@@ -71,10 +71,18 @@ OTHER_WAYS = {
     ".ide": "enDAQ's idelib makes text of it: ideexport -r -t csv {0}",
     **dict.fromkeys((".dxd", ".dxz", ".d7d", ".d7z"), f"{_MENU} (Dewesoft: Export)"),
     ".psdata": f"{_MENU} (PicoScope: File, Save as)",
+    ".raw": f"imc FAMOS: {_MENU} (imc FAMOS or STUDIO: Export)",
     ".tdm": "DIAdem or LabVIEW saves it as .tdms",
+    ".catman": f"HBM catman: {_MENU} (catman: Export, ASCII or MATLAB)",
     ".wdf": f"{_MENU} (Yokogawa: Xviewer, or the oscilloscope itself)",
 }
 """How to make a file that is read out of one that is not."""
+SIGNATURES = {
+    b"|CF,": ".raw",
+    b"MDF ": ".mf4",
+    **dict.fromkeys([number.to_bytes(2, "little") for number in range(5010, 5016)], ".catman"),
+}
+"""First bytes of files that are not read, whatever their suffix, with the key of `OTHER_WAYS`."""
 SHOWN_LETTERS = 200
 """Longest excerpt of a library's complaint, our choice."""
 
@@ -99,7 +107,10 @@ def read_measurement(path: Path) -> Measurement:
     path = Path(path)
     if is_other_form(path):
         find_recordings(path)  # says how to convert it
-    _check_readable(path)
+    beginning = _check_readable(path)
+    for signature, suffix in SIGNATURES.items():
+        if beginning.startswith(signature):
+            raise _make_suffix_error(path, (), suffix)
     read, _ = FORMATS.get(path.suffix.lower(), (None, None))
     if read is None:
         raise _make_suffix_error(path, tuple(FORMATS))
@@ -145,8 +156,8 @@ def write_measurement(path: Path, measurement: Measurement) -> None:
         write(part, measurement)
 
 
-def _make_suffix_error(path: Path, known: tuple[str, ...]) -> FileError:
-    if way := OTHER_WAYS.get(path.suffix.lower()):
+def _make_suffix_error(path: Path, known: tuple[str, ...], suffix: str = "") -> FileError:
+    if way := OTHER_WAYS.get(suffix or path.suffix.lower()):
         return FileError(f"{path} cannot be read here: {way.format(path)}")
     return FileError(
         f"{path} is of a kind unknown here ({path.suffix or 'no suffix'}): it should be"
@@ -154,7 +165,8 @@ def _make_suffix_error(path: Path, known: tuple[str, ...]) -> FileError:
     )
 
 
-def _check_readable(path: Path) -> None:
+def _check_readable(path: Path) -> bytes:
+    """Return the first bytes of a file; refuse one that is none, is empty or a pointer."""
     if path.exists() and not path.is_file():  # a pipe would never end
         raise FileError(f"{path} cannot be read: it is no file")
     try:
@@ -167,3 +179,4 @@ def _check_readable(path: Path) -> None:
     if not beginning:
         raise FileError(f"{path} is empty")
     refuse_pointer(path, beginning)
+    return beginning

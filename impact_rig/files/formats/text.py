@@ -63,6 +63,11 @@ STATEMENT = re.compile(
 )
 """A value with its unit, at the end of `Analog:1e-8` or `25,6 kHz`; what may be thousands, as
 `51,200`, is none."""
+THOUSANDS = re.compile(r"(?<![\d.,])\d{1,3}(?:,\d{3})+(?=\.\d)")
+"""Whole part of `1,227.64`; without a point behind them, commas may be decimal."""
+GW_DATA, GW_SCALE, GW_COUNTS = "Waveform Data", "vertical scale", 25.0
+"""Heading of GW Instek's column of counts, the statement of its scale [V per division], and how
+many counts are a division, by the maker's manuals."""
 HORIZONTAL, VERTICAL = "horizontal units", "vertical units"
 RATE, START, TIME = "sampling rate [Hz]", "start [s]", "time"
 """Statements above the numbers in files written here, since printed times may be too coarse."""
@@ -70,6 +75,12 @@ STARTS = {START, "start", "t0"}
 NUMBER, WORD, NOTHING = "n", "w", "-"
 """Kinds of cells."""
 
+LISTED_COLUMN = re.compile(
+    r"(?:col(?:umn)?|ch(?:annel)?)?\s*(\d+)\s*[:=.)]\s*(\S.*)", re.IGNORECASE
+)
+"""One column in a comment: `column 2: Force (N)`."""
+LISTED_CELL = re.compile(r"\s*[,;\t]\s*|\s+(?![\[(])")
+"""Between the names or units that a comment lists."""
 ORIGIN_MARK = f"# {ORIGIN}: "
 
 
@@ -113,7 +124,10 @@ class Style(NamedTuple):
     def make_point(self, text: str) -> str:
         """Return cells with decimal points."""
         text = text.replace(INFINITY, "inf").replace(MINUS, "-")
-        return text.replace(",", ".") if self.has_decimal_comma else text
+        if self.has_decimal_comma:
+            return text.replace(",", ".")
+        has_thousands = self.delimiter != "," and "," in text
+        return THOUSANDS.sub(lambda it: it[0].replace(",", ""), text) if has_thousands else text
 
     def describe(self, line: str) -> str:
         """Return the kinds of a line's cells, a letter for each."""
@@ -168,6 +182,7 @@ class Table(NamedTuple):
     first: int  # number of its first line
     kinds: str  # what the cells of its lines hold
     columns: tuple[int, ...]  # those that are channels
+    heading: str = ""  # the line above them; it may stand again above a further record
 
 
 def read_text(path: Path) -> Measurement:
@@ -195,7 +210,8 @@ def read_table(path: Path, pieces: Iterator[str]) -> Measurement:
     table, headings, statements = _find_table(path, split_lines(head))
     columns = _read_columns(path, table, head, pieces)
     units = [unit.rpartition(":")[2] for unit in statements.get(VERTICAL, [])]
-    units = [*statements.get(HORIZONTAL, [""])[:1], *units] if units else []
+    if len(columns) > 1:  # the first one is of times
+        units = [*statements.get(HORIZONTAL, [""])[:1], *units] if units else []
     channels = [
         MeasuredChannel(
             name=_read_word(headings[column][0]) or f"column {number}",
@@ -208,7 +224,17 @@ def read_table(path: Path, pieces: Iterator[str]) -> Measurement:
             zip(table.columns, columns, strict=True), 1
         )
     ]
+    if channels[-1].name == GW_DATA:
+        channels[-1] = _scale_counts(channels[-1], statements)
     return Measurement(path, _set_clock(path, channels, statements))
+
+
+def _scale_counts(channel: MeasuredChannel, statements: dict[str, list[str]]) -> MeasuredChannel:
+    """Return GW Instek's counts as volts where the file states their scale."""
+    scale = STATEMENT.search("".join(statements.get(GW_SCALE, [])[:1]))
+    if scale is None or channel.flaw:
+        return replace(channel, unit="")
+    return replace(channel, values=channel.values * np.float64(scale[1]) / GW_COUNTS)
 
 
 def _read_word(cell: str) -> str:
@@ -257,9 +283,12 @@ def _list_rates(statements: dict[str, list[str]]) -> list[StatedRate]:
         match = STATEMENT.search(values[0].strip())
         if match is None:
             continue
-        rate = compute_stated_rate(name, float(match[1].replace(",", ".")), match[2])
+        unit = match[2]
+        if not states_unit(name, unit):
+            unit = "".join(statements.get(HORIZONTAL, [])[:1])
+        rate = compute_stated_rate(name, float(match[1].replace(",", ".")), unit)
         if rate > 0:
-            found.append(StatedRate(name.strip(), rate, states_unit(name, match[2])))
+            found.append(StatedRate(name.strip(), rate, states_unit(name, unit)))
     return sorted(found, key=lambda item: is_step_name(item.name))
 
 
@@ -311,6 +340,7 @@ def _find_table(
             break
         first -= 1
     above_lines = [text for number, text in lines if number < plain[first].number]
+    _refuse_decimal_commas(path, above_lines[-1:], style, kinds)
     headings, beside = _read_headings(above_lines, style, kinds)
     columns = tuple(
         cell
@@ -321,8 +351,22 @@ def _find_table(
     for _, text in plain[first : last + 1]:
         cells = zip(style.split(text), kinds, strict=True)
         _add_statement(statements, [cell for cell, kind in cells if kind == NOTHING])
-    table = Table(style, plain[first].number, kinds, columns)
+    heading = above_lines[-1] if above_lines else ""
+    table = Table(style, plain[first].number, kinds, columns, heading)
     return table, headings, statements
+
+
+def _refuse_decimal_commas(path: Path, above: Sequence[str], style: Style, kinds: str) -> None:
+    """Refuse commas that part columns and are decimal, too: a row has two cells for each name."""
+    cells = len(kinds.rstrip(NOTHING))
+    for line in above:
+        names = line.lstrip(BLANKS_AND_MARKS).split(",")
+        is_heading = len(names) > 1 and not any(map(style.is_number, names))
+        if style.delimiter == "," and is_heading and cells == 2 * len(names):
+            raise FileError(
+                f"{path} has {len(names)} names and {cells} cells in a row: its decimal sign is a"
+                " comma, as what parts its columns; export it with semicolons or decimal points"
+            )
 
 
 def _find_longest_run(path: Path, lines: Sequence[Line]) -> tuple[int, int, Style, str]:
@@ -467,11 +511,11 @@ class RowReader:
     def read_lines(self, lines: Sequence[Line]) -> FloatArray:
         """Return the same line by line, with all that may be amiss."""
         style, kinds, columns = self._table.style, self._table.kinds, self._table.columns
-        width = max(columns) + 1
+        width, heading = max(columns) + 1, unquote(self._table.heading)
         rows = np.full((len(lines), len(columns)), np.nan)
         index = 0
         for number, text in lines:
-            if text.startswith(COMMENT_MARKS):
+            if text.startswith(COMMENT_MARKS) or text == heading:
                 continue
             cells = style.split(text)
             if len(cells) < width or any(cells[len(kinds) :]):
@@ -544,6 +588,8 @@ def _read_headings(
 ) -> tuple[list[tuple[str, str]], dict[str, list[str]]]:
     """Return name and unit of each cell, empty where none is stated, and what stands beside."""
     width, used = len(kinds), len(kinds.rstrip(NOTHING))
+    if listed := _read_listed(above, width):
+        return listed, {}
     candidates = [cells for line in above if (cells := _split_heading(line, style, kinds))]
     if not candidates:
         return [("", "")] * width, {}
@@ -571,6 +617,34 @@ def _read_headings(
     return headings, {name.lower(): [value] for name, value in beside if name}
 
 
+def _read_listed(above: Sequence[str], width: int) -> list[tuple[str, str]]:
+    """Return name and unit of each column from comments that list them; empty: none does.
+
+    A comment has one column, as `# column 2: Force (N)`, or all names or units, as `# units: s N`.
+    """
+    numbered: dict[int, str] = {}
+    rows: dict[str, list[str]] = {}
+    for line in above:
+        if not line.startswith(COMMENT_MARKS):
+            continue
+        text = line.strip(BLANKS_AND_MARKS)
+        if match := LISTED_COLUMN.fullmatch(text):
+            numbered[int(match[1])] = match[2]
+        name, _, values = text.partition(":")
+        cells = [cell.strip(' "') for cell in LISTED_CELL.split(values.strip())]
+        if len(cells) == width:
+            rows[name.strip().lower().rpartition(" ")[2].removesuffix("s")] = cells
+    first = min(numbered, default=0)
+    if first <= 1 and list(numbered) == list(range(first, first + width)):
+        return [split_name(name) for name in numbered.values()]
+    names = next((rows[key] for key in ("name", "column", "channel") if key in rows), None)
+    if names is None:
+        return []
+    stated = [split_name(name) for name in names]
+    units = rows.get("unit", [unit for _, unit in stated])
+    return [(name, unit.strip("()[] ")) for (name, _), unit in zip(stated, units, strict=True)]
+
+
 def _split_heading(line: str, style: Style, kinds: str) -> list[str] | None:
     """Return the cells of a line above the numbers; None: it is no line of headings."""
     text = line.lstrip(BLANKS_AND_MARKS) if line.startswith(COMMENT_MARKS) else line
@@ -587,8 +661,13 @@ def _split_heading(line: str, style: Style, kinds: str) -> list[str] | None:
         if delimiter is not None and (delimiter in text or used == 1)
     ]
     if style.delimiter is None:
-        splits.append(text.split())
+        splits += [text.split(), LISTED_CELL.split(text.strip())]
     for cells in splits:
+        if cells[0].lower() in (HORIZONTAL, VERTICAL) or (
+            (is_step_name(cells[0]) or is_rate_name(cells[0]))
+            and any(map(style.is_number, cells[1:]))
+        ):
+            return None
         is_long = len(cells) > len(kinds) and all(map(_is_beside, cells[used:]))
         is_indexed = used > 2 and not cells[0]  # noqa: PLR2004 - as pandas writes its index
         if (used <= len(cells) <= len(kinds) or is_long) and all(cells[is_indexed:used]):

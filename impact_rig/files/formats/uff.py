@@ -37,6 +37,8 @@ NONE = "NONE"
 END = re.compile(rb" -1[\s\x1a]*\Z")
 END_LETTERS = 200
 """Where the end of the last data set is looked for, our choice: blanks may follow it."""
+LINE_POINTS = 6
+"""Points in a line of text, at most."""
 STEP_DIGITS = (5, 6)
 """Digits of the step, as Fortran and as C write E13.5."""
 NAME_LETTERS = 80
@@ -102,6 +104,8 @@ def _make_channel(path: Path, function: dict[str, Any], number: int) -> Measured
     name = str(function["id1"]).strip()
     values = np.asarray(function["data"], dtype=np.float64)
     points = int(function["num_pts"])
+    if points < values.size < points + LINE_POINTS and not values[points:].any():
+        values = values[:points]  # the last line of text is filled up
     if values.size != points:
         what = "is cut off" if values.size < points else "contradicts itself"
         raise FileError(
