@@ -97,7 +97,7 @@ class Run:
         """
         found = _Hits()
         for hit in choose_campaign(
-            self.name, read_campaigns(self._source), self._campaign
+            self.name, read_campaigns(self._source.events()), self._campaign
         ).list_hits():
             found[hit.sample] = *found.get(hit.sample, ()), hit
         return found

@@ -45,14 +45,27 @@ Report = Callable[[str, int, int], None]
 and of how much."""
 
 
+class Reading(Protocol):
+    """One reading of a source."""
+
+    # Of the campaign that was come to: simulated hits, a new mapping for each, and verdicts by
+    # persons.
+    truths: dict[HitLabel, Truth]
+    overrules: Overrules
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings for the user, complete at its end."""
+
+    def __iter__(self) -> Iterator[RigSetup | Block]:
+        """Yield set-ups, each of which begins a campaign, and its blocks."""
+
+
 class HitSource(Protocol):
     """Yields hits, one campaign after another; it can be read more than once."""
 
     path: Path  # what a person named
     size: int  # of all that is read [byte]
-    # Of simulated hits of the campaign that `events` has come to, a new mapping for each.
-    truths: dict[HitLabel, Truth]
-    overrules: Overrules  # by persons, of the same campaign
 
     @property
     def has_scale(self) -> bool:
@@ -62,12 +75,8 @@ class HitSource(Protocol):
     def hammer_unit(self) -> str | None:
         """In plain files; None: of a recording, whose set-up has it."""
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings for the user, complete once it was read."""
-
-    def events(self, report: Callable[[int], None]) -> Iterator[RigSetup | Block]:
-        """Yield set-ups, each of which begins a campaign, and its blocks."""
+    def events(self, report: Callable[[int], None] = ...) -> Reading:
+        """Begin a reading."""
 
 
 @dataclass(frozen=True)
@@ -92,21 +101,20 @@ class _JudgedCampaign:
 
 
 def judge(
-    source: HitSource,
+    reading: Reading,
     settings: Settings = NO_CHANGES,
     overrules: Overrules = NO_OVERRULES,
-    report: Callable[[int], None] = lambda _: None,
 ) -> Iterator[tuple[Session, Block, tuple[tuple[Record, JudgedHit], ...]]]:
     """Yield each block with the session of its campaign, and the hits that it completes.
 
     Parameters and errors as of `analyze`.
     """
     session = None
-    for event in source.events(report):
+    for event in reading:
         if not isinstance(event, Block):
             # Each campaign begins with its set-up, and its estimates start afresh.
             setup = replace(event, analysis=replace(event.analysis, **settings))
-            recorded = source.overrules.recorded
+            recorded = reading.overrules.recorded
             session = Session(setup, replace(overrules, recorded=recorded))
         elif session is not None:
             if "cutoff_frequency" in settings:
@@ -151,10 +159,10 @@ def analyze(
     overrules = replace(overrules, reason=reason, who=who, stamp=stamp)
     judged: list[_JudgedCampaign] = []
     assembler = TraceAssembler()
-    reading = _bind(report, "reading", source.size)
-    for session, block, found in judge(source, settings, overrules, reading):
+    reading = source.events(_bind(report, "reading", source.size))
+    for session, block, found in judge(reading, settings, overrules):
         if not judged or judged[-1].session is not session:
-            judged.append(_JudgedCampaign(session, source.truths))
+            judged.append(_JudgedCampaign(session, reading.truths))
         campaign = judged[-1]
         for _, hit in found:
             if source.hammer_unit is not None:
@@ -172,7 +180,7 @@ def analyze(
     selections = [session.get_selection(name) for session in sessions for name in session.names]
     rejected = (hit for selection in selections for hit in selection.left_out)
     reasons = frozenset(finding.reason for hit in rejected for finding in hit.rejections)
-    return Analysis(campaigns, source.warnings, reasons)
+    return Analysis(campaigns, reading.warnings, reasons)
 
 
 def _describe_file(hit: JudgedHit, source: HitSource, setup: RigSetup) -> FileResults:
@@ -214,7 +222,7 @@ def _find_overrules(
     """Return a person's overrules; the source is judged once before, for the names."""
     if not (accept or reject):
         return NO_OVERRULES
-    hits = [hit for _, _, found in judge(source, settings) for _, hit in found]
+    hits = [hit for _, _, found in judge(source.events(), settings) for _, hit in found]
     files = {hit.label: hit.origin.file for hit in hits}
     counts = Counter(hit.label for hit in hits)
     overrules = Overrules(

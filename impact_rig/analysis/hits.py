@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from impact_rig.analysis.analyze import HitSource, judge
+from impact_rig.analysis.analyze import Reading, judge
 from impact_rig.core.given.records import (
     Block,
     FloatArray,
@@ -180,7 +180,7 @@ class ExportedCampaign:
         return _make_channels(f"{self.prefix}{name}/mean", mean.traces, rate, origin, start)
 
 
-def read_campaigns(source: HitSource) -> tuple[ExportedCampaign, ...]:
+def read_campaigns(reading: Reading) -> tuple[ExportedCampaign, ...]:
     """Judge every hit of a run, or of whatever else has hits.
 
     Returns
@@ -196,9 +196,9 @@ def read_campaigns(source: HitSource) -> tuple[ExportedCampaign, ...]:
         If its settings cannot be used.
     """
     found: list[ExportedCampaign] = []
-    for session, _, hits in judge(source):
+    for session, _, hits in judge(reading):
         if hits and (not found or found[-1].session is not session):
-            found.append(ExportedCampaign(session, source.truths))
+            found.append(ExportedCampaign(session, reading.truths))
         if hits:
             found[-1].records += hits
     if len(found) > 1:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Self
 
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.given.errors import ParameterError, RigError, SignalError
@@ -232,7 +233,11 @@ class MeasuredHits:
         """Return advice for hits that were rejected for these reasons."""
         return (CUT,) if Reason.DOUBLE_HIT in reasons and not self.series.has_window else ()
 
-    def events(self, _report: Callable[[int], None]) -> Iterator[RigSetup | Block]:
+    def events(self, _report: Callable[[int], None] = lambda _: None) -> Self:
+        """Begin a reading: of hits in memory nothing has to be kept."""
+        return self
+
+    def __iter__(self) -> Iterator[RigSetup | Block]:
         """Yield the set-up and the hits."""
         yield self.setup
         for hit in self.hits:

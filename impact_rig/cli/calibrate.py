@@ -67,7 +67,7 @@ def read_hits(path: Path, sample: str = "") -> HitSeries:
     """
     setups: set[RigSetup] = set()
     hits: list[JudgedHit] = []
-    for session, _, found in judge(Run(path)):
+    for session, _, found in judge(Run(path).events()):
         setups.add(session.setup)
         hits += [hit for _, hit in found if not sample or hit.label.sample == sample]
     if not hits:

@@ -92,8 +92,9 @@ def export_run(source: RunSource, task: ExportTask) -> str:
     path, recorded = source.named, source.run
     if recorded is None:
         raise FileError(f"{path} holds results alone: hits and means are in a recording")
-    campaigns = read_campaigns(recorded)
-    for warning in recorded.warnings:
+    reading = recorded.events()
+    campaigns = read_campaigns(reading)
+    for warning in reading.warnings:
         print_warning(warning)
     groups = _make_groups(campaigns, task)
     if not groups:

@@ -51,7 +51,7 @@ def _import_files(
     if not hits:
         return [*errors, f"no file could be used: {output} is not written"]
     print_taken(read, is_shown=is_shown)
-    judged = [hit for _, _, found in judge(read) for _, hit in found]
+    judged = [hit for _, _, found in judge(read.events()) for _, hit in found]
     reasons = {finding.reason for hit in judged for finding in hit.rejections}
     for remark in (*read.warnings, *read.advise(reasons)):
         print_warning(remark)

@@ -198,13 +198,13 @@ def contents_to_json(contents: Contents) -> dict[str, Any]:
         ],
         "files": [
             {
-                "path": str(scan.path),
-                "size_bytes": scan.size,
-                "closed": scan.is_closed,
-                "has_index": scan.summary is not None,
-                "unread_bytes": sum(damage.size for damage in scan.damages),
+                "path": str(reading.scan.path),
+                "size_bytes": reading.scan.size,
+                "closed": reading.scan.is_closed,
+                "has_index": reading.scan.summary is not None,
+                "unread_bytes": sum(damage.size for damage in reading.damages),
             }
-            for scan in contents.scans
+            for reading in contents.passes
         ],
         "sensors": [to_json(sensor) for sensor in read_sensors(contents)],
         "versions": read_versions(contents),

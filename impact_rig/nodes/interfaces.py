@@ -138,7 +138,7 @@ STREAM = Topic("acceleration/stream", StreamBlock, make_qos(STREAM_DEPTH, latche
 RELEASE = Topic("release", HammerRelease, _RESULT, _inward("check_release"))
 VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _RESULT, _recorded("truth_from_msg"))
 IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"))
-OVERRULE = Topic("overrule", Overrule, _RESULT, _by("recordings.overrules", "overrule_from_msg"))
+OVERRULE = Topic("overrule", Overrule, _RESULT, _by("recordings.messages", "overrule_from_msg"))
 """Persons' verdicts on hits; the newest of a hit counts."""
 OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False))
 """The overrule of this stamp is on the recorder's disk."""

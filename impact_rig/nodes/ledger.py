@@ -12,8 +12,8 @@ from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.hit.overrules import NO_OVERRULES, Overrules
 from impact_rig.core.session import Session
 from impact_rig.nodes.identity import id_from_msg
-from impact_rig.recordings.messages import BLOCK_TYPE, block_from_msg
-from impact_rig.recordings.overrules import read_overrules
+from impact_rig.recordings.messages import BLOCK_TYPE, OVERRULE_TYPE, block_from_msg
+from impact_rig.recordings.run import read_overrules
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import decode_message
 from impact_rig.recordings.source import list_parts
@@ -131,7 +131,9 @@ class Ledger:
         try:
             recorded = read_overrules(
                 map(Scan, self._list_parts()),
-                lambda channel: channel.topic.startswith(prefix),
+                lambda channel: (
+                    channel.type_name == OVERRULE_TYPE and channel.topic.startswith(prefix)
+                ),
                 lambda raw, convert: convert(decode_message(raw)),
             )
         except RigError as error:

@@ -75,9 +75,10 @@ class ReplayClient(RigClient):
         )
         stamp, identity = stamp_to_msg(1), NO_IDENTITY
         truths: Mapping[HitLabel, Truth] | None = None  # None: no block of a campaign
-        for event in run.events(report):
+        reading = run.events(report)
+        for event in reading:
             if isinstance(event, Block):
-                truths = run.truths
+                truths = reading.truths
                 self._send(interfaces.ACCELERATION, block_to_msg(event, identity))
                 if event.last:
                     # No record is taken for another of the same number.
@@ -87,7 +88,7 @@ class ReplayClient(RigClient):
                 yield from self._collect(truths)
             truths = None
             self._send(interfaces.SETUP, setup_to_msg(event, stamp))
-            for overrule in chain.from_iterable(run.overrules.recorded.values()):
+            for overrule in chain.from_iterable(reading.overrules.recorded.values()):
                 message = overrule_to_msg(overrule, NO_IDENTITY, stamp)
                 self._send(interfaces.OVERRULE, message)
         if truths is not None:

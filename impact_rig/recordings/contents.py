@@ -32,7 +32,7 @@ from impact_rig.recordings.run import (
     list_namespaces,
     report_from,
 )
-from impact_rig.recordings.scan import PROFILES, Report, Scan, Wanted, describe_profile
+from impact_rig.recordings.scan import PROFILES, Pass, Report, Scan, Wanted, describe_profile
 from impact_rig.recordings.schemas import decode_message
 
 
@@ -76,6 +76,7 @@ class Contents:
 
     run: Run
     scans: tuple[Scan, ...]  # of all of its files
+    passes: list[Pass] = field(default_factory=list)  # through them, as far as it was read
     topics: dict[str, TopicContents] = field(default_factory=dict)  # by name
     hits: tuple[RecordedHit, ...] = ()  # in the order in which they happened
     repeated: int = 0  # blocks that are there twice, byte by byte
@@ -123,7 +124,7 @@ class Contents:
     @property
     def unread(self) -> int:
         """Bytes that could not be read."""
-        return sum(damage.size for scan in self.scans for damage in scan.damages)
+        return sum(damage.size for reading in self.passes for damage in reading.damages)
 
     @property
     def messages(self) -> int:
@@ -134,7 +135,7 @@ class Contents:
     def lost(self) -> int:
         """Further ones that are known to have been written [-]."""
         return sum(topic.lost for topic in self.topics.values()) + sum(
-            scan.unknown for scan in self.scans
+            reading.unknown for reading in self.passes
         )
 
     @property
@@ -183,7 +184,9 @@ def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
     wanted, watch, before = choose_topics(contents), HitWatch(), 0
     for scan in contents.scans:
         counts: dict[int, BlockCount] = {}  # of messages, by their numbers
-        for item in scan.read(wanted, partial(report_from, report, before)):
+        reading = scan.read(wanted, partial(report_from, report, before))
+        contents.passes.append(reading)
+        for item in reading:
             if isinstance(item, RawMessage):
                 _find_topic(contents, item.channel).take(item)
                 counts.setdefault(item.channel.id, BlockCount()).add(item.sequence, 1)
@@ -191,8 +194,8 @@ def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
                     _add_message(contents, watch, item)
             else:
                 _add_file_item(contents, item)
-        _check_kind(scan)
-        _count_lost(contents, scan, counts, wanted)
+        _check_kind(reading)
+        _count_lost(contents, reading, counts, wanted)
         before += scan.size
     contents.topics = dict(sorted(contents.topics.items()))
     contents.hits = watch.list_hits(is_whole=contents.is_whole, is_live=contents.is_live)
@@ -260,13 +263,13 @@ def _add_message(contents: Contents, watch: HitWatch, message: RawMessage) -> No
 
 
 def _count_lost(
-    contents: Contents, scan: Scan, counts: Mapping[int, BlockCount], wanted: Wanted
+    contents: Contents, reading: Pass, counts: Mapping[int, BlockCount], wanted: Wanted
 ) -> None:
     """Count the further messages of each topic that are known to have been written to a file."""
-    written: Counter[int] = Counter()
+    written, scan = Counter[int](), reading.scan
     if scan.summary is not None and scan.summary.statistics is not None:
         written |= Counter(scan.summary.statistics.channel_message_counts)
-    for channel in filter(wanted, scan.channels.values()):
+    for channel in filter(wanted, reading.channels.values()):
         count = counts.get(channel.id, BlockCount())
         numbered = count.missing_points if scan.is_of_recorder else 0
         lost = max(written[channel.id] - count.blocks, numbered)
@@ -274,15 +277,16 @@ def _count_lost(
 
 
 def _list_problems(contents: Contents) -> Iterator[str]:
-    for scan in contents.scans:
-        name = f"{scan.path.name}: " if len(contents.scans) > 1 else ""
-        yield from (f"{name}{problem}" for problem in _list_file_problems(scan))
+    for reading in contents.passes:
+        name = f"{reading.scan.path.name}: " if len(contents.scans) > 1 else ""
+        yield from (f"{name}{problem}" for problem in _list_file_problems(reading))
     lost = sum(topic.lost for topic in contents.topics.values())
-    if lost and not any(scan.damages for scan in contents.scans):
+    if lost and not any(reading.damages for reading in contents.passes):
         yield f"{lost} messages are missing: their numbers, or the index, tell"
 
 
-def _list_file_problems(scan: Scan) -> Iterator[str]:
+def _list_file_problems(reading: Pass) -> Iterator[str]:
+    scan, damages = reading.scan, reading.damages
     if scan.is_live:
         pass
     elif not scan.is_closed:
@@ -291,17 +295,18 @@ def _list_file_problems(scan: Scan) -> Iterator[str]:
         yield "it has no index at its end that could be used"
     if scan.header is not None and scan.header.profile not in PROFILES:
         yield f"its profile is {scan.header.profile!r}: it should be {PROFILES[0]!r}"
-    yield from map(str, scan.damages[:MOST_PLACES])
-    if len(scan.damages) > MOST_PLACES:
-        yield f"{len(scan.damages) - MOST_PLACES} further places cannot be read"
-    if scan.unknown:
-        yield f"the topic of {scan.unknown} messages is not described any more"
+    yield from map(str, damages[:MOST_PLACES])
+    if len(damages) > MOST_PLACES:
+        yield f"{len(damages) - MOST_PLACES} further places cannot be read"
+    if reading.unknown:
+        yield f"the topic of {reading.unknown} messages is not described any more"
 
 
-def _check_kind(scan: Scan) -> None:
+def _check_kind(reading: Pass) -> None:
     """Refuse a file that was never a recording of ROS 2, damaged or not."""
-    path, header, channels = scan.path, scan.header, scan.channels.values()
-    if header is None and scan.chunks == 0 and not channels:
+    path, header = reading.scan.path, reading.scan.header
+    channels = reading.channels.values()
+    if header is None and reading.chunks == 0 and not channels:
         raise FileError(f"{path} is no MCAP recording, or nothing of it is left")
     if (
         header is not None

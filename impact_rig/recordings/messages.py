@@ -31,6 +31,7 @@ from impact_rig.core.given.records import (
     Truth,
 )
 from impact_rig.core.given.setup import RigSetup
+from impact_rig.core.hit.overrules import Overrule, Verdict
 from impact_rig.recordings.schemas import (
     MessageDefinition,
     find_message_definition,
@@ -43,7 +44,10 @@ SETUP_TYPE = PACKAGE + "RigSetup"
 BLOCK_TYPE = PACKAGE + "AccelerationBlock"
 STREAM_TYPE = PACKAGE + "StreamBlock"
 VIRTUAL_IMPACT_TYPE = PACKAGE + "VirtualImpact"
+OVERRULE_TYPE = PACKAGE + "Overrule"
 """Types that tell the rig's topics in a recording, whatever they were remapped to."""
+LONGEST_TEXT = 200
+"""Letters of an overrule's reason and of its person's name that are kept, our choice."""
 NANOSECONDS = 1_000_000_000
 NO_ID = bytes(16)
 """Id of no campaign, and of recordings from before there were ids: an id like another."""
@@ -165,6 +169,23 @@ def setup_from_msg(message: Any) -> RigSetup:
         If a mass, a setting or the sample set cannot be meant.
     """
     return from_message(RigSetup, message)
+
+
+def overrule_from_msg(message: Any) -> Overrule:
+    """Return a person's verdict on a hit.
+
+    Raises
+    ------
+    ParameterError
+        If the verdict is none.
+    """
+    if message.verdict > max(Verdict):
+        known = ", ".join(f"{item.value} ({item.name.lower()})" for item in Verdict)
+        raise ParameterError(f"verdict is {message.verdict}: it must be one of {known}")
+    # On one line, whatever was typed.
+    reason, who = (" ".join(text.split())[:LONGEST_TEXT] for text in (message.reason, message.who))
+    stamp = stamp_from_msg(message.header.stamp)
+    return Overrule(int(message.record), Verdict(message.verdict), reason, who, stamp)
 
 
 def count_points(message: Any) -> int:

@@ -67,7 +67,8 @@ def _copy(contents: Contents, writer: RecordingWriter, report: Report) -> None:
         return numbers[described]
 
     for scan in contents.scans:
-        for item in scan.read(wanted, partial(report_from, report, before)):
+        reading = scan.read(wanted, partial(report_from, report, before))
+        for item in reading:
             if isinstance(item, RawMessage):
                 times = (item.log_time, item.publish_time)
                 writer.add_message(announce(item.channel), item.data, *times, item.sequence)
@@ -75,6 +76,6 @@ def _copy(contents: Contents, writer: RecordingWriter, report: Report) -> None:
                 writer.add_attachment(item.name, item.media_type, item.data, item.log_time)
             elif item.name != "rosbag2":  # has the counts of the file, which may no longer be true
                 writer.add_metadata(item.name, item.fields)
-        for channel in filter(wanted, scan.channels.values()):
+        for channel in filter(wanted, reading.channels.values()):
             announce(channel)
         before += scan.size

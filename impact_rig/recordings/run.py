@@ -8,21 +8,22 @@ from typing import Any, TypeVar
 from impact_rig.core.given.errors import FileError, RigError
 from impact_rig.core.given.records import Block, HitLabel, Truth
 from impact_rig.core.given.setup import RigSetup
-from impact_rig.core.hit.overrules import NO_OVERRULES
+from impact_rig.core.hit.overrules import NO_OVERRULES, Overrule, Overrules
 from impact_rig.core.hit.stream import StreamCutter
 from impact_rig.recordings.campaigns import CampaignWatch
 from impact_rig.recordings.hits import HIT_TYPES
 from impact_rig.recordings.messages import (
     BLOCK_TYPE,
+    OVERRULE_TYPE,
     SETUP_TYPE,
     STREAM_TYPE,
     VIRTUAL_IMPACT_TYPE,
     block_from_msg,
     campaign_id_from_msg,
+    overrule_from_msg,
     setup_from_msg,
     truth_from_msg,
 )
-from impact_rig.recordings.overrules import OVERRULE_TYPE, read_overrules
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.scan import Report, Scan
 from impact_rig.recordings.schemas import decode_message
@@ -64,13 +65,8 @@ class Run:
         self.path = Path(path)  # as a person named it
         self.files = find_recordings(self.path)  # in the order of their recording
         self.size = sum(file.stat().st_size for file in self.files)  # [byte]
-        # Of the virtual rig's hits of the campaign that `events` has come to, each with a mapping
-        # of its own.
-        self.truths: dict[HitLabel, Truth] = {}
-        self.overrules = NO_OVERRULES  # by persons, of the same campaign
         # The rig that was chosen; None: the only one.
         self.wanted = None if namespace is None else "/" + namespace.strip("/")
-        self._repeated = 0  # messages that the last reading met a second time
 
     @property
     def name(self) -> Path:
@@ -95,13 +91,10 @@ class Run:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings for the user; that messages are there twice only once they were read."""
-        warnings = [warning for scan in self.scans for warning in scan.warnings]
-        if (part := self.describe_part()) is not None:
-            warnings.insert(0, part)
-        if self._repeated:
-            warnings.append(f"{self.path} holds {self._repeated} blocks twice: each is used once")
-        return tuple(warnings)
+        """Warnings for the user, as far as they are known before it is read."""
+        part = self.describe_part()
+        warnings = (warning for scan in self.scans for warning in scan.warnings)
+        return (*([part] if part is not None else []), *warnings)
 
     def describe_part(self) -> str | None:
         """Return that the file that was named is not the whole run; None: it is all there is."""
@@ -129,10 +122,10 @@ class Run:
     @cached_property
     def setup(self) -> RigSetup:
         """The first set-up."""
-        return self._first[0]
+        return self.first[0]
 
     @cached_property
-    def _first(self) -> tuple[RigSetup, bytes]:
+    def first(self) -> tuple[RigSetup, bytes]:
         """The first set-up, and the id of its campaign."""
         for raw in self.read_messages({SETUP_TYPE}):
             return self.convert(raw, _read_setup)
@@ -141,53 +134,15 @@ class Run:
             " and settings its blocks cannot be evaluated"
         )
 
-    def events(self, report: Report = lambda _: None) -> Iterator[RigSetup | Block]:
-        """Yield set-ups and blocks in file order, the first set-up before everything else.
-
-        Impacts in a running stream are found now, if they were not found while it was recorded.
+    def events(self, report: Report = lambda _: None) -> "RunReading":
+        """Return one reading of all set-ups and blocks.
 
         Parameters
         ----------
         report : callable, optional
             Gets now and then how much was read [byte].
-
-        Yields
-        ------
-        RigSetup or Block
-            A set-up begins a campaign and holds for the blocks after it.
-
-        Raises
-        ------
-        FileError
-            Also if a message does not have the fields of this version.
         """
-        overrules = read_overrules(
-            self.scans, partial(self.is_wanted, {OVERRULE_TYPE}), self.convert
-        )
-        (setup, campaign), self.truths = self._first, {}
-        self.overrules = overrules.get(campaign, NO_OVERRULES)
-        yield setup
-        is_first = True
-        kinds = {scan: _find_kind(scan) for scan in self.scans}
-        types = {SETUP_TYPE, VIRTUAL_IMPACT_TYPE}
-        for scan, messages in self.read_files(lambda scan: {*types, kinds[scan]}, report):
-            cutter = StreamCutter(setup.analysis) if kinds[scan] == STREAM_TYPE else None
-            for raw in messages:
-                if raw.channel.type_name == VIRTUAL_IMPACT_TYPE:
-                    label, truth = self.convert(raw, truth_from_msg)
-                    self.truths[label] = truth
-                elif raw.channel.type_name == SETUP_TYPE:
-                    if not is_first:
-                        (setup, campaign), self.truths = self.convert(raw, _read_setup), {}
-                        self.overrules = overrules.get(campaign, NO_OVERRULES)
-                        yield setup
-                        if cutter is not None:
-                            cutter = StreamCutter(setup.analysis)
-                    is_first = False
-                elif cutter is not None:
-                    yield from cutter.feed(self.convert(raw, block_from_msg))
-                else:
-                    yield self.convert(raw, block_from_msg)
+        return RunReading(self, report)
 
     def read_messages(self, types: Collection[str]) -> Iterator[RawMessage]:
         """Yield the messages of some types as `read_files`."""
@@ -195,7 +150,10 @@ class Run:
             yield from messages
 
     def read_files(
-        self, choose_types: Callable[[Scan], Collection[str]], report: Report = lambda _: None
+        self,
+        choose_types: Callable[[Scan], Collection[str]],
+        report: Report = lambda _: None,
+        watch: CampaignWatch | None = None,
     ) -> Iterator[tuple[Scan, Iterator[RawMessage]]]:
         """Yield each file with its messages, to be read before the next file.
 
@@ -208,15 +166,16 @@ class Run:
             Returns the types of the messages that are wanted of a file.
         report : callable, optional
             Gets now and then how much was read [byte].
+        watch : CampaignWatch, optional
+            Counts what came twice.
         """
-        watch, before = CampaignWatch(), 0
+        watch, before = watch or CampaignWatch(), 0
         for scan in self.scans:
             types = choose_types(scan)
             wanted = partial(self.is_wanted, types)
             messages = scan.read_messages(wanted, partial(report_from, report, before))
             yield scan, (raw for raw in messages if self._is_new(watch, raw))
             before += scan.size
-            self._repeated = watch.repeated
 
     def is_wanted(self, types: Collection[str], channel: Channel) -> bool:
         """Return whether a topic of some types is of this run's rig."""
@@ -262,6 +221,96 @@ class Run:
                 f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has a field of"
                 f" another kind than in this version: {error}"
             ) from None
+
+
+class RunReading:
+    """One reading of a run: set-ups and blocks in file order, the first set-up before all else.
+
+    Impacts in a running stream are found now, if they were not found while it was recorded.
+
+    Yields
+    ------
+    RigSetup or Block
+        A set-up begins a campaign and holds for the blocks after it.
+
+    Raises
+    ------
+    FileError
+        As `Run`, also if a message has no field that is needed.
+    """
+
+    def __init__(self, run: Run, report: Report) -> None:
+        self._run, self._report, self._watch = run, report, CampaignWatch()
+        # Of the campaign that was come to: the virtual rig's hits, in a mapping of its own, and
+        # persons' verdicts.
+        self.truths: dict[HitLabel, Truth] = {}
+        self.overrules = NO_OVERRULES
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings for the user, with what was met so far."""
+        repeated, path = self._watch.repeated, self._run.path
+        twice = f"{path} holds {repeated} blocks twice: each is used once"
+        return (*self._run.warnings, *([twice] if repeated else []))
+
+    def __iter__(self) -> Iterator[RigSetup | Block]:
+        """Read, once."""
+        run = self._run
+        is_ours = partial(run.is_wanted, {OVERRULE_TYPE})
+        decided = read_overrules(run.scans, is_ours, run.convert)
+        setup, campaign = run.first
+        self.overrules = decided.get(campaign, NO_OVERRULES)
+        yield setup
+        is_first = True
+        kinds = {scan: _find_kind(scan) for scan in run.scans}
+        types = {SETUP_TYPE, VIRTUAL_IMPACT_TYPE}
+        files = run.read_files(lambda scan: {*types, kinds[scan]}, self._report, self._watch)
+        for scan, messages in files:
+            cutter = StreamCutter(setup.analysis) if kinds[scan] == STREAM_TYPE else None
+            for raw in messages:
+                kind = raw.channel.type_name
+                if kind == VIRTUAL_IMPACT_TYPE:
+                    label, truth = run.convert(raw, truth_from_msg)
+                    self.truths[label] = truth
+                elif kind != SETUP_TYPE:
+                    block = run.convert(raw, block_from_msg)
+                    yield from (block,) if cutter is None else cutter.feed(block)
+                elif is_first:
+                    is_first = False
+                else:
+                    (setup, campaign), self.truths = run.convert(raw, _read_setup), {}
+                    self.overrules = decided.get(campaign, NO_OVERRULES)
+                    yield setup
+                    cutter = cutter and StreamCutter(setup.analysis)
+
+
+def read_overrules(
+    scans: Iterable[Scan],
+    wanted: Callable[[Channel], bool],
+    convert: Callable[[RawMessage, Callable[[Any], Any]], Any],
+) -> dict[bytes, Overrules]:
+    """Return the persons' verdicts that hold after all files, by campaign id.
+
+    Parameters
+    ----------
+    scans : iterable of Scan
+        The files of a run, in order.
+    wanted : callable
+        Whether a topic is the rig's, and of verdicts.
+    convert : callable
+        Decodes a message and calls its second argument with it.
+    """
+    found: dict[bytes, Overrules] = {}
+    for scan in scans:
+        # Most files have none, as their index tells: they are not read for it.
+        for raw in () if scan.counts_none(wanted) else scan.read_messages(wanted):
+            key, overrule = convert(raw, _read_overrule)
+            found[key] = found.get(key, NO_OVERRULES).add(overrule)
+    return found
+
+
+def _read_overrule(message: Any) -> tuple[bytes, Overrule]:
+    return campaign_id_from_msg(message), overrule_from_msg(message)
 
 
 def _read_setup(message: Any) -> tuple[RigSetup, bytes]:

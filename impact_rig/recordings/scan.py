@@ -1,4 +1,4 @@
-"""The reader of MCAP files: one pass from record to record, by the library `mcap`.
+"""The reader of MCAP files: each pass goes from record to record, by the library `mcap`.
 
 A strict scan raises at the first damage. A tolerant one notes it and goes on behind it, at the
 next record. The index at the end is not needed: a recording that was never closed reads as well.
@@ -10,6 +10,7 @@ import os
 import re
 import zlib
 from collections.abc import Callable, Collection, Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -38,9 +39,11 @@ from impact_rig.recordings.unpacking import (
     PARSE_ERRORS,
     DamageError,
     Unpacker,
-    parse_chunk,
-    parse_small,
+    read_bytes,
+    read_frame,
+    read_head,
     read_inner_head,
+    read_record,
 )
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -85,7 +88,7 @@ def describe_profile(path: Path, profile: str) -> str:
 
 
 class Scan:
-    """An MCAP file, which each `read` passes through once.
+    """An MCAP file. It keeps nothing of its readings, so that many may read it at once.
 
     Parameters
     ----------
@@ -107,32 +110,16 @@ class Scan:
         self, path: Path, *, is_strict: bool = True, encodings: Collection[Encoding] = (ROS,)
     ) -> None:
         self.path = path
-        self._encodings = encodings
-        self.channels: dict[int, Channel] = {}  # all that were described so far, by number
-        self._is_strict = is_strict
-        self._schemas: dict[int, records.Schema] = {}
-        with self._open() as file:
+        self.is_strict = is_strict
+        self.encodings = encodings
+        with open_file(path) as file:
             self.size: int = os.fstat(file.fileno()).st_size  # as it was opened [byte]
-            self._begin_pass(lambda _: True, with_rest=False)
-            tail = self._read(file, max(self.size - len(MAGIC), 0), self.size)
+            tail = read_bytes(file, max(self.size - len(MAGIC), 0), self.size)
             self.is_closed = self.size > len(MAGIC) and tail == MAGIC
             self.is_live = not self.is_closed and is_being_written(file)
-            self._end = self.size - len(MAGIC) if self.is_closed else self.size
-            self.header, self._first = self._read_header(file)
+            self.end = self.size - len(MAGIC) if self.is_closed else self.size
+            self.header, self.first = self._read_header(file)
             self.summary = self._read_summary(file)  # the index; None: none can be used
-            if self.summary is not None:
-                self._schemas |= self.summary.schemas
-                for channel in self.summary.channels.values():
-                    self._add_channel(channel)
-
-    def _begin_pass(self, wanted: Wanted, *, with_rest: bool) -> None:
-        self._wanted, self._with_rest = wanted, with_rest
-        self._chosen: dict[int, Channel | None] = {}  # channels that were met; None: not wanted
-        self.damages: list[Damage] = []  # of the last pass, as far as it came
-        self.unknown = 0  # messages of channels that are not described
-        self.chunks = 0
-        self._unpacker = Unpacker(self.size)
-        self._search_room = MAX_SEARCH * self.size
 
     @property
     def is_of_recorder(self) -> bool:
@@ -153,8 +140,8 @@ class Scan:
         report: Report = lambda _: None,
         *,
         with_rest: bool = True,
-    ) -> Iterator[Item]:
-        """Yield what is whole, in file order, one chunk in memory at a time.
+    ) -> "Pass":
+        """Return what yields all that is whole, in file order.
 
         Parameters
         ----------
@@ -163,24 +150,7 @@ class Scan:
         with_rest : bool
             Read metadata and attachments as well.
         """
-        self._begin_pass(wanted, with_rest=with_rest)
-        with self._open() as file:
-            place = self._first
-            if self.header is None:
-                place = self._pass_over(file, 0, "the file does not begin like one of MCAP")
-            while place < self._end:
-                try:
-                    kind, after = self._read_head(file, place)
-                    if kind in (Opcode.DATA_END, Opcode.FOOTER):
-                        is_index = kind == Opcode.DATA_END and after + _FOOTER_SIZE != self._end
-                        if is_index and self.is_closed and self.summary is None:
-                            self._note(after, self.size, "the index at the end cannot be used")
-                        return
-                    yield from self._read_record(file, kind, place, after)
-                except DamageError as error:
-                    after = self._pass_over(file, place, str(error))
-                place = after
-                report(place)
+        return Pass(self, wanted, report, with_rest=with_rest)
 
     def read_messages(
         self, wanted: Wanted = lambda _: True, report: Report = lambda _: None
@@ -192,10 +162,25 @@ class Scan:
 
     def read_channels(self) -> tuple[Channel, ...]:
         """Return all topics: from the index, or else by reading all."""
-        if not self.channels:
-            for _ in self.read(lambda _: False):
+        return tuple(self._channels.values())
+
+    @cached_property
+    def _channels(self) -> dict[int, Channel]:
+        scan = self.read(lambda _: False, with_rest=False)
+        if not scan.channels:
+            for _ in scan:
                 pass
-        return tuple(self.channels.values())
+        return scan.channels
+
+    def counts_none(self, wanted: Wanted) -> bool:
+        """Return whether the index says that no message of some channels is in the file."""
+        statistics = self.summary.statistics if self.summary is not None else None
+        counts = statistics.channel_message_counts if statistics is not None else None
+        return not any(
+            counts is None or counts.get(channel.id, 0)
+            for channel in self.read_channels()
+            if wanted(channel)
+        )
 
     def read_time_range(self) -> tuple[int, int]:
         """Return the log times of the first and last message [ns since the epoch].
@@ -217,14 +202,13 @@ class Scan:
         """Return the header, and where the first record after it begins."""
         if not self.size:
             raise FileError(f"{self.path} is empty: it should be an MCAP recording")
-        has_magic = self._read(file, 0, min(len(MAGIC), self.size)) == MAGIC
+        has_magic = read_bytes(file, 0, min(len(MAGIC), self.size)) == MAGIC
         header, after = None, 0
         with contextlib.suppress(DamageError):
-            kind, after = self._read_head(file, len(MAGIC))
+            kind, after = read_head(file, len(MAGIC), self.end)
             if has_magic and kind == Opcode.HEADER:
-                content = self._read(file, len(MAGIC) + FRAME.size, after)
-                header = parse_small(kind, content, len(MAGIC))
-        if self._is_strict:
+                header = read_record(read_bytes(file, len(MAGIC), after), len(MAGIC))
+        if self.is_strict:
             if not has_magic:
                 raise FileError(f"{self.path} is no MCAP recording: it does not begin like one")
             if header is None:
@@ -235,15 +219,15 @@ class Scan:
 
     def _read_summary(self, file: BinaryIO) -> Summary | None:
         """Read the index: without a checksum only its topics, with a wrong one nothing."""
-        tail_start = self._end - _FOOTER_SIZE
+        tail_start = self.end - _FOOTER_SIZE
         if not self.is_closed or tail_start <= len(MAGIC):
             return None
         try:
-            tail = self._read(file, tail_start, self.size)
+            tail = read_bytes(file, tail_start, self.size)
             footer = records.Footer.read(ReadDataStream(io.BytesIO(tail[FRAME.size :])))
             if not len(MAGIC) < footer.summary_start <= tail_start:
                 return None
-            section = self._read(file, footer.summary_start, tail_start)
+            section = read_bytes(file, footer.summary_start, tail_start)
             checksum = zlib.crc32(tail[: _FOOTER_SIZE - 4], zlib.crc32(section))
             if footer.summary_crc not in (0, checksum):
                 return None
@@ -255,35 +239,64 @@ class Scan:
             summary.statistics = None
         return summary
 
-    def _read_head(self, file: BinaryIO, place: int) -> tuple[int, int]:
-        """Return kind and end of the record at a place."""
-        kind, after = self._unpack_frame(file, place)
-        # Private records, whose kinds begin at 0x80, are passed over.
-        if not Opcode.HEADER <= kind <= Opcode.DATA_END and kind < 0x80:  # noqa: PLR2004
-            raise DamageError(f"at byte {place} there is no record")
-        if after > self._end:
-            raise DamageError(f"the record at byte {place} is longer than the file")
-        return kind, after
 
-    def _unpack_frame(self, file: BinaryIO, place: int) -> tuple[int, int]:
-        head = self._read(file, place, min(place + FRAME.size, self._end))
-        kind, length = FRAME.unpack(head.ljust(FRAME.size, b"\0"))
-        return kind, place + FRAME.size + length
+class Pass:
+    """One reading of a file, from record to record, with one chunk in memory at a time.
+
+    Iterating yields what is whole, once; the attributes tell what was met so far.
+    """
+
+    def __init__(self, scan: Scan, wanted: Wanted, report: Report, *, with_rest: bool) -> None:
+        self.scan = scan
+        self.channels: dict[int, Channel] = {}  # all that were described so far, by number
+        self.damages: list[Damage] = []
+        self.unknown = 0  # messages of channels that are not described
+        self.chunks = 0
+        self._wanted, self._report, self._with_rest = wanted, report, with_rest
+        self._chosen: dict[int, Channel | None] = {}  # channels that were met; None: not wanted
+        self._schemas: dict[int, records.Schema] = {}
+        self._unpacker = Unpacker(scan.size)
+        self._search_room = MAX_SEARCH * scan.size
+        if scan.summary is not None:
+            self._schemas |= scan.summary.schemas
+            with name_damage(scan.path):
+                for channel in scan.summary.channels.values():
+                    self._add_channel(channel)
+
+    def __iter__(self) -> Iterator[Item]:
+        """Yield messages, and, if they are wanted, metadata and attachments, in file order."""
+        scan = self.scan
+        with open_file(scan.path) as file:
+            place = scan.first
+            if scan.header is None:
+                place = self._pass_over(file, 0, "the file does not begin like one of MCAP")
+            while place < scan.end:
+                try:
+                    kind, after = read_head(file, place, scan.end)
+                    if kind in (Opcode.DATA_END, Opcode.FOOTER):
+                        is_index = kind == Opcode.DATA_END and after + _FOOTER_SIZE != scan.end
+                        if is_index and scan.is_closed and scan.summary is None:
+                            self._note(after, scan.size, "the index at the end cannot be used")
+                        return
+                    yield from self._read_record(file, kind, place, after)
+                except DamageError as error:
+                    after = self._pass_over(file, place, str(error))
+                place = after
+                self._report(place)
 
     def _read_record(self, file: BinaryIO, kind: int, place: int, after: int) -> Iterator[Item]:
-        start = place + FRAME.size
-        if kind == Opcode.CHUNK:
+        if kind == Opcode.MESSAGE:
+            yield from self._read_messages(read_bytes(file, place, after))
+        elif kind == Opcode.CHUNK:
             self.chunks += 1
             # Nothing of the packed chunk is kept meanwhile.
             yield from self._read_messages(
-                self._unpacker.unpack(parse_chunk(self._read(file, start, after)))
+                self._unpacker.unpack(read_record(read_bytes(file, place, after), place))
             )
-        elif kind == Opcode.MESSAGE:
-            yield from self._read_messages(self._read(file, place, after))
         elif kind in (Opcode.SCHEMA, Opcode.CHANNEL):
-            self._describe(parse_small(kind, self._read(file, start, after), place))
+            self._describe(read_record(read_bytes(file, place, after), place))
         elif kind in (Opcode.METADATA, Opcode.ATTACHMENT) and self._with_rest:
-            record = parse_small(kind, self._read(file, start, after), place)
+            record = read_record(read_bytes(file, place, after), place)
             yield (
                 MetadataRecord(record.name, dict(record.metadata))
                 if kind == Opcode.METADATA
@@ -300,14 +313,17 @@ class Scan:
         head_size, unpack = MESSAGE.size, MESSAGE.unpack_from
         while place < size:
             self._unpacker.count_records(1)
-            kind, begin, place = read_inner_head(content, place)
+            start = place
+            kind, begin, place = read_inner_head(content, start)
             if kind != Opcode.MESSAGE:
-                self._describe(parse_small(kind, content[begin:place], begin))
+                if kind not in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    raise DamageError("a chunk holds what is no message")
+                self._describe(read_record(content[start:place], start))
                 continue
             number, sequence, log_time, publish_time = unpack(content, begin)
             if number not in chosen:
                 if number not in self.channels:
-                    if self._is_strict:
+                    if self.scan.is_strict:
                         raise DamageError("a message belongs to a channel that is not announced")
                     self.unknown += 1
                     continue
@@ -321,9 +337,9 @@ class Scan:
         """Return a channel if its messages are wanted."""
         if not self._wanted(channel):
             return None
-        if self._is_strict and channel.encoding not in self._encodings:
+        if self.scan.is_strict and channel.encoding not in self.scan.encodings:
             raise FileError(
-                f"{self.path}: topic {channel.topic!r} is in {channel.encoding[0]!r} with a"
+                f"{self.scan.path}: topic {channel.topic!r} is in {channel.encoding[0]!r} with a"
                 f" schema in {channel.encoding[1]!r}: {' and '.join(map(repr, ROS))} can be read"
             )
         return channel
@@ -356,16 +372,17 @@ class Scan:
 
     def _pass_over(self, file: BinaryIO, place: int, reason: str) -> int:
         """Return where reading goes on after a damage; raise it in a strict scan."""
-        kind, after = self._unpack_frame(file, place)
-        if self._is_strict:
+        scan = self.scan
+        kind, after = read_frame(file, place, scan.end)
+        if scan.is_strict:
             # What is longer than anything that is written was not cut off.
             if after - place <= MAX_SIZE and self._is_cut_off(file, after if kind else place):
-                return self.size
+                return scan.size
             raise DamageError(reason)
         if not self._has_records(file, after):
             after = self._find_chunk(file, place + 1)
-        is_end = after == self.size and not self.is_closed
-        if not (is_end and self.is_live):
+        is_end = after == scan.size and not scan.is_closed
+        if not (is_end and scan.is_live):
             self._note(place, after, "the last record is cut off" if is_end else reason)
         return after
 
@@ -373,8 +390,8 @@ class Scan:
         """Return whether two records follow at a place; after a wrong length one may seem to."""
         with contextlib.suppress(DamageError):
             for _ in range(2):
-                if place != self._end:
-                    _, place = self._read_head(file, place)
+                if place != self.scan.end:
+                    _, place = read_head(file, place, self.scan.end)
             return True
         return False
 
@@ -383,29 +400,31 @@ class Scan:
 
         Where the power failed, the file system may have filled it up with zeros.
         """
-        return not self.is_closed and not any(
-            self._read(file, start, min(start + _WINDOW, self.size)).strip(b"\0")
-            for start in range(min(place, self.size), self.size, _WINDOW)
+        size = self.scan.size
+        return not self.scan.is_closed and not any(
+            read_bytes(file, start, min(start + _WINDOW, size)).strip(b"\0")
+            for start in range(min(place, size), size, _WINDOW)
         )
 
     def _find_chunk(self, file: BinaryIO, place: int) -> int:
         """Return where the next chunk begins that its checksum vouches for, or the data end."""
-        while place < self._end:
-            window = self._read(file, place, min(place + _WINDOW, self._end))
+        end = self.scan.end
+        while place < end:
+            window = read_bytes(file, place, min(place + _WINDOW, end))
             for match in _CHUNK_START.finditer(window):
                 if self._is_chunk(file, place + match.start()):
                     return place + match.start()
             # A chunk may begin in the last bytes of what was searched.
             place += max(len(window) - FRAME.size + 1, 1)
-        return self._end
+        return end
 
     def _is_chunk(self, file: BinaryIO, place: int) -> bool:
-        _, after = self._unpack_frame(file, place)
-        if after > self._end or after - place > self._search_room:
+        _, after = read_frame(file, place, self.scan.end)
+        if after > self.scan.end or after - place > self._search_room:
             return False
         self._search_room -= after - place
         try:
-            chunk = parse_chunk(self._read(file, place + FRAME.size, after))
+            chunk = read_record(read_bytes(file, place, after), place)
             return bool(chunk.uncompressed_crc and self._unpacker.unpack(chunk))
         except DamageError:
             return False
@@ -417,30 +436,25 @@ class Scan:
         else:
             self.damages[-1] = self.damages[-1]._replace(size=self.damages[-1].size + damage.size)
 
-    def _read(self, file: BinaryIO, start: int, end: int) -> bytes:
-        """Return the bytes of the file from one place to before another."""
-        if end - start > MAX_SIZE:
-            raise DamageError(f"a record at byte {start} claims to have {end - start} byte")
-        if start > self.size:
-            raise DamageError("a record is longer than the file")
-        file.seek(start)
-        data = file.read(end - start)
-        if len(data) < end - start:
-            raise DamageError(f"the file ends within the record at byte {start}")
-        return data
 
-    @contextlib.contextmanager
-    def _open(self) -> Iterator[BinaryIO]:
-        """Open the file, and give every problem with it its name."""
-        try:
-            with self.path.open("rb") as file:
-                yield file
-        except DamageError as error:
-            raise FileError(
-                f"{self.path} is damaged: {error}; `impact-rig export {self.path} -o sound.mcap`"
-                " saves what is left of it"
-            ) from None
-        except MemoryError:
-            raise FileError(f"{self.path} cannot be read: it asks for too much memory") from None
-        except OSError as error:
-            raise FileError(f"{self.path} cannot be read: {error.strerror}") from None
+@contextlib.contextmanager
+def name_damage(path: Path) -> Iterator[None]:
+    """Give damaged bytes the name of their file, and tell what saves the rest."""
+    try:
+        yield
+    except DamageError as error:
+        raise FileError(
+            f"{path} is damaged: {error}; `impact-rig export {path} -o sound.mcap` saves what is"
+            " left of it"
+        ) from None
+    except MemoryError:
+        raise FileError(f"{path} cannot be read: it asks for too much memory") from None
+    except OSError as error:
+        raise FileError(f"{path} cannot be read: {error.strerror}") from None
+
+
+@contextlib.contextmanager
+def open_file(path: Path) -> Iterator[BinaryIO]:
+    """Open a file, and give every problem with it its name."""
+    with name_damage(path), path.open("rb") as file:
+        yield file

@@ -3,14 +3,15 @@
 import io
 import struct
 import zlib
-from typing import Any
+from typing import Any, BinaryIO
 
 import lz4.frame
 import zstandard
 from mcap import records
-from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.data_stream import RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
+from mcap.stream_reader import StreamReader
 
 MAX_SIZE = 1 << 27
 """Largest record that is taken into memory [byte], our choice: a hundred chunks of our recorder. A
@@ -31,14 +32,13 @@ MESSAGE = struct.Struct("<HIQQ")
 PARSE_ERRORS = (McapError, struct.error, ValueError, OverflowError, MemoryError)
 """Errors of the library on bytes that make no sense."""
 _ENGINE_ERRORS = (zstandard.ZstdError, RuntimeError, OverflowError, MemoryError)
-_CHUNK_HEAD = 32
-"""Size of a chunk's content up to the name of its compression [byte]."""
-_SMALL: dict[int, tuple[Any, str]] = {
-    Opcode.HEADER: (records.Header, "the header"),
-    Opcode.SCHEMA: (records.Schema, "the description of a type"),
-    Opcode.CHANNEL: (records.Channel, "the description of a topic"),
-    Opcode.ATTACHMENT: (records.Attachment, "an attachment"),
-    Opcode.METADATA: (records.Metadata, "a metadata record"),
+_WORDS = {
+    Opcode.HEADER: "the header",
+    Opcode.SCHEMA: "the description of a type",
+    Opcode.CHANNEL: "the description of a topic",
+    Opcode.CHUNK: "the head of a chunk",
+    Opcode.ATTACHMENT: "an attachment",
+    Opcode.METADATA: "a metadata record",
 }
 
 
@@ -46,8 +46,37 @@ class DamageError(ValueError):
     """Damaged bytes; the message says which, and what is wrong with them."""
 
 
-def parse_small(kind: int, content: bytes, place: int) -> Any:
-    """Return a record of the library, but for chunks and messages.
+def read_bytes(file: BinaryIO, start: int, end: int) -> bytes:
+    """Return the bytes of a file from one place to before another; raises `DamageError`."""
+    if end - start > MAX_SIZE:
+        raise DamageError(f"a record at byte {start} claims to have {end - start} byte")
+    file.seek(start)
+    data = file.read(end - start)
+    if len(data) < end - start:
+        raise DamageError(f"the file ends within the record at byte {start}")
+    return data
+
+
+def read_frame(file: BinaryIO, place: int, end: int) -> tuple[int, int]:
+    """Return kind and end of what may be a record; of bytes behind the file's end, zeros."""
+    head = read_bytes(file, place, min(place + FRAME.size, end)) if place < end else b""
+    kind, length = FRAME.unpack(head.ljust(FRAME.size, b"\0"))
+    return kind, place + FRAME.size + length
+
+
+def read_head(file: BinaryIO, place: int, end: int) -> tuple[int, int]:
+    """Return kind and end of the record at a place of a file; raises `DamageError`."""
+    kind, after = read_frame(file, place, end)
+    # Private records, whose kinds begin at 0x80, are passed over.
+    if not Opcode.HEADER <= kind <= Opcode.DATA_END and kind < 0x80:  # noqa: PLR2004
+        raise DamageError(f"at byte {place} there is no record")
+    if after > end:
+        raise DamageError(f"the record at byte {place} is longer than the file")
+    return kind, after
+
+
+def read_record(content: bytes, place: int) -> Any:
+    """Return the record that bytes are, as the library reads it: one of `_WORDS`.
 
     The record written again must be the bytes that were read: a length that points anywhere else
     is found out. An attachment's checksum is checked on the way.
@@ -57,20 +86,19 @@ def parse_small(kind: int, content: bytes, place: int) -> Any:
     DamageError
         If the bytes are not those of one.
     """
-    if kind not in _SMALL:
-        raise DamageError("a chunk holds what is no message")
-    record_class, words = _SMALL[kind]
     try:
-        record = record_class.read(ReadDataStream(io.BytesIO(content)))
+        reader = StreamReader(io.BytesIO(content), skip_magic=True, emit_chunks=True)
+        record = next(iter(reader.records))
         builder = RecordBuilder()
         record.write(builder)
         written = builder.end()[FRAME.size :]
     except PARSE_ERRORS:
         written = None
-    if written and kind == Opcode.ATTACHMENT and content.endswith(bytes(4)):
+    if written and content[0] == Opcode.ATTACHMENT and content.endswith(bytes(4)):
         written = written[:-4]  # it was written without a checksum
     # Later versions of the format may add fields at the end of a record.
-    if written is None or not content.startswith(written):
+    if written is None or not content.startswith(written, FRAME.size):
+        words = _WORDS[Opcode(content[0])]
         raise DamageError(f"{words} is damaged: the record at byte {place}")
     return record
 
@@ -86,19 +114,6 @@ def read_inner_head(content: bytes, place: int) -> tuple[int, int, int]:
     if kind == Opcode.MESSAGE and length < MESSAGE.size:
         raise DamageError("a message is shorter than its head")
     return kind, start, start + length
-
-
-def parse_chunk(content: bytes) -> records.Chunk:
-    """Return a chunk as it is packed; raises `DamageError`."""
-    try:
-        chunk: records.Chunk = records.Chunk.read(ReadDataStream(io.BytesIO(content)))
-    except PARSE_ERRORS:
-        raise DamageError("the head of a chunk makes no sense") from None
-    place = _CHUNK_HEAD + len(chunk.compression.encode())
-    # The library reads as far as there is something.
-    if int.from_bytes(content[place : place + 8], "little") != len(chunk.data):
-        raise DamageError("the head of a chunk makes no sense")
-    return chunk
 
 
 class Unpacker:

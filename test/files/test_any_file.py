@@ -153,7 +153,7 @@ def check(path: Path, file: Written) -> str:
         if "points are missing" in error:
             assert file.lost
         return "refused"
-    (value,) = [hit.contact_time for _, _, hits in judge(found) for _, hit in hits]
+    (value,) = [hit.contact_time for _, _, hits in judge(found.events()) for _, hit in hits]
     if value == pytest.approx(2 * 2 / 3 * file.duration, rel=0.03):
         assert not file.lost
         return "right"

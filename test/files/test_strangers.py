@@ -50,7 +50,9 @@ def read(path: Path, **given: Any) -> tuple[list[float], str]:
     if found.errors:
         raise ValueError(found.errors[0])
     (taken,) = found.taken
-    return [1e6 * hit.contact_time for _, _, hits in judge(found) for _, hit in hits], taken
+    return [
+        1e6 * hit.contact_time for _, _, hits in judge(found.events()) for _, hit in hits
+    ], taken
 
 
 def write_tdms(path: Path, *channels: tuple[str, str, np.ndarray], **stated: Any) -> None:

@@ -10,7 +10,7 @@ from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.replay_client import ReplayClient
 from impact_rig.nodes.result_messages import results_from_msg
-from impact_rig.recordings.overrules import OVERRULE_TYPE
+from impact_rig.recordings.messages import OVERRULE_TYPE
 from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import results_to_json
 from impact_rig.results.wire import format_json

@@ -128,7 +128,7 @@ class Recovered(NamedTuple):
     def is_complete(self) -> bool:
         """Whether all that was in it is in the sound one."""
         contents = self.contents
-        return not (contents.lost or any(damage.size for damage in contents.scans[0].damages))
+        return not (contents.lost or any(damage.size for damage in contents.passes[0].damages))
 
 
 def recover(damaged: Path) -> Recovered:

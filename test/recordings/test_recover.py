@@ -76,7 +76,7 @@ def test_of_an_altered_chunk_nothing_is_taken_and_its_messages_are_counted(
     assert read_recovered(recovery) == rest
     assert not recovery.is_complete
     assert recovery.contents.lost == len(place.messages)
-    (damage,) = recovery.contents.scans[0].damages
+    (damage,) = recovery.contents.passes[0].damages
     assert (damage.start, damage.start + damage.size) == (place.start, place.end)
 
 

@@ -1,5 +1,7 @@
 """Recordings come back as they were: in file order, from any namespace, however they ended."""
 
+import pickle
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import mcap.writer
@@ -50,7 +52,8 @@ def test_injected_faults_are_those_of_the_campaign_that_is_read(make_recording):
     maker.add_block(1, first_sample=5)
     recording = Run(maker.close())
     for _ in range(2):
-        truths = [recording.truths for event in recording.events() if isinstance(event, Block)]
+        reading = recording.events()
+        truths = [reading.truths for event in reading if isinstance(event, Block)]
         assert [{label: truth.faults for label, truth in each.items()} for each in truths] == [
             {
                 HitLabel("brass", 1, 3, 2): (),
@@ -58,6 +61,36 @@ def test_injected_faults_are_those_of_the_campaign_that_is_read(make_recording):
             },
             {HitLabel("brass", 1, 3, 2): ("weak",)},
         ]
+
+
+def describe_events(reading):
+    """Return all that a reading yields, with the truths that hold at each place."""
+    return [
+        (event.name if isinstance(event, RigSetup) else repr(event), [*reading.truths])
+        for event in reading
+    ]
+
+
+def test_many_threads_read_one_run_at_once_and_it_can_be_pickled(make_recording):
+    maker = make_recording(chunk_size=2000)
+    for name in ("first", "second"):
+        maker.add_setup(name=name)
+        for record in range(1, 20):
+            maker.add_virtual_impact(record)
+            maker.add_block(record)
+    run = Run(maker.close())
+    copies = [pickle.loads(pickle.dumps(run))]
+    alone = describe_events(run.events())
+    assert len(alone) == 2 + 2 * 19
+    readings = [iter(run.events()) for _ in range(2)]
+    for _ in alone:  # in turn
+        assert repr(next(readings[0])) == repr(next(readings[1]))
+    copies.append(pickle.loads(pickle.dumps(run)))
+    for each in copies:
+        assert describe_events(each.events()) == alone
+    with ThreadPoolExecutor(8) as pool:
+        for found in pool.map(lambda _: describe_events(run.events()), range(64)):
+            assert found == alone
 
 
 def test_the_files_of_a_run_that_was_resumed_are_one_recording(make_recording, tmp_path):
@@ -120,13 +153,14 @@ def test_blocks_that_are_there_twice_are_used_once(make_recording):
         maker.add_block(record)
     maker.add_block(2, first_sample=100)
     run = Run(maker.close())
-    blocks = [event for event in run.events() if isinstance(event, Block)]
+    reading = run.events()
+    blocks = [event for event in reading if isinstance(event, Block)]
     assert [(block.label.record, block.first_sample) for block in blocks] == [
         (1, 0),
         (2, 0),
         (2, 100),
     ]
-    (warning,) = run.warnings
+    (warning,) = reading.warnings
     assert warning.endswith("holds 3 blocks twice: each is used once")
     contents = inspect_run(run)
     assert contents.repeated == 3

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from impact_rig.core.given.errors import check_count
 from impact_rig.core.given.records import Block, HitLabel, Truth
@@ -59,7 +59,11 @@ class VirtualCampaign:
         self.truths = {label: make_truth(hit) for label, hit in hits.items()}
         self._blocks = [block for hit in hits.values() for block in hit.split(BLOCK_POINTS, 0)]
 
-    def events(self, _report: Any) -> Iterator[RigSetup | Block]:
+    def events(self, _report: Any = None) -> Self:
+        """Begin a reading: nothing has to be kept of it."""
+        return self
+
+    def __iter__(self) -> Iterator[RigSetup | Block]:
         """Yield the set-up and the hits."""
         yield self.setup
         yield from self._blocks
