@@ -18,17 +18,30 @@ from impact_rig.configuration.processes import Notice, notify
 from impact_rig.nodes.__main__ import run
 
 SHARED = (
+    "ament_index_python.packages",
     "asyncio",
+    "concurrent.futures.thread",
     "diagnostic_msgs.msg",
+    "impact_rig.configuration.rig_file",
+    "impact_rig.core.session",
+    "impact_rig.devices.virtual.drivers",
+    "impact_rig.recordings.overrules",
+    "impact_rig.status.states",
     "impact_rig_msgs.action",
     "impact_rig_msgs.msg",
     "impact_rig_msgs.srv",
-    "impact_rig.configuration.rig_file",
-    "impact_rig.core.session",
-    "impact_rig.recordings.campaigns",
-    "impact_rig.status.states",
+    "lifecycle_msgs.msg",
     "lifecycle_msgs.srv",
+    "rcl_interfaces.msg",
     "rcl_interfaces.srv",
+    "rosgraph_msgs.msg",
+    "rosidl_generator_py",
+    "service_msgs.msg",
+    "std_msgs.msg",
+    "std_srvs.srv",
+    "type_description_interfaces.msg",
+    "type_description_interfaces.srv",
+    "yaml",
 )
 """What nearly every node imports, and nothing that starts a thread."""
 FOR_HITS = "scipy.optimize"
