@@ -146,9 +146,14 @@ IMPACT_TRACE = Topic(
     "impact/trace", ImpactTrace, make_qos(64, latched=True), _finding("judged_traces_from_msg")
 )
 """Traces as judged, 60 kB each, while somebody listens."""
-ESTIMATE = Topic("estimate", SampleEstimate, _RESULT, _by("core.sample", "SampleEstimate"))
+ESTIMATE = Topic(
+    "estimate", SampleEstimate, _RESULT, _by("core.estimates.sample", "SampleEstimate")
+)
 HAMMER_ESTIMATE = Topic(
-    "hammer_estimate", HammerEstimate, _LATEST, _by("core.paper_method", "HammerEstimate")
+    "hammer_estimate",
+    HammerEstimate,
+    _LATEST,
+    _by("core.estimates.paper_method", "HammerEstimate"),
 )
 COMPARISON = Topic(
     "comparison", ModelComparison, make_qos(64, latched=True), _finding("traces_from_msg")

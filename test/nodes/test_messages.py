@@ -1,5 +1,6 @@
 """Results, set-ups and blocks survive the way through a message."""
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, get_args, get_origin
 
@@ -18,6 +19,8 @@ from impact_rig.core.given.findings import Note, Reason, Subject
 from impact_rig.core.given.quantity import LARGEST, BudgetLine, Quantity, StoredField, list_fields
 from impact_rig.core.given.sensors import Sensor
 from impact_rig.core.given.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample
+from impact_rig.nodes.intake import UNSOUND
+from impact_rig.nodes.interfaces import DIAGNOSTICS, RECORDED_TOPICS, REPLAYER_STATE
 from impact_rig.nodes.messages import make_message
 from impact_rig.recordings.messages import fill_message, from_message
 
@@ -109,3 +112,12 @@ def test_a_message_has_no_field_that_no_record_fills(kind):
         inner = list_fields(field.hint) if field.description.is_inline else [field]
         names |= {item.name for item in inner}
     assert carried == names
+
+
+@pytest.mark.parametrize(
+    "topic", [*RECORDED_TOPICS, DIAGNOSTICS, REPLAYER_STATE], ids=lambda topic: topic.name
+)
+def test_every_topic_s_conversion_is_there(topic):
+    """It is named by a text, and imported when the first message comes."""
+    with suppress(*UNSOUND):
+        topic.convert(topic.type())
