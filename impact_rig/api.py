@@ -25,7 +25,7 @@ from impact_rig.analysis.sources import (
     list_items,
     read_runs,
 )
-from impact_rig.configuration.processes import limit_threads
+from impact_rig.configuration.processes import compute_alone
 from impact_rig.configuration.rig_file import add_samples, load_rig_file, read_settings
 from impact_rig.configuration.units import Given
 from impact_rig.core.given.errors import (
@@ -86,7 +86,7 @@ class Run:
         self._campaign = campaign
 
     @cached_property
-    @limit_threads()
+    @compute_alone()
     def hits(self) -> dict[str, tuple[Hit, ...]]:
         """All hits in their order, by sample, each with its verdict.
 
@@ -102,7 +102,7 @@ class Run:
             found[hit.sample] = *found.get(hit.sample, ()), hit
         return found
 
-    @limit_threads()
+    @compute_alone()
     def analyze(
         self,
         *,

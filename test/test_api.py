@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,6 +14,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import impact_rig as ir
 from impact_rig import api
@@ -482,6 +484,45 @@ def test_a_recording_is_opened_by_file_and_by_folder(recording, run):
         ir.open_run(recording, campaign=2)
     with pytest.raises(ir.RigError, match="campaign is '1': it must be a whole number"):
         ir.open_run(recording, campaign="1")
+
+
+@pytest.fixture
+def often():
+    """Let threads interrupt each other within a pass."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    yield
+    sys.setswitchinterval(before)
+
+
+def count_blas_threads():
+    return [item["num_threads"] for item in threadpool_info() if item["user_api"] == "blas"]
+
+
+@pytest.mark.usefixtures("often")
+@pytest.mark.parametrize("library", ["concurrent.futures", "dask"])
+def test_one_run_is_read_by_many_threads_at_once(recording, library):
+    opened = ir.open_run(recording)
+    wanted = str(opened.analyze(cutoff="20 kHz"))
+    names = [hit.name for hits in opened.hits.values() for hit in hits]
+    fresh = ir.open_run(recording)
+
+    def analyze(_):
+        found = [hit.name for hits in fresh.hits.values() for hit in hits]
+        return str(fresh.analyze(cutoff="20 kHz")), found
+
+    with threadpool_limits(2, "blas"):
+        before = count_blas_threads()
+        if library == "dask":
+            dask = pytest.importorskip("dask")
+            tasks = [dask.delayed(analyze)(number) for number in range(64)]
+            found = dask.compute(*tasks, scheduler="threads", num_workers=8)
+        else:
+            with ThreadPoolExecutor(8) as threads:
+                found = list(threads.map(analyze, range(64)))
+        assert count_blas_threads() == before
+    assert [*found] == [(wanted, names)] * 64
+    assert max(before) == 2
 
 
 def test_the_readme_s_lines_run_as_they_are_typed(recording, run, tmp_path, monkeypatch):

@@ -4,13 +4,13 @@ import contextlib
 import multiprocessing
 import os
 import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import TYPE_CHECKING
 
 from impact_rig.analysis.analyze import Analysis, Settings, analyze
+from impact_rig.configuration.processes import compute_alone
 from impact_rig.core.given.errors import RigError
 from impact_rig.recordings.run import Run
 from impact_rig.version import __version__
@@ -25,10 +25,6 @@ LOOPBACK = "127.0.0.1"
 """Workers of this host are for this host."""
 CONNECT_TIMEOUT = 5.0
 """How long a cluster may take to answer [s], our choice: one that is there answers at once."""
-_ANALYZING = threading.Lock()
-"""One recording at a time in a process: GTC is not safe in threads, and a worker of a
-cluster may have several."""
-
 Report = Callable[[], None]
 """Called after each run."""
 
@@ -168,7 +164,7 @@ def run_on_workers(
 def _analyze(run: Run, settings: Settings) -> Analysis | RigError:
     """Analyze one run; return its error if it cannot be analyzed."""
     try:
-        with _ANALYZING:
+        with compute_alone():  # a worker of a cluster may have several threads
             return analyze(run, settings)
     except RigError as error:
         return error

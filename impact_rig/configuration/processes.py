@@ -4,6 +4,7 @@ import itertools
 import json
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -57,17 +58,22 @@ def use_one_thread() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-@contextmanager
-def limit_threads() -> Iterator[None]:
-    """Do the same where numpy is there already, as long as something is computed."""
-    if find_spec("threadpoolctl") is None:
-        yield
-        return
-    import scipy.linalg  # noqa: F401 - it has a library of its own, which must be there to be asked
-    from threadpoolctl import threadpool_limits
+_COMPUTING = threading.RLock()
+"""GTC is not safe in threads, and a limit on numpy's is that of the whole process."""
 
-    with threadpool_limits(1, "blas"):
-        yield
+
+@contextmanager
+def compute_alone() -> Iterator[None]:
+    """Let other threads of this process wait, and numpy have one, as long as this one computes."""
+    with _COMPUTING:
+        if find_spec("threadpoolctl") is None:
+            yield
+            return
+        import scipy.linalg  # noqa: F401 - it has a library of its own, which must be there to be asked
+        from threadpoolctl import threadpool_limits
+
+        with threadpool_limits(1, "blas"):
+            yield
 
 
 def split_names(text: str) -> list[str]:

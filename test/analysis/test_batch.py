@@ -1,16 +1,23 @@
 """Many recordings side by side."""
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
 from impact_rig.analysis import batch
 
 
 def test_a_process_analyzes_one_recording_at_a_time(monkeypatch):
     """A worker of a cluster may have several threads, in which GTC is not safe."""
-    is_alone = []
+    met, inside = threading.Event(), []
 
     def look(*_):
-        is_alone.append(batch._ANALYZING.locked())
+        inside.append(len(inside))
+        if len(inside) > 1:
+            met.set()
+        met.wait(0.1)
+        inside.pop()
 
     monkeypatch.setattr(batch, "analyze", look)
-    batch._analyze(None, {})
-    assert is_alone == [True]
-    assert not batch._ANALYZING.locked()
+    with ThreadPoolExecutor(2) as threads:
+        list(threads.map(lambda _: batch._analyze(None, {}), range(2)))
+    assert not met.is_set()
