@@ -170,6 +170,18 @@ def test_imports_run_one_way():
     assert find_offences(find) == {}
 
 
+def test_modules_that_a_text_names_are_there():
+    """They are imported when they are first used."""
+
+    def find(path):
+        text = path.read_text("utf-8")
+        named = re.findall(r'"(impact_rig\.\w+\.[a-z_.]+)"', text)
+        named += [f"impact_rig.{name}" for name in re.findall(r'\b_by\(\W*"([\w.]+)"', text)]
+        return {*named} - NAMED.keys()
+
+    assert find_offences(find) == {}
+
+
 def test_the_core_has_four_rooms_and_its_session_which_know_only_those_below():
     def find(path):
         room = Path(path.relative_to(PACKAGE / "core").parts[0]).stem

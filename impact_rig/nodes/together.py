@@ -25,7 +25,7 @@ SHARED = (
     "impact_rig.configuration.rig_file",
     "impact_rig.core.session",
     "impact_rig.devices.virtual.drivers",
-    "impact_rig.recordings.overrules",
+    "impact_rig.recordings.scan",
     "impact_rig.status.states",
     "impact_rig_msgs.action",
     "impact_rig_msgs.msg",
