@@ -24,10 +24,9 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.acts import describe_caller, fill_act
 from impact_rig.nodes.campaign_results import read_faults
 from impact_rig.nodes.client import START_ONE, RigClient
-from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import UNSOUND, Received
-from impact_rig.nodes.result_messages import results_from_msg
+from impact_rig.nodes.result_messages import hit_results_from_msg, results_from_msg
 from impact_rig.recordings.messages import RecordedTruth
 from impact_rig.recordings.run import Run
 from impact_rig.results.campaign import Results

@@ -123,8 +123,8 @@ class Topic:
         return replace(self, qos=qos)
 
 
-_inward = partial(_by, "nodes.conversions")
-_finding = partial(_by, "nodes.findings")
+_inward = partial(_by, "nodes.messages")
+_finding = partial(_by, "nodes.result_messages")
 _recorded = partial(_by, "recordings.messages")
 _state = partial(_by, "status.states")
 _BLOCK = _recorded("block_from_msg")

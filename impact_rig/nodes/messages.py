@@ -1,20 +1,24 @@
-"""Set-up and blocks as messages of rclpy, by `impact_rig.recordings.messages`, which reads them.
+"""Set-up, blocks, states and health as messages of rclpy, and back.
 
-Results are in
-`impact_rig.nodes.result_messages`: a node that only passes blocks on loads no physics, which takes
-most of a node's start.
+Results are in `impact_rig.nodes.result_messages`: a node that only passes blocks on loads no
+physics, which takes most of a node's start.
 """
 
-from dataclasses import asdict
+import math
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
 from impact_rig_msgs import msg
 
+from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.records import Block
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes.identity import NO_IDENTITY, Identity
 from impact_rig.recordings import messages as recorded
+from impact_rig.recordings.messages import NANOSECONDS, from_message, stamp_from_msg
+from impact_rig.status.states import CampaignStatus, HammerStatus, Level, NodeHealth
 
 if TYPE_CHECKING:
     # Who only passes on what others have measured needs no virtual rig.
@@ -28,7 +32,7 @@ def make_message(name: str) -> Any:
 
 def stamp_to_msg(nanoseconds: int) -> Time:
     """Return nanoseconds since the epoch as a `builtin_interfaces/Time`."""
-    seconds, rest = divmod(nanoseconds, recorded.NANOSECONDS)
+    seconds, rest = divmod(nanoseconds, NANOSECONDS)
     return Time(sec=seconds, nanosec=rest)
 
 
@@ -65,3 +69,49 @@ def virtual_hit_to_msg(
         peak_force=virtual.model.peak_force,
     )
     return identity.fill(message, stamp)
+
+
+def hammer_from_msg(message: msg.HammerState) -> HammerStatus:
+    """Return the hammer's state."""
+    return replace(
+        from_message(HammerStatus, message),
+        since=stamp_from_msg(message.since) / NANOSECONDS,
+        stopped_at=_time_from_msg(message.stopped_at),
+        stamp=stamp_from_msg(message.header.stamp),
+    )
+
+
+def campaign_from_msg(message: msg.CampaignState) -> CampaignStatus:
+    """Return a campaign's state without its newest verdict."""
+    return replace(
+        from_message(CampaignStatus, message),
+        until=_time_from_msg(message.until),
+        stamp=stamp_from_msg(message.header.stamp),
+    )
+
+
+def _time_from_msg(stamp: Time) -> float:
+    """Return seconds since the epoch; NaN: none is stated."""
+    return stamp_from_msg(stamp) / NANOSECONDS or math.nan
+
+
+def health_from_msg(message: DiagnosticArray) -> tuple[NodeHealth, ...]:
+    """Return the diagnostics of nodes, with their full names."""
+    return tuple(
+        NodeHealth(
+            name=status.name,
+            level=Level(int.from_bytes(status.level)),  # rclpy has a byte as bytes
+            message=status.message,
+            values=tuple((item.key, item.value) for item in status.values),
+        )
+        for status in message.status
+    )
+
+
+def check_release(message: msg.HammerRelease) -> msg.HammerRelease:
+    """Return a release with times that can be waited for."""
+    for name in ("swing_time", "latest_contact"):
+        value = getattr(message, name)
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ParameterError(f"{name} is {value:g} s: it must be zero or more")
+    return message

@@ -11,7 +11,7 @@ from impact_rig.configuration.processes import RESULTS_NAME
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.nodes.campaign_plan import read_newest_campaign
-from impact_rig.nodes.findings import hit_results_from_msg
+from impact_rig.nodes.result_messages import hit_results_from_msg
 from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import results_to_json
 from impact_rig.results.wire import format_json

@@ -14,8 +14,8 @@ from rich.console import Console
 from impact_rig.core.estimates.ringing import FreeDecayEstimate
 from impact_rig.core.given.errors import FileError, RigError
 from impact_rig.core.given.quantity import Quantity
-from impact_rig.nodes.findings import hit_results_from_msg
 from impact_rig.nodes.messages import make_message
+from impact_rig.nodes.result_messages import hit_results_from_msg
 from impact_rig.present.rerun.markdown import format_summary
 from impact_rig.present.screen import print_full
 from impact_rig.recordings.messages import fill_message, from_message
