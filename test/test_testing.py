@@ -2,25 +2,31 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.given.records import HitLabel
-from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.protocols import CommandedHolder, HolderState
+from impact_rig.devices.scpi import ScpiSource
 from impact_rig.devices.virtual.drivers import VirtualSource, make_virtual_plan
 from impact_rig.testing import (
     AccelerationSourceContract,
+    Applied,
     HammerHolderContract,
     HolderBench,
     SourceBench,
+    make_plan,
 )
 
-OPTIONS = TomlTable({}, "[source]")
+OPTIONS = TomlTable({"plant": "contact"}, "[source]")
 
 
 class VirtualBench(SourceBench):
     patience = 0.5
+    applied = Applied(hammer=-694.0, specimen=1172.0, width=86e-6)
+    bits = 12
 
     def __init__(self, driver):
         self.driver = driver
@@ -35,7 +41,7 @@ class VirtualBench(SourceBench):
         return replace(make_virtual_plan(OPTIONS), continuous=continuous, block_size=size)
 
     def strike(self, source):
-        source.strike(HitLabel(CONTROL_SAMPLE), swing_time=0.0)
+        source.strike(HitLabel("steel small"), swing_time=0.0)
 
     def unplug(self):
         """Do nothing: the virtual rig does not notice."""
@@ -47,6 +53,100 @@ class TestVirtualSource(AccelerationSourceContract):
     @pytest.fixture
     def bench(self):
         return VirtualBench(VirtualSource)
+
+
+class Altered(VirtualSource):
+    """What it delivers is altered, point by point of a whole record."""
+
+    def _make_rig(self):
+        rig = super()._make_rig()
+        strike = rig.strike
+        rig.strike = lambda label: self.alter(strike(label))
+        return rig
+
+    def change(self, hit, name, change):
+        channel = getattr(hit, name)
+        return replace(hit, **{name: replace(channel, output=change(channel.output))})
+
+
+class Swapped(Altered):
+    def alter(self, hit):
+        return replace(hit, hammer=hit.specimen, specimen=hit.hammer)
+
+
+class Negated(Altered):
+    def alter(self, hit):
+        return self.change(hit, "specimen", np.negative)
+
+
+class NegatedBoth(Negated):
+    def alter(self, hit):
+        return self.change(super().alter(hit), "hammer", np.negative)
+
+
+class Dead(Altered):
+    def alter(self, hit):
+        noise = np.random.default_rng(1).integers(-3, 4, hit.specimen.output.size, np.int32)
+        return self.change(hit, "specimen", lambda _: noise)
+
+
+class Halved(Altered):
+    def alter(self, hit):
+        return self.change(hit, "specimen", lambda values: values // 2)
+
+
+class LateSpecimen(Altered):
+    def alter(self, hit):
+        return self.change(hit, "specimen", lambda values: np.roll(values, 60))
+
+
+class Equal(Altered):
+    def alter(self, hit):
+        return replace(hit, specimen=hit.hammer)
+
+
+class HalfTheRate(Altered):
+    """It samples half as often as it says, before and after the trigger."""
+
+    def alter(self, hit):
+        points = 500 + 2 * (np.arange(5000) - 500)
+        points = np.where((points < 0) | (points >= 5000), 0, points)
+        for name in ("hammer", "specimen"):
+            hit = self.change(hit, name, lambda values: values[points])
+        return hit
+
+
+class EightBits(Altered):
+    def alter(self, hit):
+        return self.change(hit, "hammer", lambda values: values >> 4 << 4)
+
+
+class LowByte(Altered):
+    """It forgets the upper byte of each number."""
+
+    def alter(self, hit):
+        return self.change(hit, "hammer", lambda values: (values + 128) % 256 - 128)
+
+
+class Repeating(Altered):
+    """It writes each point twice."""
+
+    def alter(self, hit):
+        return self.change(hit, "specimen", lambda values: values[np.arange(5000) // 2 * 2])
+
+
+class SlowStream(VirtualSource):
+    """Its stream is half as fast as it says."""
+
+    def configure(self, plan):
+        found = super().configure(replace(plan, sampling_rate=plan.sampling_rate / 2))
+        return replace(found, sampling_rate=plan.sampling_rate)
+
+
+class Unfinished:
+    """It has no method `check`."""
+
+    arm = read = disarm = configure = close = find_devices = None
 
 
 class Late(VirtualSource):
@@ -76,6 +176,19 @@ CONTRACT = AccelerationSourceContract
 @pytest.mark.parametrize(
     ("driver", "test"),
     [
+        (Unfinished, CONTRACT.test_it_has_every_method),
+        (Swapped, CONTRACT.test_it_measures_what_is_applied),
+        (Negated, CONTRACT.test_it_measures_what_is_applied),
+        (NegatedBoth, CONTRACT.test_it_measures_what_is_applied),
+        (Halved, CONTRACT.test_it_measures_what_is_applied),
+        (HalfTheRate, CONTRACT.test_it_measures_what_is_applied),
+        (Dead, CONTRACT.test_each_arming_gives_one_whole_record),
+        (LateSpecimen, CONTRACT.test_each_arming_gives_one_whole_record),
+        (Equal, CONTRACT.test_each_arming_gives_one_whole_record),
+        (Repeating, CONTRACT.test_each_arming_gives_one_whole_record),
+        (EightBits, CONTRACT.test_no_bit_is_lost),
+        (LowByte, CONTRACT.test_it_measures_what_is_applied),
+        (SlowStream, CONTRACT.test_its_rate_is_that_of_the_clock),
         (Late, CONTRACT.test_each_arming_gives_one_whole_record),
         (Lossy, CONTRACT.test_each_arming_gives_one_whole_record),
         (Remembering, CONTRACT.test_what_was_not_read_is_forgotten_when_it_is_disarmed),
@@ -124,6 +237,22 @@ class MagnetBench(HolderBench):
 
     def count_releases(self):
         return self.magnet.releases
+
+
+def test_what_a_bench_does_not_state_is_skipped_aloud():
+    bench = VirtualBench(VirtualSource)
+    bench.applied = bench.bits = None
+    for test in (CONTRACT.test_it_measures_what_is_applied, CONTRACT.test_no_bit_is_lost):
+        with pytest.raises(pytest.skip.Exception, match="this bench does not state"):
+            test(CONTRACT(), bench)
+    with pytest.raises(NotImplementedError, match="SourceBench needs a method make_source"):
+        SourceBench().make_source()
+
+
+def test_a_plan_is_made_of_a_drivers_example():
+    plan = make_plan(ScpiSource.example, continuous=True)
+    assert plan.hammer.sensor.sensitivity > 0
+    assert plan.continuous
 
 
 @pytest.mark.parametrize("driver", [Dropping, Unchanging])

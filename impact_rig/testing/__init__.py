@@ -14,17 +14,20 @@ if TYPE_CHECKING:
     from impact_rig.nodes.discovery import use_own_domain
     from impact_rig.testing.drivers import (
         AccelerationSourceContract,
+        Applied,
         Bench,
         DriverContract,
         HammerHolderContract,
         HolderBench,
         SourceBench,
+        make_plan,
     )
     from impact_rig.testing.running import RunningRig, run_rig, run_virtual_rig
     from impact_rig.testing.scoring import Score, score, score_node
 
 __all__ = [
     "AccelerationSourceContract",
+    "Applied",
     "Bench",
     "DriverContract",
     "HammerHolderContract",
@@ -32,6 +35,7 @@ __all__ = [
     "RunningRig",
     "Score",
     "SourceBench",
+    "make_plan",
     "run_rig",
     "run_virtual_rig",
     "score",

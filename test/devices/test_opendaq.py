@@ -285,6 +285,7 @@ class ReferenceBench(SourceBench):
     """The reference device, which oscillates for a while where a hammer would strike."""
 
     driver = OpenDaqSource
+    reaches_both = False  # the hammer's channel alone oscillates
 
     def make_source(self) -> OpenDaqSource:
         self.source = OpenDaqSource(make_table())

@@ -21,7 +21,7 @@ from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.protocols import AcquisitionPlan, SourceChannel
 from impact_rig.devices.scpi import Instrument, ScpiSource
 from impact_rig.devices.virtual.rig import VirtualHit, VirtualRig, VirtualRigSettings
-from impact_rig.testing import AccelerationSourceContract, SourceBench
+from impact_rig.testing import AccelerationSourceContract, Applied, SourceBench
 
 SENSITIVITIES = {"hammer": 5e-4, "specimen": -2.5e-4}
 """[V per m/s^2]: one count of a hit is a whole number of the instrument's."""
@@ -33,6 +33,7 @@ class ScpiRig(SourceBench):
     """An instrument and what is around it."""
 
     driver = ScpiSource
+    applied = Applied(hammer=810.0, specimen=-693.0, width=106e-6)  # of the virtual rig
 
     def __init__(self) -> None:
         self.digitizer = ScpiDigitizer(*SENSITIVITIES.values())
