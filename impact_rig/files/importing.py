@@ -23,7 +23,8 @@ from impact_rig.core.hit.stream import cut_impacts
 from impact_rig.files.channels import MeasuredHit, map_channels
 from impact_rig.files.formats.registry import read_measurement
 from impact_rig.files.plan import ChannelPlan
-from impact_rig.recordings.messages import NANOSECONDS, MessageEncoder
+from impact_rig.recordings.fields import NANOSECONDS
+from impact_rig.recordings.messages import MessageEncoder
 from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import compute_sha256
 from impact_rig.recordings.records import IMPORT_REMARKS, PROVENANCE_RECORD, OfferedQos

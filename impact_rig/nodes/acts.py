@@ -13,8 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.messages import stamp_to_msg
-from impact_rig.recordings.messages import NANOSECONDS, stamp_from_msg
+from impact_rig.recordings.fields import NANOSECONDS, stamp_from_msg
 from impact_rig.status.states import CampaignStatus, HammerStatus
 
 BEAT = 0.5
@@ -115,7 +114,8 @@ def fill_act(
     request: Any, state: CampaignStatus | HammerStatus, by: str, within: float = REACTION
 ) -> Any:
     """Return a request as an act from a state that a person saw, good for so many seconds."""
-    request.deadline = stamp_to_msg(state.stamp + round(within * NANOSECONDS))
+    deadline = state.stamp + round(within * NANOSECONDS)
+    request.deadline.sec, request.deadline.nanosec = divmod(deadline, NANOSECONDS)
     request.seen, request.by = state.number, by
     return request
 

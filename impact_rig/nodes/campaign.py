@@ -49,7 +49,7 @@ from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.rig_node import Answer, RigNode
-from impact_rig.recordings.messages import NANOSECONDS, NO_ID, from_message
+from impact_rig.recordings.fields import NANOSECONDS, NO_ID, from_message
 from impact_rig.status.states import HammerPlace, HammerStatus, Step, Task
 
 LOOK_PERIOD = 0.5

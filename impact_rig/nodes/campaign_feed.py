@@ -7,7 +7,7 @@ from typing import Any
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes.intake import Received
 from impact_rig.recordings.campaigns import begins_campaign
-from impact_rig.recordings.messages import NO_ID
+from impact_rig.recordings.fields import NO_ID
 
 
 class CampaignFeed:

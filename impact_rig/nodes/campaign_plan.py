@@ -14,7 +14,8 @@ from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.core.given.setup import RigSetup, Sample
 from impact_rig.nodes.identity import id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.messages import setup_to_msg
-from impact_rig.recordings.messages import NO_ID, SETUP_TYPE, setup_from_msg
+from impact_rig.recordings.fields import NO_ID
+from impact_rig.recordings.messages import SETUP_TYPE, setup_from_msg
 from impact_rig.recordings.run import Run
 
 

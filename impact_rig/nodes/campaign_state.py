@@ -14,7 +14,8 @@ from rclpy.action.server import ServerGoalHandle
 from impact_rig.core.given.errors import DeviceError, RigError
 from impact_rig.core.given.setup import Sample
 from impact_rig.nodes.acts import NumberedState
-from impact_rig.recordings.messages import NO_ID, setup_from_msg
+from impact_rig.recordings.fields import NO_ID
+from impact_rig.recordings.messages import setup_from_msg
 from impact_rig.status.states import Step, Task
 
 TRANSITIONS: Mapping[Step, tuple[Step, ...]] = {

@@ -32,7 +32,8 @@ from impact_rig.nodes.result_messages import (
 )
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.campaigns import begins_campaign
-from impact_rig.recordings.messages import overrule_from_msg, stamp_from_msg
+from impact_rig.recordings.fields import stamp_from_msg
+from impact_rig.recordings.messages import overrule_from_msg
 from impact_rig.results.traces import align_hit
 
 LIBRARIES = (

@@ -13,7 +13,7 @@ from builtin_interfaces.msg import Time
 from impact_rig_msgs.msg import AccelerationBlock, StreamBlock
 from unique_identifier_msgs.msg import UUID
 
-from impact_rig.recordings.messages import NO_ID
+from impact_rig.recordings.fields import NO_ID
 
 
 def make_id() -> bytes:

@@ -16,7 +16,7 @@ from impact_rig.configuration.processes import MEASURING
 from impact_rig.core.given.errors import RigError
 from impact_rig.nodes.identity import Identity, Membership, identity_from_msg
 from impact_rig.nodes.interfaces import Topic
-from impact_rig.recordings.messages import NO_ID, stamp_from_msg
+from impact_rig.recordings.fields import NO_ID, stamp_from_msg
 
 T = TypeVar("T")
 UNSOUND = (RigError, ValueError, OverflowError)

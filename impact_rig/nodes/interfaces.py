@@ -41,7 +41,7 @@ from rclpy.qos import (
 )
 from std_msgs.msg import Header, String
 
-from impact_rig.recordings.messages import from_message
+from impact_rig.recordings.fields import from_message
 
 RESULT_DEPTH = 256
 """How many results are kept for who comes late [messages]: two of the paper's campaigns."""

@@ -17,7 +17,7 @@ from impact_rig.core.given.records import Block
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes.identity import NO_IDENTITY, Identity
 from impact_rig.recordings import messages as recorded
-from impact_rig.recordings.messages import NANOSECONDS, from_message, stamp_from_msg
+from impact_rig.recordings.fields import NANOSECONDS, from_message, stamp_from_msg
 from impact_rig.status.states import CampaignStatus, HammerStatus, Level, NodeHealth
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import Answer, RigNode
-from impact_rig.recordings.messages import NANOSECONDS
+from impact_rig.recordings.fields import NANOSECONDS
 from impact_rig.recordings.records import Channel
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.schemas import check_interfaces, find_message_definition

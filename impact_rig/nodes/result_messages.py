@@ -25,9 +25,8 @@ from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.hit.overrules import Overrule
 from impact_rig.nodes.identity import Identity
 from impact_rig.nodes.messages import make_message, stamp_to_msg
+from impact_rig.recordings.fields import fill_message, from_message
 from impact_rig.recordings.messages import (
-    fill_message,
-    from_message,
     label_from_msg,
     origin_from_msg,
     setup_from_msg,

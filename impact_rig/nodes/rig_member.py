@@ -5,7 +5,7 @@ from typing import Any
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.intake import Received
-from impact_rig.recordings.messages import NO_ID
+from impact_rig.recordings.fields import NO_ID
 from impact_rig.status.states import AcquisitionStatus, Phase
 
 

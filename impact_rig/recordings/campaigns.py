@@ -3,7 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from impact_rig.recordings.messages import NO_ID, campaign_id_from_msg, stamp_from_msg
+from impact_rig.recordings.fields import NO_ID, stamp_from_msg
+from impact_rig.recordings.messages import campaign_id_from_msg
 
 
 def begins_campaign(setup: Any, current: bytes | None) -> bool:

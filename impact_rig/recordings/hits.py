@@ -7,6 +7,7 @@ from typing import Any
 
 from impact_rig.core.given.records import UNSTATED, HitLabel, Origin
 from impact_rig.recordings.campaigns import CampaignWatch
+from impact_rig.recordings.fields import stamp_from_msg
 from impact_rig.recordings.messages import (
     BLOCK_TYPE,
     SETUP_TYPE,
@@ -14,7 +15,6 @@ from impact_rig.recordings.messages import (
     count_points,
     label_from_msg,
     origin_from_msg,
-    stamp_from_msg,
 )
 
 

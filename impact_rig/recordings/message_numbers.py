@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.given.errors import ParameterError
-from impact_rig.recordings.messages import NANOSECONDS
+from impact_rig.recordings.fields import NANOSECONDS
 
 LONGEST_LIST = 36
 """Longest array whose numbers are channels side by side [-]: the largest matrix of ROS's own

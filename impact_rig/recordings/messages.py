@@ -5,19 +5,14 @@ give bit-identical numbers.
 """
 
 from array import array
-from collections.abc import Callable
-from dataclasses import is_dataclass
-from enum import IntEnum
 from functools import lru_cache
-from typing import Any, NamedTuple, TypeVar, get_args, get_origin
+from typing import Any, NamedTuple
 
 import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from impact_rig.core.given.errors import ParameterError
-from impact_rig.core.given.findings import CODES, read_code
-from impact_rig.core.given.quantity import list_fields
 from impact_rig.core.given.records import (
     NO_SPEED,
     NOT_ARMED,
@@ -32,6 +27,14 @@ from impact_rig.core.given.records import (
 )
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.overrules import Overrule, Verdict
+from impact_rig.recordings.fields import (
+    NO_ID,
+    MessageMaker,
+    fill_message,
+    from_message,
+    set_stamp,
+    stamp_from_msg,
+)
 from impact_rig.recordings.schemas import (
     MessageDefinition,
     find_message_definition,
@@ -48,24 +51,6 @@ OVERRULE_TYPE = PACKAGE + "Overrule"
 """Types that tell the rig's topics in a recording, whatever they were remapped to."""
 LONGEST_TEXT = 200
 """Letters of an overrule's reason and of its person's name that are kept, our choice."""
-NANOSECONDS = 1_000_000_000
-NO_ID = bytes(16)
-"""Id of no campaign, and of recordings from before there were ids: an id like another."""
-
-RENAMED = {"BudgetLine": "UncertaintyContribution"}
-"""Records in lists whose messages have other names."""
-PLAIN = (float, int, str, bool)
-"""Kinds of values that messages have too."""
-MessageMaker = Callable[[str], Any]
-"""Returns a message of the rig, by the name of its type."""
-NO_LISTS: MessageMaker = dict[str, Any]().__getitem__
-"""Maker for records without lists of records."""
-_T = TypeVar("_T")
-
-
-def stamp_from_msg(stamp: Any) -> int:
-    """Return a `builtin_interfaces/Time` as nanoseconds since the epoch."""
-    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
 
 
 def campaign_id_from_msg(message: Any) -> bytes:
@@ -191,87 +176,6 @@ def overrule_from_msg(message: Any) -> Overrule:
 def count_points(message: Any) -> int:
     """Return how many points an `AccelerationBlock` or a `StreamBlock` has in each channel."""
     return max(len(message.hammer.counts), len(message.hammer.values))
-
-
-def fill_message(message: Any, record: Any, make: MessageMaker = NO_LISTS) -> Any:
-    """Put a record into a message, which may have more fields, and return the message.
-
-    Parameters
-    ----------
-    message : object
-        With the record's fields as attributes.
-    make : callable
-        Makes the messages of the records in its lists.
-    """
-    for field in list_fields(type(record)):
-        value = getattr(record, field.name)
-        if field.description.is_inline:
-            fill_message(message, value, make)
-        elif is_dataclass(field.hint):
-            fill_message(getattr(message, field.name), value, make)
-        else:
-            setattr(message, field.name, _value_to_message(field.hint, value, make))
-    return message
-
-
-def _value_to_message(hint: Any, value: Any, make: MessageMaker) -> Any:
-    if get_origin(hint) is tuple:
-        return [_value_to_message(get_args(hint)[0], item, make) for item in value]
-    if hint in CODES:
-        return value.value
-    if is_dataclass(hint):
-        name = type(value).__name__
-        return fill_message(make(RENAMED.get(name, name)), value, make)
-    return hint(value)
-
-
-def from_message(kind: type[_T], message: Any, **known: Any) -> _T:
-    """Return the record that a message holds, from any decoder.
-
-    Parameters
-    ----------
-    known : dict
-        Fields that are not in the message as the record has them.
-
-    Raises
-    ------
-    RigError
-        If a value cannot be meant.
-    """
-    record = kind(
-        **{
-            field.name: from_message(field.hint, message)
-            if field.description.is_inline
-            else _value_from_message(field.hint, getattr(message, field.name))
-            for field in list_fields(kind)
-            if field.name not in known
-        },
-        **known,
-    )
-    check_numbers(record)
-    return record
-
-
-def check_numbers(record: Any) -> None:
-    """Raise `ParameterError` that names the first number of a record that cannot be meant."""
-    for field in list_fields(type(record)):
-        problem = field.description.explain(getattr(record, field.name))
-        if problem is not None:
-            raise ParameterError(f"{field.name} {problem}")
-
-
-def _value_from_message(hint: Any, value: Any) -> Any:
-    if get_origin(hint) is tuple:
-        return tuple(_value_from_message(get_args(hint)[0], item) for item in value)
-    if hint in CODES:
-        return read_code(hint, value)
-    is_plain = hint in PLAIN or issubclass(hint, IntEnum)
-    return hint(value) if is_plain else from_message(hint, value)
-
-
-def set_stamp(message: Any, nanoseconds: int) -> None:
-    """Stamp a message with nanoseconds since the epoch."""
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(nanoseconds, NANOSECONDS)
 
 
 def setup_to_msg(setup: RigSetup, make: MessageMaker) -> Any:

@@ -8,7 +8,7 @@ from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.devices.virtual.drivers import VirtualHolder
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.hammer import HammerNode
-from impact_rig.recordings.messages import stamp_from_msg
+from impact_rig.recordings.fields import stamp_from_msg
 
 from .campaigns import begin, cancel, run, start_rig
 

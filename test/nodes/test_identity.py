@@ -7,7 +7,7 @@ from impact_rig_msgs.msg import AccelerationBlock, Impact, StreamBlock
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, Membership, id_to_msg, make_id
-from impact_rig.recordings.messages import NO_ID
+from impact_rig.recordings.fields import NO_ID
 
 WITHOUT_ID = {"note", "page/act", "replayer/state", "overrule/stored", "accelerometer/levels"}
 """Anybody's remarks, a replay's state, the stamp of an overrule, inputs without a campaign."""

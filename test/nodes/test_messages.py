@@ -22,7 +22,7 @@ from impact_rig.core.given.setup import PAPER_SETUP, AnalysisSettings, RigSetup,
 from impact_rig.nodes.intake import UNSOUND
 from impact_rig.nodes.interfaces import DIAGNOSTICS, RECORDED_TOPICS, REPLAYER_STATE
 from impact_rig.nodes.messages import make_message
-from impact_rig.recordings.messages import fill_message, from_message
+from impact_rig.recordings.fields import fill_message, from_message
 
 from ..results.test_wire import SETUP
 

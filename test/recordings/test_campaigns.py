@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from impact_rig.recordings.campaigns import CampaignWatch
-from impact_rig.recordings.messages import NO_ID
+from impact_rig.recordings.fields import NO_ID
 
 A, B = b"a" * 16, b"b" * 16
 

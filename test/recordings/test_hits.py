@@ -7,8 +7,8 @@ import pytest
 
 from impact_rig.core.given.records import HitLabel
 from impact_rig.recordings.contents import inspect_run
+from impact_rig.recordings.fields import NO_ID
 from impact_rig.recordings.hits import RecordedReason, RecordWatch
-from impact_rig.recordings.messages import NO_ID
 from impact_rig.recordings.run import Run
 
 from .conftest import OUR_MESSAGES, OURS, block_fields

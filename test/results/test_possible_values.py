@@ -18,7 +18,7 @@ from impact_rig.nodes.messages import make_message
 from impact_rig.nodes.result_messages import hit_results_from_msg
 from impact_rig.present.rerun.markdown import format_summary
 from impact_rig.present.screen import print_full
-from impact_rig.recordings.messages import fill_message, from_message
+from impact_rig.recordings.fields import fill_message, from_message
 from impact_rig.results.campaign import Results
 from impact_rig.results.results_file import read_results, results_to_json
 from impact_rig.results.wire import WireError, format_json, from_json
