@@ -133,6 +133,10 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
             " recorded as a whole, beside the hits that are found in it; 72 GB an hour at"
             " 2.5 MS/s, uncompressed",
         ),
+        "include_topics": Parameter(
+            "", "topics, by commas, that are recorded though they can be computed from the others"
+            " and replay makes them again: impact/trace, comparison",
+        ),
         "exclude_topics": Parameter(
             "", "topics of other nodes in the rig's namespace, by commas, that are not recorded;"
             " `up` sets those that the driver topic reads, whose hits are recorded",

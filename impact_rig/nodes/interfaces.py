@@ -208,6 +208,8 @@ RECORDED_TOPICS = (
     PAGE_ACT,
 )
 """Every topic of the rig; what else its nodes publish is recorded as it is discovered."""
+COMPUTED_TOPICS = (IMPACT_TRACE, COMPARISON)
+"""Those that are large and that a replay computes from the others: recorded where it is asked."""
 
 
 def make_join_name(node: str) -> str:

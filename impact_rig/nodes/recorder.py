@@ -129,7 +129,12 @@ class RecorderNode(RigNode):
 
     def _begin(self, writer: RecordingWriter, attachments: Iterable[Attachment]) -> None:
         """Subscribe to the rig's topics; write software, computer, notes and files."""
+        included = map(self.resolve_topic_name, split_names(self.get_value("include_topics")))
+        computed = (self.resolve_topic_name(topic.name) for topic in interfaces.COMPUTED_TOPICS)
+        self._left_out = {*computed} - {*included}
         for topic in interfaces.RECORDED_TOPICS:
+            if self.resolve_topic_name(topic.name) in self._left_out:
+                continue
             # What was found is recorded as it came.
             is_found = topic in FINDINGS
             self._record_own(writer, topic.unread if is_found else topic)
@@ -226,6 +231,7 @@ class RecorderNode(RigNode):
         # Dropped by the middleware, by topic, as far as it numbers them.
         self._messages_lost = Counter[str]()
         self._skipped: dict[str, str] = {}  # topics that are not recorded, and why
+        self._left_out: set[str] = set()  # topics that a replay computes
         self._texts: dict[str, str] = {}  # nodes' parameters in YAML, by full node name
         self._warning: str | None = None
 
@@ -297,7 +303,7 @@ class RecorderNode(RigNode):
 
     def _discover(self, writer: RecordingWriter) -> None:
         """Record further topics below the namespace, and global ones."""
-        excluded = split_names(self.get_value("exclude_topics"))
+        excluded = self._left_out | {*split_names(self.get_value("exclude_topics"))}
         for topic, types in self.get_topic_names_and_types():
             if topic in (*self._recorded, *self._skipped, *excluded):
                 continue

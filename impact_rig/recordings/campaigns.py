@@ -12,7 +12,7 @@ def begins_campaign(setup: Any, current: bytes | None) -> bool:
 
     The first set-up does: hits that came before it are its own. A later one without a stamp is of
     a campaign node that has just started. One with the id of the running campaign repeats it, as
-    each recording of a resumed run does; recordings of before there were ids have none to compare.
+    each recording of a resumed run does; without ids there is none to compare.
 
     Parameters
     ----------
@@ -30,9 +30,9 @@ def begins_campaign(setup: Any, current: bytes | None) -> bool:
 def is_trial(setup: Any) -> bool:
     """Return whether a set-up's message is of a campaign whose hits do not count.
 
-    Recordings before had no trials, the first ones no plan.
+    Older recordings have no trials.
     """
-    return bool(getattr(getattr(setup, "plan", None), "trial", False))
+    return bool(getattr(setup.plan, "trial", False))
 
 
 @dataclass

@@ -4,8 +4,9 @@ Only attributes are read and set, of messages of rclpy or of a file reader.
 """
 
 from collections.abc import Callable
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from enum import IntEnum
+from functools import cache
 from typing import Any, TypeVar, get_args, get_origin
 
 from impact_rig.core.given.errors import ParameterError
@@ -16,7 +17,7 @@ _T = TypeVar("_T")
 
 NANOSECONDS = 1_000_000_000
 NO_ID = bytes(16)
-"""Id of no campaign, and of recordings from before there were ids: an id like another."""
+"""Id of no campaign."""
 RENAMED = {"BudgetLine": "UncertaintyContribution"}
 """Records in lists whose messages have other names."""
 PLAIN = (float, int, str, bool)
@@ -83,12 +84,26 @@ def from_message(kind: type[_T], message: Any, **known: Any) -> _T:
             if field.description.is_inline
             else _value_from_message(field.hint, getattr(message, field.name))
             for field in list_fields(kind)
+            # What an older recording lacks has the default that says so.
             if field.name not in known
+            and (hasattr(message, field.name) or field.name not in _list_unrecorded(kind))
         },
         **known,
     )
     check_numbers(record)
     return record
+
+
+def _find_unrecorded(kind: Any) -> frozenset[str]:
+    """Return the fields whose default means "not recorded": empty, 0 or NaN."""
+    return frozenset(
+        item.name
+        for item in fields(kind)
+        if item.default in ("", (), 0.0) or item.default != item.default  # noqa: PLR0124
+    )
+
+
+_list_unrecorded: Callable[[Any], frozenset[str]] = cache(_find_unrecorded)
 
 
 def check_numbers(record: Any) -> None:

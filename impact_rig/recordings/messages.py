@@ -54,9 +54,8 @@ LONGEST_TEXT = 200
 
 
 def campaign_id_from_msg(message: Any) -> bytes:
-    """Return the id of the campaign that a message belongs to; older recordings have none."""
-    found = getattr(message, "campaign_id", None)
-    return NO_ID if found is None else bytes(found.uuid)
+    """Return the id of the campaign that a message belongs to."""
+    return bytes(message.campaign_id.uuid)
 
 
 def label_from_msg(message: Any) -> HitLabel:
@@ -78,16 +77,14 @@ def truth_from_msg(message: Any) -> RecordedTruth:
 
 
 def origin_from_msg(message: Any) -> Origin:
-    """Return the origin of a block or verdict; older recordings have none.
+    """Return the origin of a block or verdict.
 
     Raises
     ------
     ParameterError
         If it is of no known kind.
     """
-    found = getattr(message, "origin", None)
-    if found is None:
-        return UNSTATED
+    found = message.origin
     return _make_origin(found.kind, found.source, found.file, found.place)
 
 
@@ -115,7 +112,7 @@ def _channel_from_msg(message: Any) -> ChannelBlock:
 
 def speed_from_msg(message: Any) -> MeasuredSpeed:
     """Return the impact speed of a block or verdict; 0 and NaN: it was not measured."""
-    if not message.impact_speed > 0.0:
+    if not getattr(message, "impact_speed", 0.0) > 0.0:  # older recordings have none
         return NO_SPEED
     return MeasuredSpeed(float(message.impact_speed), float(message.impact_speed_uncertainty))
 

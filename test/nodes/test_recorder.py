@@ -127,7 +127,7 @@ def test_a_recorder_that_is_not_started_says_so_to_those_who_would_wait_for_it(h
 def test_other_libraries_read_all_messages_of_all_topics(harness, recorder, tmp_path):
     # Latched before the recorder starts.
     harness.tell_setup()
-    _, stored, node = recorder()
+    _, stored, node = recorder(include_topics="impact/trace, /comparison")
     blocks = connect(harness)
     before = harness.peer.get_clock().now().nanoseconds
     publish(blocks, [block for record in range(COUNT) for block in make_blocks(record, 1)])
@@ -180,7 +180,11 @@ def test_further_topics_below_the_namespace_are_discovered(harness, recorder, tm
         harness.wait_until(lambda publisher=publisher: publisher.get_subscription_count() > 0)
     inside.publish(String(data="hello"))
     # The running stream is left alone, unless it is asked for.
-    for publisher in (outside, hidden, excluded, stream):
+    computed = [
+        harness.peer.create_publisher(topic.type, f"/hall/{topic.name}", topic.qos)
+        for topic in interfaces.COMPUTED_TOPICS
+    ]
+    for publisher in (outside, hidden, excluded, stream, *computed):
         assert not publisher.get_subscription_count()
     for topic in ("/hall/notes", "/hall/name"):
         harness.wait_until(lambda topic=topic: node._writer.count_messages(topic) > 0)

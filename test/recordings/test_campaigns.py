@@ -10,11 +10,11 @@ from impact_rig.recordings.fields import NO_ID
 A, B = b"a" * 16, b"b" * 16
 
 
-def make_setup(campaign: bytes | None, seconds: int) -> SimpleNamespace:
-    """Return a set-up as a message; None: of before there were ids."""
-    stamp = SimpleNamespace(sec=seconds, nanosec=0)
-    ids = {} if campaign is None else {"campaign_id": SimpleNamespace(uuid=campaign)}
-    return SimpleNamespace(header=SimpleNamespace(stamp=stamp), **ids)
+def make_setup(campaign: bytes, seconds: int) -> SimpleNamespace:
+    """Return a set-up as a message of a version without trials."""
+    header = SimpleNamespace(stamp=SimpleNamespace(sec=seconds, nanosec=0))
+    ids = SimpleNamespace(uuid=campaign)
+    return SimpleNamespace(header=header, campaign_id=ids, plan=SimpleNamespace())
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,6 @@ def make_setup(campaign: bytes | None, seconds: int) -> SimpleNamespace:
         ([(A, 1), (A, 0)], [True, False]),
         ([(A, 1), (B, 2), (B, 2)], [True, True, False]),
         ([(NO_ID, 1), (NO_ID, 1)], [True, True]),  # without ids each one begins a campaign
-        ([(None, 1), (None, 0), (None, 2)], [True, False, True]),
     ],
 )
 def test_a_set_up_begins_a_campaign_or_repeats_one(setups, begins):
