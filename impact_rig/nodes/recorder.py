@@ -231,7 +231,7 @@ class RecorderNode(RigNode):
         # Dropped by the middleware, by topic, as far as it numbers them.
         self._messages_lost = Counter[str]()
         self._skipped: dict[str, str] = {}  # topics that are not recorded, and why
-        self._left_out: set[str] = set()  # topics that a replay computes
+        self._left_out = set[str]()  # topics that a replay computes
         self._texts: dict[str, str] = {}  # nodes' parameters in YAML, by full node name
         self._warning: str | None = None
 

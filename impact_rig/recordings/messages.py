@@ -60,7 +60,13 @@ def campaign_id_from_msg(message: Any) -> bytes:
 
 def label_from_msg(message: Any) -> HitLabel:
     """Return the hit that a message with record, sample, impact and attempt belongs to."""
-    return from_message(HitLabel, message)
+    return _make_label(
+        str(message.sample), int(message.record), int(message.impact), int(message.attempt)
+    )
+
+
+# All blocks of a hit share one.
+_make_label = lru_cache(1000)(HitLabel)
 
 
 class RecordedTruth(NamedTuple):

@@ -255,6 +255,7 @@ class Pass:
         self._wanted, self._report, self._with_rest = wanted, report, with_rest
         self._chosen: dict[int, Channel | None] = {}  # channels that were met; None: not wanted
         self._schemas: dict[int, records.Schema] = {}
+        self._known: dict[int, records.Channel] = {}  # descriptions of channels, as they were read
         self._unpacker = Unpacker(scan.size)
         self._search_room = MAX_SEARCH * scan.size
         if scan.summary is not None:
@@ -278,11 +279,12 @@ class Pass:
                         if is_index and scan.is_closed and scan.summary is None:
                             self._note(after, scan.size, "the index at the end cannot be used")
                         return
-                    yield from self._read_record(file, kind, place, after)
+                    if kind != Opcode.MESSAGE_INDEX:
+                        yield from self._read_record(file, kind, place, after)
+                        self._report(after)
                 except DamageError as error:
                     after = self._pass_over(file, place, str(error))
                 place = after
-                self._report(place)
 
     def _read_record(self, file: BinaryIO, kind: int, place: int, after: int) -> Iterator[Item]:
         if kind == Opcode.MESSAGE:
@@ -352,6 +354,8 @@ class Pass:
             raise DamageError(f"the type {record.name!r} is described in two ways")
 
     def _add_channel(self, record: records.Channel) -> None:
+        if self._known.get(record.id) == record:
+            return
         schema = self._schemas.get(record.schema_id)
         if schema is None:
             if record.schema_id:
@@ -369,6 +373,7 @@ class Pass:
             raise DamageError("the name of a topic or of its type makes no sense")
         if self.channels.setdefault(channel.id, channel) != channel:
             raise DamageError(f"topic {record.topic!r} is described in two ways")
+        self._known[record.id] = record
 
     def _pass_over(self, file: BinaryIO, place: int, reason: str) -> int:
         """Return where reading goes on after a damage; raise it in a strict scan."""
