@@ -99,7 +99,7 @@ def _find_unrecorded(kind: Any) -> frozenset[str]:
     return frozenset(
         item.name
         for item in fields(kind)
-        if item.default in ("", (), 0.0) or item.default != item.default  # noqa: PLR0124
+        if item.default in ("", (), 0.0) or item.default != item.default
     )
 
 

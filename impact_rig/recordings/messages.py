@@ -16,7 +16,6 @@ from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.records import (
     NO_SPEED,
     NOT_ARMED,
-    UNSTATED,
     Block,
     ChannelBlock,
     HitLabel,
@@ -28,7 +27,6 @@ from impact_rig.core.given.records import (
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.overrules import Overrule, Verdict
 from impact_rig.recordings.fields import (
-    NO_ID,
     MessageMaker,
     fill_message,
     from_message,
