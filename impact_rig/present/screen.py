@@ -1,7 +1,7 @@
 """Results in a terminal: a campaign, several campaigns, hits of plain traces."""
 
-import textwrap
 from collections.abc import Sequence
+from itertools import accumulate
 
 from rich.console import Console
 
@@ -17,6 +17,7 @@ from impact_rig.results.batch import BatchCampaign, tabulate_batch, tabulate_cha
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import format_count
 from impact_rig.results.remarks import (
+    Remark,
     describe_origin,
     gather_remarks,
     select_attention,
@@ -25,10 +26,9 @@ from impact_rig.results.remarks import (
 )
 from impact_rig.results.tables import tabulate_results, tabulate_summary
 
-MOST_REMARKS = 5
-"""Remarks on the screen: the most important ones."""
-LONGEST_REMARK = 150
-"""Characters of a remark on the screen [-], two lines of 80 columns; --full shows all."""
+MOST_LETTERS = 750
+"""Letters of all remarks on the screen [-], ten lines of 80 columns: the most important ones,
+each whole; --full shows all."""
 
 
 def print_screen(console: Console, results: Results, reading: Sequence[str] = ()) -> None:
@@ -52,17 +52,23 @@ def print_screen(console: Console, results: Results, reading: Sequence[str] = ()
     for table in tabulate_summary(results):
         print_table(console, table)
     remarks = gather_remarks(results, reading)
-    shown = select_attention(remarks)[:MOST_REMARKS]
+    shown = _choose_shown(select_attention(remarks))
     if shown:
         print_text(console, "What needs attention", ALARM)
     for remark in shown:
-        print_item(console, textwrap.shorten(str(remark), LONGEST_REMARK, placeholder=" …"))
+        print_item(console, str(remark))
     if shown:
         console.print()
     text = f"{results.count_hits()}."
     if more := len(remarks) - len(shown):
         text += f" {format_count(more, 'more remark')} with --full."
     print_text(console, text)
+
+
+def _choose_shown(remarks: Sequence[Remark]) -> Sequence[Remark]:
+    """Return the first remarks that have room, one at least."""
+    letters = accumulate(len(str(remark)) for remark in remarks)
+    return remarks[: max(sum(total <= MOST_LETTERS for total in letters), 1)]
 
 
 def print_full(console: Console, results: Results, reading: Sequence[str] = ()) -> None:

@@ -314,7 +314,7 @@ def _list_samples_without_hits(results: Results) -> list[Remark]:
     if not names:
         return []
     rejected = [hit for hit in results.rejections if hit.sample in names]
-    text = f"no hit was accepted: {count_reasons(rejected)}. Strike again."
+    text = f"strike again, no hit was accepted: {count_reasons(rejected)}"
     return [Remark(text, _name_subjects(names, len(results.samples)), NO_RESULT)]
 
 
@@ -323,8 +323,8 @@ def _list_samples_of_few_hits(struck: Sequence[SampleEstimate]) -> list[Remark]:
     if not names:
         return []
     text = (
-        f"of fewer than {SCATTER_HITS} hits: their scatter is hardly known, so ± may be too small"
-        f" and decides nothing. Strike at least {SCATTER_HITS}."
+        f"strike {SCATTER_HITS} times or more: how fewer hits scatter is hardly known, so ± may be"
+        " too small and decides nothing"
     )
     # It makes no value wrong, so it comes behind what is missing.
     return [Remark(text, _name_subjects(names, len(struck)), 0.1 * MISSING_RESULT)]

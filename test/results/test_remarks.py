@@ -71,7 +71,7 @@ def test_what_one_hit_leaves_open_its_table_says():
     lone = make_sample(notes=(Note(Subject.UNCERTAINTY, "of one hit"), Note(Subject.MASS, "x")))
     assert len(tell(lone)) == 2
     few = tell(replace(lone, impacts_accepted=3))
-    assert "Strike at least 4" in few[0][1]
+    assert "strike 4 times or more" in few[0][1]
     assert tell(replace(lone, impacts_accepted=1)) == [few[0], ("tin", "mass: x")]
 
 
@@ -139,7 +139,7 @@ def test_what_changes_a_result_most_comes_first_and_further_methods_need_no_atte
     samples = (make_sample(**CONTACT), bare, lost)
     remarks = gather(*samples, hits=hits, reading=["it is cut"])
     assert [(remark.about, remark.text.partition(":")[0]) for remark in remarks] == [
-        ("iron", "no hit was accepted"),
+        ("iron", "strike again, no hit was accepted"),
         ("tin", "the pulse is no versed-sine"),
         ("file", "it is cut"),
         ("lead", "k and c"),

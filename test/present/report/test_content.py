@@ -178,7 +178,7 @@ def test_without_an_accepted_hit_the_rejections_are_what_is_told(told):
     nothing = replace(results, hits=hits, samples=samples)
     run = replace(told, campaign=TracedCampaign(nothing, (), ()))
     read = Reader(render_page(make_report([run])))
-    assert "all samples: no hit was accepted" in read.text
+    assert "all samples: strike again, no hit was accepted" in read.text
     assert "overload (4), weak (1)" in read.text
     assert len(read.find_table("Rejected hits: 5")) == 6
     assert not any(caption.startswith("Table") for caption in read.captions)
