@@ -496,6 +496,16 @@ def view() -> None:
 @click.option(
     "--check", "is_check", is_flag=True, help="List what a formal report (ISO/IEC 17025) lacks."
 )
+@click.option(
+    "--final", "is_final", is_flag=True, help="Refuse to write it while anything of that lacks."
+)
+@click.option(
+    "--for",
+    "audience",
+    type=click.Choice(["customer", "laboratory"]),
+    help="With advice and opinions for the laboratory. [customer, where it is signed]",
+)
+@click.option("--short", "is_short", is_flag=True, help="Without the annex: two pages.")
 @options.make_list_option("--accept", "HIT", "Take a hit into the mean, as in analyze")
 @options.make_list_option("--reject", "HIT", "Leave a hit out of the mean")
 @click.option("--reason", default="", metavar="TEXT", help="Why.")

@@ -1,7 +1,7 @@
 """`impact-rig report`: a run as one HTML file."""
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -29,7 +29,7 @@ from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.core.given.records import IMPORTED, MEASURED, join_origins
 from impact_rig.present.console import print_warning
 from impact_rig.present.report.page import render_page
-from impact_rig.present.report.report import make_report
+from impact_rig.present.report.report import Form, make_report
 from impact_rig.present.report.setup import find_test_days, list_calibration_warnings
 from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.new_file import write_new_file
@@ -37,6 +37,7 @@ from impact_rig.recordings.provenance import compute_sha256
 from impact_rig.recordings.records import IMPORT_REMARKS, PROVENANCE_RECORD
 from impact_rig.results.traces import Provenance, RecordedFile, ReportedCampaign
 
+CUSTOMER = "customer"  # of the option --for
 EXIT_LACKING = 1  # the run can be reported, but a formal report would lack something
 MOST_KEYS = 5  # that a warning names
 
@@ -96,6 +97,9 @@ def run(
     rig_file: Path | None,
     texts: tuple[str, ...],
     is_check: bool,
+    is_final: bool,
+    audience: str | None,
+    is_short: bool,
     with_printed: bool,
     **by_hand: str | tuple[str, ...],
 ) -> None:
@@ -116,15 +120,23 @@ def run(
             provenance = make_provenance(contents)
             runs = tuple(replace(run, provenance=provenance) for run in runs)
         stated = find_particulars(contents, rig_file).set(texts, _list_bodies(runs))
+        is_signed = bool(stated.get("report", "authorised_by"))
+        is_for_customer = audience == CUSTOMER if audience else is_signed
         doubts = _list_doubts(runs, stated)
+        lacking = _list_lacking(runs, stated, has_opinions=not is_for_customer)
         if is_check:
-            _print_lacking(runs, stated, doubts)
+            _print_lacking(lacking, [*doubts, *_list_warnings(runs, stated)])
             return
+        stated.check_replacement()
+        if is_final and (missing := [*lacking, *doubts]):
+            raise ParameterError(
+                f"the report is not final, and not written; lacking: {'; '.join(missing)}"
+            )
         document = make_report(
             runs,
             stated,
             lambda done: follow("drawing", done, len(runs)),
-            with_printed=with_printed,
+            Form(is_for_customer, is_short, with_printed),
         )
     with write_new_file(output) as part:
         part.write_text(render_page(document), encoding="utf-8")
@@ -165,19 +177,29 @@ def _list_doubts(runs: Sequence[ReportedCampaign], stated: Particulars) -> list[
     return doubts + stated.list_contradictions(*find_test_days(runs[0].provenance), today)
 
 
-def _print_lacking(
-    runs: Sequence[ReportedCampaign], stated: Particulars, doubts: Iterable[str]
-) -> None:
-    """Print what a formal report would lack; the exit code says whether that is anything."""
+def _list_lacking(
+    runs: Sequence[ReportedCampaign], stated: Particulars, *, has_opinions: bool
+) -> list[str]:
+    """Return what ISO/IEC 17025 asks for and is not stated."""
     results = [run.campaign.results for run in runs]
     setups = [(item.setup.samples, sample.name) for item in results for sample in item.samples]
     bodies = list(dict.fromkeys(known.find(name).body for known, name in setups))
-    provenance = runs[0].provenance
-    lacking = stated.list_lacking(bodies, is_dated=any(find_test_days(provenance)))
-    texts = [*doubts, *list_calibration_warnings(results[0].setup, stated, provenance)]
+    is_dated = any(find_test_days(runs[0].provenance))
+    return stated.list_lacking(bodies, is_dated=is_dated, has_opinions=has_opinions)
+
+
+def _list_warnings(runs: Sequence[ReportedCampaign], stated: Particulars) -> list[str]:
+    """Return what a customer would object to: hits that no hammer struck, old calibrations."""
+    results = [run.campaign.results for run in runs]
+    texts = list_calibration_warnings(results[0].setup, stated, runs[0].provenance)
     kind = join_origins(item.origin for item in results).kind
     if kind not in (MEASURED, IMPORTED):
         texts.insert(0, f"measured hits are lacking: these are {kind}")
+    return texts
+
+
+def _print_lacking(lacking: Sequence[str], texts: Sequence[str]) -> None:
+    """Print what a formal report would lack; the exit code says whether that is anything."""
     for text in (*lacking, *texts):
         click.echo(text[:1].upper() + text[1:])
     if lacking:

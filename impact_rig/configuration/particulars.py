@@ -37,13 +37,17 @@ REPORT = (
     Entry("from_customer", "Stated by the customer"),
     Entry("temperature", "Temperature", "7.8.3.1 a"),
     Entry("humidity", "Relative humidity", "7.8.3.1 a"),
-    Entry("method", "Method"),
+    Entry("method", "Method", "7.8.2.1 f"),
+    Entry("reference", "Reference of the method"),
+    Entry("validated", "Method validated by", "7.2.2.1"),
+    Entry("traceability", "Traceability"),
     Entry("deviations", "Deviations from the method", "7.8.2.1 n"),
-    Entry("specification", "Limits by"),
+    Entry("specification", "Specification"),
     Entry("external", "Results of others"),
     Entry("further", "Further information"),
     Entry("operator", "Tested by"),
     Entry("authorised_by", "Authorised by", "7.8.2.1 o"),
+    Entry("opinions_by", "Opinions authorised by"),
     Entry("issued", "Date of issue", "7.8.2.1 j", is_date=True),
 )
 INSTRUMENT = (
@@ -175,7 +179,9 @@ class Particulars:
         }
         return type(self)(texts, {**self.limits, **changed}, self.unused)
 
-    def list_lacking(self, samples: Sequence[str], *, is_dated: bool) -> list[str]:
+    def list_lacking(
+        self, samples: Sequence[str], *, is_dated: bool, has_opinions: bool = False
+    ) -> list[str]:
         """Return what ISO/IEC 17025 asks for and is not stated, with where to state it.
 
         Parameters
@@ -184,6 +190,8 @@ class Particulars:
             Names of those that were tested.
         is_dated : bool
             Whether the recording says when.
+        has_opinions : bool
+            Whether the report interprets results.
         """
         lacking = [
             f"{entry.label}{f' of the {INSTRUMENTS[table]}' if table in INSTRUMENTS else ''}"
@@ -196,8 +204,12 @@ class Particulars:
             lacking.append("Date of the tests (7.8.2.1 i): tested in [report]")
         if self.get("report", "replaces") and not self.get("report", "changes"):
             lacking.append("Changed, and why (7.8.8.2): changes in [report]")
+        if has_opinions and not self.get("report", "opinions_by"):
+            lacking.append("Opinions authorised by (7.8.7.1): opinions_by in [report]")
         if any(self.limits.values()) and not self.get("report", "specification"):
-            lacking.append("Limits by, what sets them (7.8.6.2 b): specification in [report]")
+            lacking.append(
+                "Specification, what sets the limits (7.8.6.2 b): specification in [report]"
+            )
         for entry in SAMPLE:
             without = [name for name in samples if not self.get(OF_SAMPLE + name, entry.key)]
             if without:
@@ -225,9 +237,20 @@ class Particulars:
             told.append(f"the report was issued on {issued}, before the items came on {received}")
         elif issued > today:
             told.append(f"the report is issued on {issued}, and today is {today}")
-        if (number := self.get("report", "number")) and number == self.get("report", "replaces"):
-            told.append(f"the report {number} replaces itself: it needs a number of its own")
         return told
+
+    def check_replacement(self) -> None:
+        """Refuse a report that replaces itself, or another one without saying what changed."""
+        number, replaced = (self.get("report", key) for key in ("number", "replaces"))
+        if replaced and number == replaced:
+            raise ParameterError(
+                f"the report {number} replaces itself: it needs a number of its own"
+            )
+        if replaced and not self.get("report", "changes"):
+            raise ParameterError(
+                f"the report replaces {replaced} and does not say what changed, and why (7.8.8.2):"
+                " state changes in [report]"
+            )
 
 
 NOTHING_STATED = Particulars()

@@ -10,6 +10,7 @@ from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 STYLE: dict[Any, Any] = {
@@ -39,12 +40,20 @@ LEFT, RIGHT, TOP, BOTTOM = 0.8, 0.1, 0.3, 0.95  # [inch], around axes; two rows 
 
 
 @dataclass(frozen=True)
+class Panel:
+    """One image of a figure."""
+
+    url: str  # SVG as a data URL
+    shows: str  # in words, for who does not see it
+
+
+@dataclass(frozen=True)
 class Picture:
     """A figure for a page."""
 
     title: str
     caption: str  # how to read it
-    panels: tuple[str, ...]  # SVG as data URLs
+    panels: tuple["Panel", ...]
 
 
 def make_picture(title: str, caption: str, panels: "Iterable[Figure]") -> Picture:
@@ -122,7 +131,19 @@ def shorten_name(name: str, longest: int = 20) -> str:
     return f"{shown[:half]}…{shown[-half:]}"
 
 
-def _embed(panel: "Figure") -> str:
+def _embed(panel: "Figure") -> Panel:
     stream = BytesIO()
     panel.savefig(stream, format="svg", metadata={"Date": None})
-    return f"data:image/svg+xml;base64,{base64.b64encode(stream.getvalue()).decode()}"
+    url = f"data:image/svg+xml;base64,{base64.b64encode(stream.getvalue()).decode()}"
+    return Panel(url, "; below: ".join(map(_describe_axes, panel.axes)))
+
+
+def _describe_axes(axes: "Axes") -> str:
+    """Return title, axes and ranges of what is drawn, in words."""
+    shown = f"{axes.get_ylabel()} over {axes.get_xlabel()}".removesuffix(" over ")
+    title = axes.get_title("left")
+    (first, low), (last, high) = axes.dataLim.min, axes.dataLim.max
+    text = f"{title}: {shown}" if title else shown
+    if axes.get_xlabel() and math.isfinite(last - first):
+        text += f" from {first:.3g} to {last:.3g}"
+    return f"{text}, {low:.3g} to {high:.3g}" if math.isfinite(high - low) else text

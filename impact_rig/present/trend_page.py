@@ -52,6 +52,7 @@ def make_trend_page(
             *[("Left out", told) for told in left_out],
         ),
         sections=drop_empty(*sections),
+        has_annex=False,
     )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from impact_rig.configuration.particulars import SAMPLE, TABLES
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.devices.virtual.choices import Plant
 from impact_rig.devices.virtual.rig import VirtualRigSettings
@@ -70,6 +71,48 @@ def test_what_is_set_is_in_the_report_and_what_is_missing_is_listed(run, folder)
     wrong = run("report", folder, "-o", folder / "x.html", "--set", "report.nummer=1")
     assert wrong.exit_code == 2
     assert "'report.nummer=1' sets nothing: write it like report.number=TEXT" in wrong.stderr
+
+
+ENTRIES = {**TABLES, f"sample.{SAMPLES[0]}": SAMPLE, f"sample.{SAMPLES[1]}": SAMPLE}
+
+
+def test_a_final_report_is_refused_while_anything_lacks(run, folder):
+    whole = {
+        f"{table}.{entry.key}": "2020-01-01" if entry.is_date else "x"
+        for table, entries in ENTRIES.items()
+        for entry in entries
+    } | {"report.number": "2", "report.issued": datetime.now(UTC).date().isoformat()}
+    path = folder / "final.html"
+
+    def write(*words, **changed):
+        texts = whole | {name.replace("__", "."): text for name, text in changed.items()}
+        sets = [word for item in texts.items() for word in ("--set", "=".join(item))]
+        return run("report", folder / "results.json", "--final", "-o", path, *sets, *words)
+
+    asked = {
+        f"{table}.{entry.key}": entry.clause
+        for table, entries in ENTRIES.items()
+        for entry in entries
+        if entry.clause
+    }
+    assert len(asked) > 16
+    for name, clause in asked.items():
+        outcome = write(**{name: ""})
+        assert (outcome.exit_code, path.exists()) == (2, False), name
+        assert f"({clause})" in outcome.stderr
+    for name, told in (
+        ("report__tested", "(7.8.2.1 i)"),
+        ("report__changes", "(7.8.8.2)"),
+        ("report__issued", "Date of issue (7.8.2.1 j)"),
+    ):
+        assert told in write(**{name: ""}).stderr
+    outcome = write("--for", "laboratory", report__opinions_by="")
+    assert "(7.8.7.1)" in outcome.stderr
+    limit = ("--set", f"sample.{SAMPLES[0]}.maximum_contact_time=1 ms")
+    assert "(7.8.6.2 b)" in write(*limit, report__specification="").stderr
+    assert not path.exists()
+    assert write().exit_code == 0
+    assert "replaces itself" in write("-o", folder / "x.html", report__replaces="2").stderr
 
 
 def test_a_file_with_a_laboratory_alone_says_what_the_recording_does_not(run, folder):

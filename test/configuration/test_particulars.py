@@ -116,6 +116,23 @@ def test_dates_that_cannot_be_true_are_named():
     assert "before the tests ended on 2026-05-06" in found
 
 
+@pytest.mark.parametrize(
+    ("stated", "told"),
+    [
+        ({"replaces": "41"}, "replaces 41 and does not say what changed"),
+        ({"replaces": "41", "number": "41", "changes": "x"}, "report 41 replaces itself"),
+        ({"replaces": "41", "number": "42", "changes": "x"}, None),
+    ],
+)
+def test_a_report_replaces_another_one_and_says_what_changed(stated, told):
+    particulars = Particulars({"report": stated})
+    if told is None:
+        particulars.check_replacement()
+        return
+    with pytest.raises(ParameterError, match=told):
+        particulars.check_replacement()
+
+
 def test_what_the_standard_asks_for_is_listed_until_it_is_stated():
     lacking = read("").list_lacking(["oak"], is_dated=False)
     for text in ("(7.8.2.1 b): name in [laboratory]", "(7.8.2.1 d): number in [report]",
@@ -132,8 +149,12 @@ def test_what_the_standard_asks_for_is_listed_until_it_is_stated():
     unexplained = whole.set(["report.changes=", "report.specification=", "report.tested="])
     assert unexplained.list_lacking(["oak"], is_dated=True) == [
         "Changed, and why (7.8.8.2): changes in [report]",
-        "Limits by, what sets them (7.8.6.2 b): specification in [report]",
+        "Specification, what sets the limits (7.8.6.2 b): specification in [report]",
     ]
+    (opinions,) = whole.set(["report.opinions_by="]).list_lacking(
+        ["oak"], is_dated=True, has_opinions=True
+    )
+    assert "(7.8.7.1): opinions_by" in opinions
     assert [item[:24] for item in whole.list_lacking(["oak", "ash"], is_dated=True)] == [
         "Serial or batch of ash (", "Dimensions of ash (7.8.2",
     ]  # fmt: skip

@@ -30,8 +30,8 @@ def read_svg(url):
 
 def test_a_panel_is_an_image_that_needs_nothing_else_and_its_texts_are_text():
     (panel,) = draw().panels
-    assert panel.startswith(HEAD)
-    elements = list(read_svg(panel).iter())
+    assert panel.url.startswith(HEAD)
+    elements = list(read_svg(panel.url).iter())
     assert HOSTILE in {"".join(item.itertext()) for item in elements if item.tag.endswith("text")}
     assert not any(item.tag.endswith("script") for item in elements)
 

@@ -1,5 +1,6 @@
 """The parts of a report, and their page: one HTML file that needs no other file."""
 
+import re
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -73,6 +74,11 @@ class Document:
     has_damping: bool = True
     has_models: bool = True  # whether one is held against the traces
     has_expected: bool = True  # whether anything is expected of a sample
+    method: tuple[tuple[str, str], ...] = ()  # how it is cited, what the results are
+    reference: str = ""  # [1], as it is cited
+    annex: tuple[Section, ...] = ()  # behind the signature
+    has_annex: bool = True  # also the method in detail
+    has_opinions: bool = True
 
 
 def drop_empty(*sections: Section | None) -> tuple[Section, ...]:
@@ -114,7 +120,16 @@ def _make_environment() -> "jinja2.Environment":
     )
     environment.filters["kind"] = lambda part: type(part).__name__
     environment.filters["quote"] = _quote_css
+    environment.filters["cite"] = cite
     return environment
+
+
+PAPER = re.compile(r"\b[Tt]he paper's(?: ([\w-]+))?|\b(?:[Tt]he )?[Pp]aper\b(?!')")
+
+
+def cite(text: str) -> str:
+    """Return a text that names the paper by its number among the sources."""
+    return PAPER.sub(lambda found: f"the {found[1]} of [1]" if found[1] else "[1]", text)
 
 
 def _quote_css(text: str) -> str:

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from impact_rig.configuration.particulars import NOTHING_STATED, REPORT, Particulars
 from impact_rig.core.estimates.paper_method import HammerEstimate
@@ -46,6 +46,7 @@ from impact_rig.results.numbers import (
     format_rounded,
 )
 from impact_rig.results.remarks import (
+    NO_RESULT,
     UNSTATED_EFFECT,
     Common,
     Remark,
@@ -68,22 +69,45 @@ SCOPE = (
 )
 
 
-def make_run_sections(run: ReportedCampaign, stated: Particulars) -> tuple[Section, ...]:
-    """Return the sections on one run: results, items, samples, tables, hits, set-up."""
+@dataclass(frozen=True)
+class Form:
+    """For whom a report is, and how long."""
+
+    # Without opinions and advice, which are for the laboratory's own people.
+    is_for_customer: bool = False
+    is_short: bool = False  # results, set-up, method and signature alone, without the annex
+    with_printed: bool = False  # every figure shows the model as printed
+
+
+def make_run_sections(
+    run: ReportedCampaign, stated: Particulars, form: Form
+) -> tuple[tuple[Section, ...], tuple[Section, ...]]:
+    """Return the sections on one run before the signature, and those of the annex."""
     results = run.campaign.results
     remarks = gather_run_remarks(run, stated)
-    others = tuple(remark for remark in remarks if not remark.effect)
-    common = find_common(results)
-    samples = [_make_sample_section(run, item, common) for item in results.samples]
-    return drop_empty(
+    if form.is_for_customer:
+        remarks = [remark for remark in remarks if _concerns_customer(remark)]
+    first = drop_empty(
         _make_results_section(results, select_attention(remarks), stated),
         make_items_section(run, stated),
         make_setup_section(run),
-        Section("Samples", _explain_figures(run), tuple(samples)),
+    )
+    if form.is_short:
+        return first, ()
+    others = tuple(remark for remark in remarks if not remark.effect)
+    common = find_common(results)
+    samples = [_make_sample_section(run, item, common, form) for item in results.samples]
+    return first, drop_empty(
+        Section("Annex: samples", _explain_figures(run), tuple(samples)),
         _make_tables_section(run),
         _make_hits_section(run),
         Section("Further remarks", (Remarks(others),) if others else ()),
     )
+
+
+def _concerns_customer(remark: Remark) -> bool:
+    """Return whether a remark is of a missing result, the recording or the instruments."""
+    return remark.effect == NO_RESULT or remark.about in ("file", "instruments")
 
 
 def _make_results_section(
@@ -186,7 +210,9 @@ def _explain_figures(run: ReportedCampaign) -> tuple[Part, ...]:
     return (make_key_picture(run.campaign.samples, has_law=has_law),)
 
 
-def _make_sample_section(run: ReportedCampaign, sample: SampleEstimate, common: Common) -> Section:
+def _make_sample_section(
+    run: ReportedCampaign, sample: SampleEstimate, common: Common, form: Form
+) -> Section:
     """Return what there is of one sample: its traces with the models, methods, remarks."""
     results = run.campaign.results
     traces = run.campaign.find_traces(sample.name)
@@ -197,7 +223,8 @@ def _make_sample_section(run: ReportedCampaign, sample: SampleEstimate, common: 
         parts.append(make_sample_picture(traces, hits, curves))
     if sample.impacts_accepted:
         parts.append(tables.tabulate_methods(results, sample))
-    if remarks := gather_sample_remarks(sample, common):
+    remarks = gather_sample_remarks(sample, common)
+    if remarks and not form.is_for_customer:
         parts.append(Remarks(tuple(remarks)))
     return Section(sample.name, tuple(parts), is_whole=True)
 
@@ -237,14 +264,21 @@ def gather_run_remarks(run: ReportedCampaign, stated: Particulars) -> list[Remar
 
 
 TITLE = "Impact test report"
+PAPER = (
+    "“An evaluation of a simple dynamical model for impacts between rigid objects”, known here by"
+    " its title alone"
+)
+"""The method's source, where no other one is stated."""
+UNCERTAINTY = (
+    "± is the expanded uncertainty U = k u for 95 %, by JCGM 100:2008 (GUM), k by Student's t."
+)
 
 
 def make_report(
     runs: Sequence[ReportedCampaign],
     stated: Particulars = NOTHING_STATED,
     report: Callable[[int], None] = lambda _: None,
-    *,
-    with_printed: bool = False,
+    form: Form = Form(),
 ) -> Document:
     """Return the report of a run.
 
@@ -256,8 +290,8 @@ def make_report(
         Laboratory, report, items and instruments, as a person states them.
     report : callable, optional
         Gets the number of finished campaigns.
-    with_printed : bool
-        Whether every figure shows the model as printed.
+    form : Form
+        For whom it is, and how long.
 
     Raises
     ------
@@ -266,11 +300,13 @@ def make_report(
     """
     kind = join_origins(run.campaign.results.origin for run in runs).kind
     sections: list[Section] = []
+    annex: list[Section] = []
     with drawing_style():
         for number, run in enumerate(runs, start=1):
-            shown = run if with_printed else _leave_out_printed(run)
-            parts = make_run_sections(shown, stated)
+            shown = run if form.with_printed else _leave_out_printed(run)
+            parts, further = make_run_sections(shown, stated, form)
             sections += parts if len(runs) == 1 else [Section(run.name, (), parts)]
+            annex += further if len(runs) == 1 else [Section(run.name, (), further)]
             report(number)
     samples = [item for run in runs for item in run.campaign.results.samples]
     laws = [item.contact_law for item in samples]
@@ -284,11 +320,40 @@ def make_report(
         is_warning=kind not in (MEASURED, IMPORTED),
         facts=_list_facts(runs, stated),
         sections=tuple(sections),
+        annex=drop_empty(*annex),
+        has_annex=not form.is_short,
+        has_opinions=not form.is_for_customer,
+        method=_cite_method(runs, stated),
+        reference=stated.get("report", "reference") or PAPER,
         has_damping=any(item.paper.damping_ratio.is_known for item in samples),
         has_models=any(item.models for run in runs for item in run.campaign.samples),
         has_expected=any(any(tables.count_expected(run.campaign.results)) for run in runs),
         laws=frozenset(form for law in laws for form in law.form.split(" + ") if form),
     )
+
+
+def _cite_method(
+    runs: Sequence[ReportedCampaign], stated: Particulars
+) -> tuple[tuple[str, str], ...]:
+    """Return the method as a customer cites it, and which values are its results."""
+    method = stated.get("report", "method") or "of the laboratory, without a number"
+    cited = stated.get("report", "reference") or PAPER
+    results = [run.campaign.results for run in runs]
+    units = dict.fromkeys(item.setup.analysis.pulse_factor for item in results)
+    factor = " or ".join(f"{value:g}" for value in units)
+    result = (
+        f"Contact time τp = {factor} w50, of the mean pulse's width at half its height; stiffness"
+        " k by τp and the masses; damping c of the sample. One value of each is the result, and"
+        " stands in the first table. Values by other methods (pulse shape, contact law, free"
+        " decay, momenta) are additional."
+    )
+    facts = (
+        ("Method", f"{method}, after [1]: {cited}."),
+        ("Validated by", stated.get("report", "validated")),
+        ("Results", result),
+        ("Uncertainty", UNCERTAINTY),
+    )
+    return tuple((name, text) for name, text in facts if text)
 
 
 def _leave_out_printed(run: ReportedCampaign) -> ReportedCampaign:
@@ -338,8 +403,9 @@ def _list_stated(
         text = stated.get("report", entry.key)
         if entry.key == "deviations" and text and by_hand:
             text += f", beside the hits on which a person decided: {by_hand}"
-        is_void = entry.key == "specification" and not any(stated.limits.values())
-        if text and not is_void and entry.key != "tested":
+        if entry.key == "specification" and not text:
+            text = "not stated" if any(stated.limits.values()) else "none: no conformity is stated"
+        if text and entry.key not in ("tested", "method", "reference", "validated"):
             yield entry.label, text
 
 

@@ -10,7 +10,7 @@ from impact_rig.configuration.particulars import (
     SAMPLE,
     Particulars,
 )
-from impact_rig.core.given.sensors import Sensor, describe_calibration_age
+from impact_rig.core.given.sensors import CHANNELS, Sensor, describe_calibration_age
 from impact_rig.core.given.setup import (
     DEFAULT_CLOCK_UNCERTAINTY,
     AnalysisSettings,
@@ -61,8 +61,29 @@ SETTINGS = {
 def make_items_section(run: ReportedCampaign, stated: Particulars) -> Section:
     """Return the section on what was tested, and with which instruments."""
     results = run.campaign.results
-    tables = [_tabulate_bodies(results, stated), *_tabulate_instruments(results.setup, stated)]
-    return Section("Items and instruments", tuple(tables))
+    instruments = _tabulate_instruments(results.setup, stated, _list_measured(run))
+    parts: list[Part] = [_tabulate_bodies(results, stated), *instruments]
+    if not stated.get("report", "traceability"):
+        parts.append(Paragraph(_trace_to_si(results.setup, stated)))
+    return Section("Items and instruments", tuple(parts))
+
+
+def _list_measured(run: ReportedCampaign) -> list[str]:
+    """Return the sensors that measured, by their tables in the rig file."""
+    channels = max((len(hit.recorded.calibrations) for hit in run.campaign.hits), default=0)
+    return [f"source.{channel}" for channel in CHANNELS[:channels]]
+
+
+def _trace_to_si(setup: RigSetup, stated: Particulars) -> str:
+    """Return by which calibrations the results are traceable."""
+    by = [
+        f"{called} by certificate {certificate}"
+        for table, called in INSTRUMENTS.items()
+        if (certificate := _state_fact(setup, stated, table, "certificate"))
+    ]
+    if not by:
+        return "Traceability to the SI is not stated: no instrument has a certificate here."
+    return f"The results are traceable to the SI by calibrations: {'; '.join(by)}."
 
 
 def make_setup_section(run: ReportedCampaign) -> Section:
@@ -226,10 +247,16 @@ def _state_fact(setup: RigSetup, stated: Particulars, table: str, key: str) -> s
     return stated.get(table, key) or getattr(sensor, key, "")
 
 
-def _tabulate_instruments(setup: RigSetup, stated: Particulars) -> list[Table]:
+def _tabulate_instruments(
+    setup: RigSetup, stated: Particulars, measured: Sequence[str]
+) -> list[Table]:
     """Return sensors, digitizer and balance: who made them, their certificates, their sheets."""
     sensors = _find_sensors(setup)
-    rows = [name for name in INSTRUMENTS if name in sensors or stated.list_facts(name)]
+    rows = [
+        name
+        for name in INSTRUMENTS
+        if name in sensors or name in measured or stated.list_facts(name)
+    ]
     columns = [make_text_column("Instrument", [INSTRUMENTS[name] for name in rows])]
     columns += [
         make_text_column(
@@ -240,7 +267,12 @@ def _tabulate_instruments(setup: RigSetup, stated: Particulars) -> list[Table]:
     columns.append(
         make_text_column(
             "Measures",
-            [f"{it.quantity} [{it.unit}]" if (it := sensors.get(name)) else "" for name in rows],
+            [
+                f"{it.quantity} [{it.unit}]"
+                if (it := sensors.get(name))
+                else "not stated" * (name in measured)
+                for name in rows
+            ],
         )
     )
     for field, header, scale in (

@@ -57,7 +57,7 @@ def test_a_campaign_has_the_paper_s_figures_3_to_6(struck):
         "Fig. 3.", "Fig. 4.", "Fig. 5.", "Fig. 6.",
     ]  # fmt: skip
     assert [len(picture.panels) for picture in pictures] == [1, 2, 2, 2]
-    drawn = base64.b64decode(pictures[2].panels[0].partition(",")[2]).decode()
+    drawn = base64.b64decode(pictures[2].panels[0].url.partition(",")[2]).decode()
     # The paper's order, whatever that of the samples is.
     places = [drawn.index(name) for name in ("brass small", "steel medium", "aluminium")]
     assert places == sorted(places)

@@ -14,11 +14,11 @@ from impact_rig.core.given.quantity import Quantity
 from impact_rig.core.given.records import IMPORTED, HitLabel, Origin
 from impact_rig.core.hit.overrules import Overrule, Verdict
 from impact_rig.present.report.page import render_page
-from impact_rig.present.report.report import _list_facts, conclude, make_report
+from impact_rig.present.report.report import Form, _list_facts, conclude, make_report
 from impact_rig.results.tables import tabulate_results
 from impact_rig.results.traces import TracedCampaign
 
-from .conftest import HOSTILE
+from .conftest import HOSTILE, STATED
 from .reader import Reader
 
 
@@ -45,7 +45,14 @@ def test_the_tables_of_the_results_are_there_with_their_marks_and_figures(read, 
         assert sum(shares) == pytest.approx(100.0, abs=0.3)
     figures = [a["alt"] or "" for a in read.find("img")]
     loops = [sample.contact_law.impact_speed.is_known for sample in told.campaign.results.samples]
-    assert [figures.count(name) for name in (HOSTILE, "brass medium")] == [2 + it for it in loops]
+    of_samples = [
+        [alt for alt in figures if alt.startswith(f"{name}, ")]
+        for name in (HOSTILE, "brass medium")
+    ]
+    assert [len(found) for found in of_samples] == [2 + it for it in loops]
+    # Who does not see a figure is told what is in it.
+    shown = r"a\) hammer.*: a \[m/s²\], .* to .*; below: residual over time from the middle"
+    assert re.search(shown, of_samples[0][0])
 
 
 def test_the_measurement_can_be_traced_back(read):
@@ -93,7 +100,9 @@ def test_what_a_laboratory_states_stands_in_the_report_and_on_every_page_of_it(r
     assert facts["Report number"] == '4711"; }'
     assert facts["Replaces report"] == "4710"
     assert "Customer" not in facts  # none is stated
-    assert 'B. <Cole> End of the report 4711"; }.' in read.text
+    assert "B. <Cole> The annex is part of the report." in read.text
+    assert 'End of the report 4711"; }.' in read.text
+    assert facts["Specification"] == "not stated"  # there are limits
     # Nothing in a number ends the string of the style sheet that it stands in.
     (footer,) = re.findall(r'@bottom-left { content: ("[^"]*"); } }\n</style>', page)
     assert "4711" in footer
@@ -143,14 +152,20 @@ def test_what_a_person_says_of_an_instrument_stands_in_place_of_what_was_recorde
 def test_the_method_names_its_sources_and_the_forms_that_were_used(read, told):
     paper = "“An evaluation of a simple dynamical model for impacts between rigid objects”"
     assert paper in read.text
-    assert "Hertz" not in read.text.partition(paper)[2]
+    assert "Hertz" not in read.text.rpartition(paper)[2]
+    # A customer cites the method by its number, and the paper by its place among the sources.
+    assert "the paper" not in read.text.lower()
+    cited = Particulars({"report": {"method": "LP-12, issue 3", "validated": "round 7"}})
+    facts = dict(make_report([told], cited).method)
+    assert facts["Method"].startswith(f"LP-12, issue 3, after [1]: {paper}")
+    assert facts["Validated by"] == "round 7"
     results = told.campaign.results
     law = ContactLaw(Quantity(1.5), duration=Quantity(2e-4), form="δⁿ δ' + √δ δ'")
     samples = (replace(results.samples[0], contact_law=law),)
     run = replace(told, campaign=TracedCampaign(replace(results, samples=samples)))
     page = Reader(render_page(make_report([run]))).text
     assert "; by the contact law, of 1 sample: duration 200.00 µs" in page
-    sources = page.partition(paper)[2]
+    sources = page.rpartition(paper)[2]
     for name in ("H. Hertz", "F. R. E. Crossley", "K. Kono"):
         assert name in sources
     assert "Zener" not in sources
@@ -211,7 +226,9 @@ def test_what_the_run_says_otherwise_stands_beside_what_is_stated(told):
     facts = dict(_list_facts([run], Particulars({"report": texts})))
     assert facts["Tested on"].endswith(" by the recording, 2025-01-01 as stated")
     assert facts["Deviations from the method"].startswith("none, beside the hits on which a")
-    assert not {"Date of the tests", "Limits by"} & facts.keys()
+    assert "Date of the tests" not in facts
+    assert facts["Specification"] == "drawing 7"
+    assert dict(_list_facts([run], Particulars()))["Specification"].startswith("none: no conform")
     day = facts["Tested on"][:10]
     same = dict(_list_facts([run], Particulars({"report": {"tested": day}})))
     assert "stated" not in same["Tested on"]
@@ -225,3 +242,40 @@ def test_the_conclusion_rounds_as_the_tables_do(told):
     ]
     for samples, text in ((wide[:1], "τp 350 ± 100 µs"), (wide, "τp 350 to 570 µs")):
         assert text in conclude(replace(results, samples=tuple(samples)), [])
+
+
+def test_a_customer_gets_no_advice_and_the_short_form_no_annex(told):
+    whole = Reader(render_page(make_report([told], STATED)))
+    for_customer = Reader(
+        render_page(make_report([told], STATED, form=Form(is_for_customer=True)))
+    )
+    short = make_report([told], STATED, form=Form(is_for_customer=True, is_short=True))
+    assert "Further remarks" in whole.text
+    assert "Opinion" in whole.text
+    for word in ("Further remarks", "Opinion", "Use the"):
+        assert word not in for_customer.text
+    # What is wrong with the recording or the instruments a customer has to know.
+    for text in ("the recording was never closed", "over a year before 2023-11-14"):
+        assert text in for_customer.text
+    assert [section.title for section in short.sections] == [
+        "Results", "Items and instruments", "Set-up and recording",
+    ]  # fmt: skip
+    page = Reader(render_page(short))
+    assert page.find("img") == []
+    assert "Annex" not in page.text
+    assert 'B. <Cole> End of the report 4711"; }.' in page.text
+
+
+def test_the_sensors_that_measured_are_instruments_and_results_are_traced_to_certificates(told):
+    bare = replace(told.campaign.results.setup, sensors=())
+    results = replace(told.campaign.results, setup=bare)
+    run = replace(told, campaign=replace(told.campaign, results=results))
+    sections = {section.title: section for section in make_report([run]).sections}
+    table, text = sections["Items and instruments"].parts[1:]
+    assert [row[0] for row in table.rows] == ["hammer sensor", "sample sensor"]
+    assert text.text.startswith("Traceability to the SI is not stated")
+    stated = Particulars({"source.hammer": {"certificate": "D-K-0815"}})
+    assert (
+        "hammer sensor by certificate D-K-0815."
+        in Reader(render_page(make_report([run], stated))).text
+    )
