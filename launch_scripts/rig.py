@@ -6,7 +6,6 @@ This file is kept readable for any Python 3, so that a Python that is too old ca
 
 import os
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -54,10 +53,14 @@ def check_python(version: "tuple[int, ...]") -> "str | None":
 
 def go_on_with_first_python(root: Path) -> None:
     """Run this script again by the Python that set it up, if that is another."""
-    python = root / ".venv" / "bin" / "python3"
-    is_set_up = (root / ".venv" / ".stamp-python").exists() and python.exists()
-    if is_set_up and not os.environ.get("ROS_DISTRO") and Path(sys.prefix) != root / ".venv":
-        os.execv(str(python), [str(python), *sys.argv])
+    venv = root / ".venv"
+    python = venv / "bin" / "python3"
+    is_set_up = (venv / ".stamp-python").exists() and python.exists()
+    if is_set_up and not os.environ.get("ROS_DISTRO") and Path(sys.prefix) != venv:
+        said = venv / "pyvenv.cfg"
+        ours = "home = {}/bin\n".format(sys.base_prefix)
+        if not said.exists() or ours not in said.read_text("utf-8"):
+            os.execv(str(python), [str(python), *sys.argv])
 
 
 def run_checks(environment: "dict[str, str]", root: str, options: "list[str]") -> int:
@@ -83,6 +86,8 @@ def run_checks(environment: "dict[str, str]", root: str, options: "list[str]") -
 
 def run_and_wait(command: "list[str]", environment: "dict[str, str]", folder: str) -> int:
     """Run a command to its end, even after Ctrl-C, which it receives too; return its code."""
+    import subprocess  # here: it takes as long to load as all else of `exec`
+
     process = subprocess.Popen(command, env=environment, cwd=folder)
     try:
         code = process.wait()
