@@ -58,7 +58,7 @@ def go_on_with_first_python(root: Path) -> None:
     is_set_up = (venv / ".stamp-python").exists() and python.exists()
     if is_set_up and not os.environ.get("ROS_DISTRO") and Path(sys.prefix) != venv:
         said = venv / "pyvenv.cfg"
-        ours = "home = {}/bin\n".format(sys.base_prefix)
+        ours = f"home = {sys.base_prefix}/bin\n"
         if not said.exists() or ours not in said.read_text("utf-8"):
             os.execv(str(python), [str(python), *sys.argv])
 

@@ -18,12 +18,16 @@ PARTS = {
     "demo": ("running", "The paper's campaign on the virtual rig, start to tables"),
     "latency": ("running", "From release command to published verdict and estimate"),
     "stop": ("running", "The command to stop a campaign's hammer, to its answer"),
+    "commands": ("running", "What commands take, with a recording of 120 hits"),
+    "headless": ("running", "A test's rig, and three hits of one sample"),
+    "memory": ("running", "What the estimator keeps of a hit"),
     "page": ("page", "The page at the rig in a browser: a stop, and its load"),
     "read": ("recording", "Reading a recording, beside mcap.reader doing nothing"),
     "stream": ("stream", "The running stream through three processes, two channels"),
     "fuzz": ("damage", "Damaged files of every format: no hang, no crash, memory bounded"),
     "foreign": ("foreign", "A stranger on all topics and services, beside a campaign"),
     "faults": ("faults", "A fault in each campaign: no hit lost or double, all told"),
+    "clone": ("running", "From a fresh clone to the tables"),
     "study": ("study", "The estimators where the truth is known; asked is what chance leaves"),
 }
 """The module of this package with `measure_<name>`, and the title of each part, in the order in

@@ -13,11 +13,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from bench import PARTS
-from bench.measure import FULL, Bench, Extent, Figure
+from bench.measure import FULL, Bench, Extent, Figure, NotHereError
 from impact_rig.core.given.errors import RigError
 
 
-def run_part(name: str, extent: Extent, campaigns: Path) -> list[Figure]:
+def run_part(
+    name: str, extent: Extent, campaigns: Path, beside: Path | None = None
+) -> list[Figure]:
     """Measure one part in an empty folder, and print each figure beside its goal."""
     figures = []
     started = time.perf_counter()
@@ -25,7 +27,7 @@ def run_part(name: str, extent: Extent, campaigns: Path) -> list[Figure]:
     measure = getattr(importlib.import_module(f"bench.{module}"), f"measure_{name}")
     with tempfile.TemporaryDirectory(prefix=f"impact_rig_{name}_") as folder:
         print(f"{name}: {title}", file=sys.stderr)
-        for figure in measure(Bench(Path(folder), extent, campaigns)):
+        for figure in measure(Bench(Path(folder), extent, campaigns, beside)):
             figures.append(figure)
             print(figure, flush=True)
     print(f"{name} took {time.perf_counter() - started:.1f} s", file=sys.stderr)
@@ -40,6 +42,9 @@ def main(words: list[str] | None = None) -> int:
     extents = ("seconds", "kills", "mutations", "seed")
     for name in extents:
         parser.add_argument(f"--{name}", type=int, metavar="N")
+    parser.add_argument(
+        "--beside", type=Path, metavar="PATH", help="another checkout, set up: demos in turn"
+    )
     given = parser.parse_args(words)
     if unknown := set(given.parts) - set(PARTS):
         parser.error(f"there is no part {min(unknown)!r}: choose of {', '.join(PARTS)}")
@@ -50,7 +55,9 @@ def main(words: list[str] | None = None) -> int:
     with tempfile.TemporaryDirectory(prefix="impact_rig_campaigns_") as folder:
         for name in given.parts or PARTS:
             try:
-                found += run_part(name, extent, Path(folder))
+                found += run_part(name, extent, Path(folder), given.beside)
+            except NotHereError as error:
+                print(f"{name} is left out: {error}", file=sys.stderr)
             except (RigError, ModuleNotFoundError) as error:
                 errors.append(f"{name} could not be measured: {error}")
     missed = [figure for figure in found if figure.is_missed]

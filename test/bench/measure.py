@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
+from impact_rig.core.given.errors import RigError
+
 
 class Figure:
     """One number that was measured: the median of its values, beside the most or least asked."""
@@ -106,3 +108,8 @@ class Bench:
     folder: Path  # empty; it is removed afterwards
     extent: Extent
     campaigns: Path  # folder of the campaigns that several parts look at
+    beside: Path | None = None  # another checkout, set up, that is measured in turn
+
+
+class NotHereError(RigError):
+    """What a part needs is not on this machine: the others are measured all the same."""

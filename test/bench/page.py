@@ -11,7 +11,7 @@ import numpy as np
 import psutil
 
 from bench.foreign import StrangerClient
-from bench.measure import Bench, Figure
+from bench.measure import Bench, Figure, NotHereError
 from bench.rig_processes import RigProcesses
 from impact_rig.core.given.errors import RigError
 from impact_rig.nodes import interfaces
@@ -85,10 +85,10 @@ def measure_page(bench: Bench) -> Iterator[Figure]:
     try:
         from playwright.sync_api import sync_playwright
     except ModuleNotFoundError:
-        raise RigError("the browser's hands, playwright, are not installed") from None
+        raise NotHereError("the browser's hands, playwright, are not installed") from None
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
-        raise RigError("there is no browser: on Debian, apt-get install chromium")
+        raise NotHereError("there is no browser: on Debian, apt-get install chromium")
     log = bench.folder / "log"
     with RigProcesses(log) as processes:
         processes.start_command(

@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -65,7 +66,7 @@ class RigProcesses:
     def start_node(self, name: str, **parameters: Any) -> subprocess.Popen[bytes]:
         """Start a node of the rig with parameters that differ from their defaults."""
         words = make_words(NodeProcess(name, parameters))
-        return self._start(name, [sys.executable, *NODE, name, *words], self._log)
+        return self.start(name, [sys.executable, *NODE, name, *words])
 
     def start_rig(
         self, folder: Path, overrides: Mapping[str, Mapping[str, Any]]
@@ -76,14 +77,25 @@ class RigProcesses:
 
     def restart(self, name: str) -> subprocess.Popen[bytes]:
         """Start a node that has ended once more, with the same parameters."""
-        return self._start(name, self._words[name], self._log)
+        return self.start(name, self._words[name])
 
     def start_command(self, *words: str, log: Path | None = None) -> subprocess.Popen[bytes]:
         """Start `impact-rig` with some words; it prints to the log, if there is no other."""
         command = [sys.executable, "-m", COMMAND_LINE, *words]
-        return self._start(f"impact-rig {words[0]}", command, log or self._log)
+        return self.start(f"impact-rig {words[0]}", command, log)
 
-    def _start(self, name: str, words: Sequence[str], log: Path) -> subprocess.Popen[bytes]:
+    def time_command(self, *words: str) -> float:
+        """Run `impact-rig` with some words; return its processor time [s]."""
+        before = read_processor_time()
+        if self.start_command(*words).wait():
+            raise RigError(f"{words[0]} has failed: {self.read_log()}")
+        return read_processor_time() - before
+
+    def start(
+        self, name: str, words: Sequence[str], log: Path | None = None
+    ) -> subprocess.Popen[bytes]:
+        """Start a process by its command, which `restart` knows by a name."""
+        log = log or self._log
         self._words[name] = words
         with log.open("a") as said:
             # A session of their own: Ctrl-C reaches the bench alone, which then ends them.
@@ -134,20 +146,44 @@ class Campaign:
     """A campaign of the virtual rig, run as a user runs it."""
 
     recording: Path
+    began: int  # [ns since the epoch]
     seconds: float  # from the command to its end, the printed tables
+    processor_time: float  # of all its processes [s]
+
+
+IN_CHECKOUT = '. "$0"; exec impact-rig "$@"'
+"""What a shell does with the environment of a checkout, and the words of a command."""
 
 
 @functools.cache
-def run_campaign(folder: Path) -> Campaign:
-    """Run `impact-rig demo`, the paper's whole campaign, into a folder that does not exist.
+def run_campaign(folder: Path, *words: str, beside: Path | None = None) -> Campaign:
+    """Run `impact-rig demo`, the paper's campaign, into a folder that does not exist.
+
+    Parameters
+    ----------
+    words : str
+        Further words of the command.
+    beside : Path, optional
+        Another checkout, set up, whose command it is.
 
     Raises
     ------
     RigError
         If the campaign fails, for example for want of ROS 2.
     """
+    command = [sys.executable, "-m", COMMAND_LINE]
+    if beside is not None:
+        command = ["sh", "-c", IN_CHECKOUT, str(beside / "install/impact_rig/environment.sh")]
     with RigProcesses(folder.with_suffix(".log")) as processes:
+        began, used = time.time_ns(), read_processor_time()
         started = time.perf_counter()
-        if processes.start_command("demo", "--output", str(folder)).wait():
+        if processes.start("demo", [*command, "demo", "--output", str(folder), *words]).wait():
             raise RigError(f"no campaign to measure with could be run: {processes.read_log()}")
-        return Campaign(folder / f"{RUN_NAME}{SUFFIX}", time.perf_counter() - started)
+        seconds, used = time.perf_counter() - started, read_processor_time() - used
+        return Campaign(folder / f"{RUN_NAME}{SUFFIX}", began, seconds, used)
+
+
+def read_processor_time() -> float:
+    """Return the processor time of all processes that have ended, and theirs [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
