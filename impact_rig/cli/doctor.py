@@ -1,15 +1,14 @@
 """`impact-rig doctor`: what is installed, what is broken, how to repair it."""
 
-import contextlib
 import os
 import shutil
 import subprocess
 import sys
-import uuid
 from dataclasses import dataclass
 from enum import Enum
 from importlib import metadata, util
 from pathlib import Path
+from typing import Any
 
 from rich.text import Text
 
@@ -40,7 +39,13 @@ class Finding:
 
 
 DISTRIBUTION = "jazzy"
-PROBE_TIMEOUT = 20.0  # [s], for two processes to find each other
+QUIET: dict[str, Any] = {
+    "stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE,
+}  # fmt: skip
+ADVICE = (
+    "repair the faults above first, then look for a firewall on the loopback interface, and at the"
+    " variables of ROS 2"
+)
 ROS_VARIABLES = ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE", "RMW_IMPLEMENTATION")
 EXIT_FAULT = 1
 STYLES = {Status.OK: GOOD, Status.WARNING: WARNING, Status.FAULT: ALARM}
@@ -74,45 +79,29 @@ def check_ros() -> list[Finding]:
 
 
 def check_conversation() -> Finding:
-    """Exchange a message between two processes of this computer, in an unused domain."""
+    """Let a hammer's node answer a command, two processes, in an unused domain."""
     name = "two processes"
     if util.find_spec("rclpy") is None:
         status = Status.FAULT if has_ros() else Status.WARNING
         return Finding(name, "not tried: there is no rclpy", status)
-    token = uuid.uuid4().hex
-    with contextlib.ExitStack() as stack:
-        try:
-            stack.enter_context(offer_profile())
-            number = stack.enter_context(reserve_domain())
-        except DeviceError as error:
-            return Finding(name, str(error), Status.FAULT)
-        environment = {**os.environ, "ROS_DOMAIN_ID": str(number)}
-        probes = [_start_probe(program, token, environment) for program in ("talk", "listen")]
-        try:
-            output, errors = probes[1].communicate(timeout=PROBE_TIMEOUT)
-        except subprocess.TimeoutExpired:
-            text = f"no message arrived within {PROBE_TIMEOUT:g} s"
-            advice = "look for a firewall on the loopback interface, and at the variables of ROS 2"
-            return Finding(name, text, Status.FAULT, advice)
-        finally:
-            for process in probes:
-                process.kill()
-                process.communicate()
-    if probes[1].returncode:
-        reason = (errors.strip() or f"exit code {probes[1].returncode}").splitlines()[-1]
-        return Finding(name, reason, Status.FAULT, "repair the faults above first")
-    return Finding(name, f"exchange messages by {output.strip()}")
-
-
-def _start_probe(program: str, token: str, environment: dict[str, str]) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "impact_rig.nodes.probe", program, token],
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    python = (sys.executable, "-P", "-m")
+    try:
+        with offer_profile(), reserve_domain() as number:
+            environment = {**os.environ, "ROS_DOMAIN_ID": str(number)}
+            node = [*python, "impact_rig.nodes", "hammer"]
+            command = [*python, "impact_rig.cli.main", "hammer", "disarm"]
+            with subprocess.Popen(node, env=environment, **QUIET) as running:
+                try:
+                    asked = subprocess.run(command, env=environment, check=False, **QUIET)
+                finally:
+                    running.kill()
+                _, errors = running.communicate()
+    except DeviceError as error:
+        return Finding(name, str(error), Status.FAULT)
+    if asked.returncode == 0:
+        return Finding(name, "a node answers a command")
+    reason = (asked.stderr or errors).decode(errors="replace").strip().splitlines()[-1]
+    return Finding(name, reason, Status.FAULT, ADVICE)
 
 
 def check_drivers() -> list[Finding]:

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from itertools import accumulate
 from zlib import crc32
 
 import numpy as np
@@ -191,7 +190,8 @@ def couple(signal: FloatArray, coupling_frequency: float, sampling_rate: float) 
     gain = (1.0 + pole) / 2.0
     steps = (gain * np.diff(signal, prepend=0.0)).tolist()
     # As `scipy.signal.lfilter`, whose package takes longer to load than a campaign to strike.
-    return np.fromiter(accumulate(steps, lambda level, step: pole * level + step), np.float64)
+    level = 0.0
+    return np.array([level := pole * level + step for step in steps])
 
 
 OVERLOAD_RANGE = (1.2, 2.0)
