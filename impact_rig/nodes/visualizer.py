@@ -1,4 +1,4 @@
-"""The visualizer: model against measured traces, verdicts, tables and the rig's health, in Rerun.
+"""The visualizer: model against measured traces, verdicts and tables, in Rerun.
 
 A separate process that only listens: it may drop views, never data, and nothing waits for it.
 The file is written as hits come. What it keeps of a hit is its verdict; 512 MB wait for viewers of
@@ -32,8 +32,6 @@ from impact_rig.recordings.messages import RecordedTruth
 from impact_rig.recordings.new_file import choose_free
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.traces import JudgedTraces, SampleTraces, TraceAssembler
-from impact_rig.status.rig_status import RigStatus
-from impact_rig.status.states import NodeHealth
 
 
 def is_shown(number: int) -> bool:
@@ -146,7 +144,6 @@ class VisualizerNode(RigNode):
         self._assembler = TraceAssembler()
         self._feed = CampaignFeed(self._on_campaign, self._on_finding)
         self._campaign: ShownCampaign  # that of the feed
-        self._status = RigStatus(self.get_namespace())
         self._counts = {"blocks": 0, "hits": 0, "comparisons": 0, "left out": 0}
 
     def configure(self) -> None:
@@ -195,10 +192,6 @@ class VisualizerNode(RigNode):
                 (interfaces.IMPACT, self._feed.on_finding),
                 (interfaces.ESTIMATE, self._feed.on_finding),
                 (interfaces.HAMMER_ESTIMATE, self._feed.on_finding),
-                (interfaces.DIAGNOSTICS, self._on_diagnostics),
-                (interfaces.CAMPAIGN_STATE, self._on_state),
-                (interfaces.HAMMER_STATE, self._on_state),
-                (interfaces.ACQUISITION_STATE, self._on_state),
             )
         ]
 
@@ -254,7 +247,7 @@ class VisualizerNode(RigNode):
     def _log_latest(self) -> None:
         latest = tuple(self._latest.values())
         self._latest.clear()
-        for work in (*latest, lambda log: log.log_now(self._status)):
+        for work in latest:
             self._log(work)
 
     def _refresh(self) -> None:
@@ -266,7 +259,6 @@ class VisualizerNode(RigNode):
         self._log_latest()
         setup = received.value
         campaign = self._campaign = ShownCampaign(setup)
-        self._status.begin(setup)
         contact_times = [sample.reference_contact_time for sample in setup.samples.samples]
         self._log(
             lambda log: log.log_setup(
@@ -285,7 +277,6 @@ class VisualizerNode(RigNode):
         campaign.add(found)
         if isinstance(found, HitResults):
             verdict, stamp = campaign.find_hit(found.label), received.stamp
-            self._status.add_hit(verdict)
             self._log(lambda log: log.log_verdicts([verdict], [stamp]))
         if isinstance(found, SampleTraces):
             self._counts["comparisons"] += 1
@@ -301,14 +292,6 @@ class VisualizerNode(RigNode):
         if traces is not None:
             self._counts["hits"] += 1
             self._log(lambda log: log.log_hit(traces))
-
-    def _on_state(self, received: Received[Any]) -> None:
-        self._status.keep(received.value)
-
-    def _on_diagnostics(self, received: Received[tuple[NodeHealth, ...]]) -> None:
-        if self._status.add_health(received.value):
-            nodes, stamp = self._status.list_nodes(), received.stamp
-            self._latest["health"] = lambda log: log.log_health(nodes, stamp)
 
     def _log_results_soon(self, campaign: ShownCampaign) -> None:
         self._latest["results"] = lambda log: log.log_results(campaign.make_results())

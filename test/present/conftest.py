@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -21,6 +20,16 @@ SETTINGS = VirtualRigSettings(seed=1)
 Trace = Callable[..., TracedCampaign]
 
 
+class Struck(list):
+    """Hits without a file, as a source and as its reading."""
+
+    path, size, warnings, has_scale, hammer_unit = Path("struck"), 0, (), True, None
+    overrules = NO_OVERRULES
+
+    def events(self, _report):
+        return self
+
+
 def trace_campaign(
     hits: Iterable[tuple[str, int]],
     setup: RigSetup = PAPER_SETUP,
@@ -33,16 +42,8 @@ def trace_campaign(
     ]
     struck = {label: rig.strike(label) for label in labels}
     blocks = [block for hit in struck.values() for block in hit.split(5000, START)]
-    source = SimpleNamespace(
-        path=Path("struck"),
-        warnings=(),
-        size=0,
-        has_scale=True,
-        hammer_unit=None,
-        truths={label: make_truth(struck[label]) for label in labels},
-        overrules=NO_OVERRULES,
-        events=lambda _: iter([setup, *blocks]),
-    )
+    source = Struck([setup, *blocks])
+    source.truths = {label: make_truth(struck[label]) for label in labels}
     (campaign,) = analyze(source, keep_traces=True).campaigns
     return campaign
 

@@ -1,4 +1,4 @@
-"""Layout of the view: four tabs of plots and texts, apart from what is logged."""
+"""Layout of the view: three tabs of plots and texts, apart from what is logged."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.entities import BODIES, Path, make_body_path
-from impact_rig.present.rerun.health import LEVELS, LOSSES
 from impact_rig.present.rerun.viewers import import_rerun
 from impact_rig.results.numbers import show_unit
 
@@ -18,8 +17,7 @@ if TYPE_CHECKING:
 TAB_HIT = "Hit"
 TAB_SAMPLE = "Sample"
 TAB_CAMPAIGN = "Campaign"
-TAB_HEALTH = "Health"
-TABS = (TAB_HIT, TAB_SAMPLE, TAB_CAMPAIGN, TAB_HEALTH)
+TABS = (TAB_HIT, TAB_SAMPLE, TAB_CAMPAIGN)
 LARGEST_GRID_WIDTH = 4
 """Most plots side by side."""
 BEFORE, AFTER = 1.0, 4.5
@@ -38,10 +36,8 @@ def make_blueprint(
     contact_times: Sequence[float] = (),
     hammer_unit: str = "m/s^2",
     last_record: int = 0,
-    *,
-    is_live: bool = True,
 ) -> rrb.Blueprint:
-    """Lay out the view: tabs of the last hit, the samples, the campaign and the rig's health.
+    """Lay out the view: tabs of the last hit, the samples and the campaign.
 
     Parameters
     ----------
@@ -54,8 +50,6 @@ def make_blueprint(
         Unit of the hammer's sensor.
     last_record : int
         The last of the campaign; 0: it is still to come.
-    is_live : bool
-        Whether there is a rig with a state, and nodes with a health.
 
     Raises
     ------
@@ -72,31 +66,28 @@ def make_blueprint(
         decay = layout.TimeAxis(view_range=sdk.TimeRange(*limits))
     return layout.Blueprint(
         layout.Tabs(
-            _lay_out_hit(is_live=is_live),
+            _lay_out_hit(),
             _lay_out_samples(sample_names, decay),
             _lay_out_campaign(hammer_unit, last_record),
-            *([_lay_out_health()] if is_live else []),
             active_tab=0,
         ),
         # Plots need the time inside the hit; rerun would start with the wall clock.
         layout.TimePanel(
             timeline=entities.HIT_TIME,
             state="collapsed",
-            play_state="paused",  # else plots of hits and health show the last half minute
+            play_state="paused",  # else plots of hits show the last half minute
         ),
         layout.BlueprintPanel(state="collapsed"),
         layout.SelectionPanel(state="collapsed"),
     )
 
 
-def _lay_out_hit(*, is_live: bool) -> rrb.Container:
+def _lay_out_hit() -> rrb.Container:
     layout = import_rerun().blueprint
     title = "Measured acceleration [m/s²] over the time in the record"
-    verdict = _make_text_view("Verdict", entities.VERDICT)
-    now = _make_text_view("Now", entities.NOW)
     return layout.Horizontal(
         _make_time_view(title, [entities.HITS]),
-        layout.Vertical(now, verdict, row_shares=[3, 2]) if is_live else verdict,
+        _make_text_view("Verdict", entities.VERDICT),
         column_shares=[2, 1],
         name=TAB_HIT,
     )
@@ -195,26 +186,6 @@ def _lay_out_campaign(hammer_unit: str, last_record: int) -> rrb.Container:
     )
 
 
-def _lay_out_health() -> rrb.Container:
-    sdk = import_rerun()
-    layout = sdk.blueprint
-    losses = _make_time_view(
-        "Gaps, missing points, dropped, rejected",
-        [(*entities.HEALTH_HISTORY, LOSSES)],
-        _show_all(),
-    )
-    states = layout.StateTimelineView(
-        origin=sdk.new_entity_path([*entities.HEALTH_HISTORY, LEVELS]),
-        name="State of the nodes",
-        time_view=_show_all(),
-    )
-    return layout.Horizontal(
-        _make_text_view("Nodes", entities.HEALTH),
-        layout.Vertical(states, losses),
-        name=TAB_HEALTH,
-    )
-
-
 def _show_records(last: int) -> rrb.TimeAxis:
     """Return an axis over all records, with room for the points of the outer ones."""
     if not last:
@@ -227,7 +198,7 @@ def _show_records(last: int) -> rrb.TimeAxis:
 def _show_all() -> rrb.TimeAxis:
     """Return an axis over the whole time line, of which else the minute at the cursor is shown.
 
-    It is for plots over hits and health; a record of milliseconds would be a stroke on it.
+    It is for plots over hits; a record of milliseconds would be a stroke on it.
     """
     sdk = import_rerun()
     end = sdk.TimeRangeBoundary.infinite()

@@ -6,7 +6,7 @@ APPLICATION = "impact_rig"
 HIT_TIME = "hit_time"
 """Timeline of all plots, since a viewer shows one at a time: time inside a hit. 0 is the first
 point of a record; for traces on one time axis it is the middle of the hammer pulse. What is shown
-over the hits has a second for each hit, and the nodes' health the time since their first message.
+over the hits has a second for each hit.
 """
 HIT = "hit"
 """Timeline: number of the record."""
@@ -18,8 +18,6 @@ Path = tuple[str, ...]
 
 HITS: Path = ("hits",)
 """Parent of one entity per record: its hammer and sample traces."""
-NOW: Path = ("now",)
-"""Text on what the rig does and asks for, while it runs."""
 VERDICT: Path = ("verdict",)
 """Text on the last hit."""
 SAMPLES: Path = ("samples",)
@@ -30,10 +28,6 @@ LOG: Path = ("log",)
 """One line per verdict."""
 TRENDS: Path = ("trends",)
 """Contact time and peaks of each hit."""
-HEALTH: Path = ("health", "now")
-"""State of the nodes."""
-HEALTH_HISTORY: Path = ("health", "history")
-"""Parent of kind / node / figure."""
 
 CONTACT_TIME = "contact_time"
 HAMMER_PEAK = "hammer_peak"

@@ -10,7 +10,6 @@ from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.findings import join_findings
 from impact_rig.core.given.records import SIMULATED
 from impact_rig.core.given.setup import ACCELERATION
-from impact_rig.page.view import make_sentence
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO, MISSING, format_count, format_number, show_unit
 from impact_rig.results.references import explain_misprint, find_expected
@@ -21,7 +20,7 @@ from impact_rig.results.remarks import (
     gather_sample_remarks,
     tabulate_rejections,
 )
-from impact_rig.results.table import Column, Table, list_table, make_text_column
+from impact_rig.results.table import Column, Table, make_text_column
 from impact_rig.results.tables import (
     tabulate_checks,
     tabulate_errors,
@@ -29,7 +28,6 @@ from impact_rig.results.tables import (
     tabulate_results,
     tabulate_summary,
 )
-from impact_rig.status.rig_status import RigStatus
 
 SPECIAL = "\\`*_[]<>|#~"
 """Letters that mean something to Markdown."""
@@ -72,29 +70,6 @@ def format_verdict(hit: HitResults, hammer: tuple[float, str] = ACCELERATION) ->
         faults = ", ".join(fault.replace("_", " ") for fault in hit.injected_faults)
         lines.append(f"Fault of the virtual rig, on purpose: {escape_markdown(faults)}.")
     return "\n\n".join(lines)
-
-
-def format_now(status: RigStatus) -> str:
-    """Return the rig's state, its request to a person and the campaign's progress as Markdown."""
-    sentence, hammer, wanted = make_sentence(status), status.hammer, status.campaign.impacts
-    samples = status.list_samples()
-    armed = "armed" if hammer.armed else f"not armed: {hammer.message}"
-    accepted = [sample.accepted for sample in samples]
-    columns = [
-        make_text_column("Sample", [item.sample for item in samples]),
-        Column("Accepted", [f"{count} of {wanted}" for count in accepted]),
-        Column("Rejected", [str(item.rejected) for item in samples]),
-    ]
-    current = [at for at, item in enumerate(samples) if item.sample == status.campaign.sample]
-    return "\n\n".join(
-        [
-            f"# {escape_markdown(sentence.headline)}",
-            escape_markdown(sentence.detail),
-            escape_markdown(f"The hammer is {armed}."),
-            f"{sum(accepted)} of {format_count(wanted * len(samples), 'hit')}.",
-            *map(format_table, list_table("Progress", columns, marked=current)),
-        ]
-    )
 
 
 def _format_item(about: str, text: str) -> str:

@@ -1,4 +1,4 @@
-"""Logs hits, verdicts, samples, results and health into a Rerun recording."""
+"""Logs hits, verdicts, samples and results into a Rerun recording."""
 
 from __future__ import annotations
 
@@ -13,10 +13,8 @@ from impact_rig.core.given.setup import ACCELERATION, RigSetup
 from impact_rig.present.rerun import entities
 from impact_rig.present.rerun.blueprint import make_blueprint
 from impact_rig.present.rerun.entities import BODIES, Path
-from impact_rig.present.rerun.health import HealthLog, format_health
 from impact_rig.present.rerun.markdown import (
     format_log_line,
-    format_now,
     format_results,
     format_summary,
     format_verdict,
@@ -41,8 +39,6 @@ from impact_rig.results.traces import (
     TracedCampaign,
     compute_law_curves,
 )
-from impact_rig.status.rig_status import RigStatus
-from impact_rig.status.states import NodeHealth
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -84,10 +80,8 @@ class ViewLog:
         self._stream = stream
         self._plots = PlotLog(stream)
         self._trends: dict[str, str] = {}
-        self._health = HealthLog(stream)
         self._layout: tuple[object, ...] | None = None
         self._hammer = ACCELERATION
-        self._now = ""  # shown last
         self._last_line = ""  # of the log
         self._summarised: set[str] = set()
 
@@ -119,7 +113,7 @@ class ViewLog:
         last_record : int
             The last of the campaign; 0: it is still to come.
         is_live : bool
-            Whether there is a rig, whose state and nodes are shown as well.
+            Whether hits are still to come: until then its plots say that there is nothing.
         """
         self._hammer = hammer_reading
         self._plots.hide()
@@ -134,20 +128,11 @@ class ViewLog:
             if self._last_line != (line := f"campaign of {name}"):
                 self._log_lines([line], [self._rr.TextLogLevel.INFO])
             self._stream.send_recording_name(name)
-        layout = (*sample_names, hammer_reading[1], is_live)
+        layout = (*sample_names, hammer_reading[1])
         if self._layout != layout:
             self._layout = layout
-            blueprint = make_blueprint(
-                sample_names, contact_times, hammer_reading[1], last_record, is_live=is_live
-            )
+            blueprint = make_blueprint(sample_names, contact_times, hammer_reading[1], last_record)
             self._stream.send_blueprint(blueprint)
-
-    def log_now(self, status: RigStatus) -> None:
-        """Show what the rig does and asks for now, and how far its campaign has come."""
-        text = format_now(status)
-        if text != self._now:
-            self._now = text
-            self._log_document(entities.NOW, text)
 
     def log_hit(self, traces: HitTraces) -> None:
         """Show the traces of a record; they replace the last one's."""
@@ -223,14 +208,6 @@ class ViewLog:
         for sample in results.samples:
             self._summarised.add(sample.name)
             self._log_document(_make_summary_path(sample.name), format_summary(results, sample))
-
-    def log_health(self, nodes: Sequence[NodeHealth], stamp: int) -> None:
-        """Show the state of the nodes, and add their figures to the history.
-
-        `stamp` is in nanoseconds since the epoch.
-        """
-        self._log_document(entities.HEALTH, format_health(nodes))
-        self._health.log(nodes, stamp)
 
     def log_campaign(self, campaign: TracedCampaign) -> None:
         """Show a whole campaign at once.

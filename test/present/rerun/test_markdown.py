@@ -8,15 +8,12 @@ from impact_rig.core.given.records import SIMULATED, Origin
 from impact_rig.present.rerun.markdown import (
     escape_markdown,
     format_log_line,
-    format_now,
     format_results,
     format_summary,
     format_verdict,
 )
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.tables import tabulate_results, tabulate_summary
-from impact_rig.status.rig_status import RigStatus
-from impact_rig.status.states import CampaignStatus, HammerStatus, SampleProgress, Step, Task
 
 DRAWN = "±²µΔδζτⁿ"
 """Signs that the viewer draws, as `test_rendering` has seen."""
@@ -82,21 +79,6 @@ def test_results_have_no_sign_that_the_viewer_s_font_has_not(results):
         *(format_summary(results, sample) for sample in results.samples),
     ]
     assert set(re.findall(r"[^\x00-\x7f]", "".join(texts))) <= set(DRAWN)
-
-
-def test_what_to_mount_if_it_is_armed_and_how_far_it_is_stand_in_one_text():
-    counts = (SampleProgress("steel small", 3, 1), SampleProgress("brass large", 1, 0))
-    step = CampaignStatus(
-        Step.WAITING_FOR_SAMPLE, task=Task.MOUNT, impacts=3, counts=counts, sample="brass large"
-    )
-    status = RigStatus(campaign=step, hammer=HammerStatus(message="disarmed by hand"))
-
-    text = format_now(status)
-
-    assert text.startswith("# MOUNT brass large")
-    assert "The hammer is not armed: disarmed by hand." in text
-    assert "4 of 6 hits." in text
-    assert read_rows(text) == [["steel small", "3 of 3", "1"], ["brass large", "1 of 3", "0"]]
 
 
 def test_hits_are_counted_as_in_the_table_of_rejected_ones(results):

@@ -13,14 +13,11 @@ import pytest
 from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.present.rerun.blueprint import (
     TAB_CAMPAIGN,
-    TAB_HEALTH,
     TAB_HIT,
     TAB_SAMPLE,
 )
 from impact_rig.present.rerun.viewers import find_free_port
 from impact_rig.results import palette
-from impact_rig.status.rig_status import RigStatus
-from impact_rig.status.states import CampaignStatus, Level, NodeHealth, Step, Task
 
 experimental = pytest.importorskip("rerun.experimental", reason="rerun-sdk is not installed")
 PATIENCE = 60.0
@@ -157,18 +154,9 @@ def viewer(open_viewer, campaign, contacts):
 @pytest.fixture(scope="module")
 def early_viewer(open_viewer):
     """Return a viewer of a rig before its first hit."""
-    nodes = (
-        NodeHealth("hammer", Level.OK, "active", (("armed", "True"),)),
-        NodeHealth("estimator", Level.WARNING, "gaps", (("gaps", "3"),)),
-        NodeHealth("recorder", Level.ERROR, "disk full", (("size", "31000000000"),)),
-    )
-    status = RigStatus(setup=PAPER_SETUP)
-    status.keep(CampaignStatus(Step.WAITING_FOR_SAMPLE, task=Task.MOUNT, sample="steel medium"))
     times = [sample.reference_contact_time for sample in PAPER_SETUP.samples.samples]
     return open_viewer(
         lambda log: log.log_setup("rig", PAPER_SETUP.samples.names, times),
-        lambda log: log.log_now(status),
-        *(lambda log, i=i: log.log_health(nodes, i * 10**9) for i in (7, 8)),
     )
 
 
@@ -289,20 +277,12 @@ def test_lines_are_as_wide_as_their_plot(viewer, path, name, colour):
 @pytest.mark.parametrize(
     ("path", "expected"),
     [
-        ((TAB_HIT,), {RECORD: SENTENCE, "Now": TEXT, "Verdict": TEXT}),
+        ((TAB_HIT,), {RECORD: SENTENCE, "Verdict": TEXT}),
         ((TAB_SAMPLE,), list_overview(SENTENCE)),
         ((TAB_SAMPLE, "steel medium"), list_sample_views("steel medium", *[SENTENCE] * 4)),
         ((TAB_CAMPAIGN,), TABLES | list_trends(*[palette.GREY] * 3)),
-        (
-            (TAB_HEALTH,),
-            {
-                "Nodes": TEXT,
-                "State of the nodes": (palette.GREEN,),
-                "Gaps, missing points, dropped, rejected": TEXT,
-            },
-        ),
     ],
-    ids=["hit", "all samples", "a sample", "campaign", "health"],
+    ids=["hit", "all samples", "a sample", "campaign"],
 )
 def test_before_the_first_hit_no_tab_is_blank(early_viewer, path, expected):
     check_tab(early_viewer, path, expected)
