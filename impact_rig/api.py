@@ -6,16 +6,20 @@ units. What is wrong with any of them raises `RigError`, in one sentence.
 
 from __future__ import annotations
 
+import json
+import re
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any, TypedDict, Unpack
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from impact_rig.analysis.analyze import HitSource, analyze
+from impact_rig.analysis.analyze import HitSource, KeptSource, analyze
 from impact_rig.analysis.hits import Hit, read_campaigns
 from impact_rig.analysis.sources import (
     RunSource,
@@ -31,7 +35,7 @@ from impact_rig.configuration.units import Given
 from impact_rig.core.given.errors import (
     FileError,
     ParameterError,
-    RigError,  # noqa: F401 - public
+    RigError,
     SignalError,
     check_count,
     check_name,
@@ -43,7 +47,9 @@ from impact_rig.devices.virtual.rig import VirtualRig as Simulation
 from impact_rig.devices.virtual.truth import VirtualCampaign, make_truth
 from impact_rig.present.printed import Number  # noqa: F401 - public
 from impact_rig.present.printed_results import Comparison, Results, SampleResults
-from impact_rig.recordings.messages import SETUP_TYPE
+from impact_rig.recordings.messages import BLOCK_TYPE, SETUP_TYPE
+from impact_rig.recordings.records import RawMessage
+from impact_rig.recordings.run import Run as RecordedRun
 from impact_rig.recordings.source import find_bag
 from impact_rig.results.batch import BatchCampaign, tabulate_changes
 from impact_rig.results.campaign import HitResults
@@ -53,8 +59,71 @@ Chosen = str | int | Hit | Iterable[str | int | Hit]
 """Hits, each as itself, by name, or by the number of its record."""
 
 
-def _name_hits(chosen: Chosen) -> list[str]:
-    return [item.name if isinstance(item, Hit) else str(item) for item in list_items(chosen)]
+class Settings(TypedDict, total=False):
+    """Fields of `AnalysisSettings`, by keyword; those of a time or frequency with their unit."""
+
+    cutoff: Given  # of the low-pass: "20 kHz", or in Hz; "off", or 0: none
+    pulse_factor: float
+    pre_trigger: Given
+    record_duration: Given
+    detection_level: float
+    minimum_peak: float
+    maximum_peak: float
+    double_hit_level: float
+    contact_exponent: float
+
+
+class ArrayOptions(Settings, total=False):
+    """What is known of arrays beside their numbers, all of it optional."""
+
+    accelerometer_mass: Given  # with a unit, or in kg
+    hammer_stiffness: Given  # k1 from an earlier experiment, in place of a control sample
+    hammer_sensitivity: str | None  # of channels in V: "10 mV/g", "2.25 mV/N"
+    specimen_sensitivity: str | None
+    sensitivity_uncertainty: float  # of both, standard, relative: a line of the budgets
+
+
+class FileOptions(TypedDict, total=False):
+    """What files may leave open: quantities with a unit, or in Hz, kg and s."""
+
+    rate: Given
+    hammer_mass: Given
+    sample_mass: Given
+    cutoff: Given
+    record_duration: Given
+    hammer_unit: str | None
+    hammer_channel: str | int | None  # by its name, or its number from 1
+    sample_channel: str | int | None
+    sample: str | None
+    channels: str | Path | None  # a file that describes them
+    rig_file: str | Path | None
+
+
+_OPTION = re.compile(r"`[^`]*`|--([a-z][a-z-]+)(?: (\"[^\"]*\"|\d[\w.]*|g\b))?")
+"""An option of the command line in a sentence, with its value; or a whole command."""
+
+
+def _say_in_python(text: str) -> str:
+    """Return a sentence that advises keywords in place of options of the command line."""
+
+    def replace(found: re.Match[str]) -> str:
+        option, value = found.groups()
+        if option is None:
+            return found[0]
+        quoted = json.dumps(value.strip('"')) if value else ""
+        return "=".join(filter(None, (option.replace("-", "_"), quoted)))
+
+    return _OPTION.sub(replace, text)
+
+
+@contextmanager
+def _speaking_python() -> Iterator[None]:
+    """Let errors of the block advise keywords."""
+    try:
+        yield
+    except RigError as error:
+        error.args = (_say_in_python(str(error)),)
+        raise
 
 
 class _Hits(dict[str, tuple[Hit, ...]]):
@@ -106,22 +175,19 @@ class Run:
     def analyze(
         self,
         *,
-        cutoff: Given = None,
         accept: Chosen = (),
         reject: Chosen = (),
-        **settings: Given,
+        **settings: Unpack[Settings],
     ) -> Results:
         """Judge every hit and estimate, as ``impact-rig analyze`` does.
 
         Parameters
         ----------
-        cutoff : str or float, optional
-            Of the low-pass: "20 kHz", or a number in Hz; "off", or 0: none. As recorded.
         accept, reject : str, int, Hit or sequence of them
             Hits to take into the mean or to leave out: "steel small/3", the record's number, or
             one of `hits`.
         **settings
-            Other fields of `AnalysisSettings`: ``pulse_factor=1.9``, ``pre_trigger="0.1 ms"``.
+            See `Settings`: ``cutoff="20 kHz"``, ``pulse_factor=1.9``. Others are as recorded.
 
         Raises
         ------
@@ -134,15 +200,70 @@ class Run:
         >>> run.analyze(cutoff="20 kHz", reject="steel small/3")
         1 sample, 3 hits accepted, 1 rejected; simulated (virtual rig, plant published)
         """
-        overruled = map(_name_hits, (accept, reject))
-        chosen = read_settings({"cutoff": cutoff, **settings})
-        found = analyze(self._source, chosen, *overruled, keep_traces=True)
+        return self._analyze(self._source, accept, reject, settings)
+
+    def _analyze(
+        self, source: HitSource, accept: Chosen, reject: Chosen, settings: Settings
+    ) -> Results:
+        overruled = [self._name_hits(chosen) for chosen in (accept, reject)]
+        chosen = read_settings({**settings})
+        with _speaking_python():
+            found = analyze(source, chosen, *overruled, keep_traces=True)
         campaign = choose_campaign(self.name, found.campaigns, self._campaign)
-        return Results(campaign, self.name, found.warnings)
+        return Results(campaign, self.name, [*map(_say_in_python, found.warnings)])
+
+    @compute_alone()
+    def sweep(self, **settings: Iterable[Given]) -> dict[Given, Results]:
+        """Analyze with each value of one setting; the run is read once.
+
+        Parameters
+        ----------
+        **settings
+            One of those of `analyze`, with its values.
+
+        Raises
+        ------
+        RigError
+            As `analyze`, or if it is not one setting.
+
+        Examples
+        --------
+        >>> run = VirtualRig(seed=7).run(["steel small"], 4)
+        >>> for cutoff, results in run.sweep(cutoff=["20 kHz", "50 kHz"]).items():
+        ...     print(cutoff, results["steel small"].contact_time)
+        20 kHz 17... ± ... µs
+        50 kHz 17... ± ... µs
+        """
+        if len(settings) != 1:
+            raise ParameterError(f"sweep changes one setting, not {len(settings)}")
+        ((name, values),) = settings.items()
+        source = KeptSource(self._source)
+        return {
+            value: self._analyze(source, (), (), {name: value})  # type: ignore[misc]
+            for value in list_items(values)
+        }
+
+    def _name_hits(self, chosen: Chosen) -> list[str]:
+        """Return hits by name; raises `ParameterError` for one of another run."""
+        names = []
+        for item in list_items(chosen):
+            if isinstance(item, Hit):
+                same = [hit for hit in self.hits.get(item.sample, ()) if hit.name == item.name]
+                if same and not any(np.array_equal(hit.hammer, item.hammer) for hit in same):
+                    raise ParameterError(f"hit {item.name} is of another run than {self.name}")
+            names.append(item.name if isinstance(item, Hit) else str(item))
+        return names
 
     def __repr__(self) -> str:
         """Return its name."""
         return f"run {self.name}"
+
+
+_OF_ARRAYS = (
+    "accelerometer_mass", "hammer_stiffness", "hammer_sensitivity", "specimen_sensitivity",
+    "sensitivity_uncertainty",
+)  # fmt: skip
+"""Keys of `ArrayOptions` that are no settings."""
 
 
 class _StoredRun(Run):
@@ -201,14 +322,26 @@ def open_run(
         return _StoredRun(source)
     _ = source.run.namespace  # raises an error at once
     if campaign is not None:
-        begun = [*source.run.read_messages({SETUP_TYPE})]
-        choose_campaign(source.title, begun, campaign)
+        choose_campaign(source.title, _list_struck(source.run), campaign)
     return Run(source.run, source.title, campaign)
+
+
+def _list_struck(run: RecordedRun) -> list[RawMessage]:
+    """Return the set-ups of a recording that are followed by a hit."""
+    struck: list[RawMessage] = []
+    begun = None
+    for message in run.read_messages({SETUP_TYPE, BLOCK_TYPE}):
+        if message.channel.type_name == SETUP_TYPE:
+            begun = message
+        elif begun is not None:
+            struck.append(begun)
+            begun = None
+    return struck
 
 
 def read_files(
     files: str | Path | Iterable[str | Path],
-    **options: Any,
+    **options: Unpack[FileOptions],
 ) -> Run:
     """Read files of any instrument as hits of one sample, as ``impact-rig analyze`` does.
 
@@ -217,10 +350,7 @@ def read_files(
     files : str, Path or iterable of them
         Names may have wildcards: "bench/*.tdms".
     **options
-        As of ``impact-rig analyze``, whose ``--hammer-mass 100g`` is ``hammer_mass="100 g"``:
-        `rate`, `hammer_mass`, `sample_mass`, `cutoff` and `record_duration`, with a unit or in Hz,
-        kg and s; the texts `hammer_unit`, `hammer_channel`, `sample_channel` and `sample`; the
-        files `channels` and `rig_file`.
+        What the files leave open, see `FileOptions`: ``rate="2.5 MHz"``, ``hammer_mass="100 g"``.
 
     Raises
     ------
@@ -243,11 +373,12 @@ def read_files(
     from impact_rig.files.import_file import read_options
 
     paths = list_files(files)
-    source = MeasuredFiles(paths, make_series(read_options(options)))
-    if not source.hits:
-        raise FileError("; ".join(source.errors))
+    with _speaking_python():
+        source = MeasuredFiles(paths, make_series(read_options(options)))
+        if not source.hits:
+            raise FileError("; ".join(source.errors))
     for text in source.errors:
-        warnings.warn(f"left out: {text}", stacklevel=2)
+        warnings.warn(f"left out: {_say_in_python(text)}", stacklevel=2)
     return Run(source, str(paths[0]) if len(paths) == 1 else f"{paths[0]} and others")
 
 
@@ -258,16 +389,15 @@ class Session(Run):
     ----------
     samples : mapping of str to mass
         Names, each with its mass without accelerometer; None: not known, k and c are not either.
-    hammer_mass, accelerometer_mass : str or float, optional
+    hammer_mass : str or float, optional
         With a unit, or in kg.
     control : str
         The sample that is alike to the hammer: it gives k1; empty: none.
-    hammer_stiffness : str or float, optional
-        k1 from an earlier experiment, in place of a control sample: "22.5 MN/m".
     rig_file : str or Path, optional
-        In place of all these.
-    cutoff, **settings
-        As of `Run.analyze`.
+        In place of samples, masses and sensors.
+    **options
+        See `ArrayOptions`: ``accelerometer_mass="3 g"``, ``hammer_sensitivity="10 mV/g"``, and
+        those of `Settings`.
 
     Examples
     --------
@@ -283,19 +413,16 @@ class Session(Run):
         samples: Mapping[str, Given] | None = None,
         *,
         hammer_mass: Given = None,
-        accelerometer_mass: Given = None,
         control: str = "",
-        hammer_stiffness: Given = None,
         rig_file: str | Path | None = None,
-        cutoff: Given = None,
-        **settings: Given,
+        **options: Unpack[ArrayOptions],
     ) -> None:
         from impact_rig.analysis.measured_arrays import MeasuredArrays, read_setup
 
-        setup = read_setup(
-            samples, hammer_mass, accelerometer_mass, control, hammer_stiffness, rig_file
-        )
-        self._arrays = MeasuredArrays(setup, read_settings({"cutoff": cutoff, **settings}))
+        settings: dict[str, Any] = {**options}
+        known = {name: settings.pop(name, None) for name in _OF_ARRAYS}
+        setup = read_setup(samples, hammer_mass, control, rig_file, **known)
+        self._arrays = MeasuredArrays(setup, read_settings(settings))
         super().__init__(self._arrays, "session")
 
     def add(
@@ -303,9 +430,9 @@ class Session(Run):
         hammer: ArrayLike,
         specimen: ArrayLike | None = None,
         *,
-        rate: Given,
+        rate: Given = None,
         on: str,
-        unit: str = "m/s^2",
+        unit: str | None = None,
     ) -> None:
         """Take a hit, or several: all of them or, if one is refused, none.
 
@@ -315,21 +442,31 @@ class Session(Run):
             Both channels at the same instants, with some baseline before the pulse. Without the
             specimen's there are contact times alone.
         rate : str or float
-            "2.5 MHz", or a number in Hz.
+            "2.5 MHz", or a number in Hz; may be left out where the arrays have times (pandas,
+            xarray), which are held against it.
         on : str
             The sample.
-        unit : str
-            Of the hammer's numbers: "m/s^2", "g", or "N" of a force hammer, which without its mass
-            gives contact times alone. The specimen's are accelerations in the same unit, or in
-            m/s^2.
+        unit : str, optional
+            Of the hammer's numbers: "m/s^2" without it, "g", "V" with the session's sensitivities,
+            or "N" of a force hammer, which without its mass gives contact times alone. The
+            specimen's are accelerations in the same unit, or in m/s^2. Arrays of pint and astropy
+            are converted; xarray's attribute `units` is read.
 
         Raises
         ------
         RigError
             If the arrays are no hit, cannot be averaged with those before, or have no such
             sample or unit.
+
+        Warns
+        -----
+        UserWarning
+            If the hammer does what no hammer does: a unit or a mass may be another one.
         """
+        before = self._arrays.doubts
         self._arrays.add_arrays(hammer, specimen, rate=rate, on=on, unit=unit)
+        for text in self._arrays.doubts if not before else ():
+            warnings.warn(text, stacklevel=2)
         self.__dict__.pop("hits", None)
         self.__dict__.pop("results", None)
 
@@ -343,13 +480,13 @@ def estimate(
     hammer: ArrayLike,
     specimen: ArrayLike | None = None,
     *,
-    rate: Given,
+    rate: Given = None,
     hammer_mass: Given = None,
     sample_mass: Given = None,
     control: bool = False,
     sample: str = "sample",
-    unit: str = "m/s^2",
-    **settings: Any,
+    unit: str | None = None,
+    **options: Unpack[ArrayOptions],
 ) -> SampleResults:
     """Estimate contact time, stiffness and damping from arrays.
 
@@ -383,7 +520,7 @@ def estimate(
         {sample: sample_mass},
         hammer_mass=hammer_mass,
         control=sample if control else "",
-        **settings,
+        **options,
     )
     session.add(hammer, specimen, rate=rate, on=sample, unit=unit)
     found = session.results[sample]

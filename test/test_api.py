@@ -13,6 +13,7 @@ from pathlib import Path
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
+import pint
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
@@ -32,6 +33,7 @@ from impact_rig.testing import score
 mpl.use("Agg")
 README = Path(__file__).resolve().parent.parent / "README.md"
 CONTROL, STEEL = "aluminium large", "steel small"
+CHANNELS = "hammer", "specimen"
 
 
 @pytest.fixture(scope="module")
@@ -210,6 +212,8 @@ def test_a_hit_is_named_by_itself_or_by_its_number(run):
 
 
 HIT = ir.VirtualRig(seed=7).strike(STEEL)
+PINT = pint.UnitRegistry()
+pandas = pytest.importorskip("pandas")
 MISTAKES = {
     "no file is given": lambda: ir.read_files([]),
     "files is 3: it must be the name of a file": lambda: ir.read_files([3]),
@@ -236,8 +240,31 @@ MISTAKES = {
     "unknown sample 3: there are": lambda: ir.VirtualRig().run(3),
     "'runs/a' is neither a run nor results": lambda: ir.compare("runs/a", "runs/b"),
     "samples is .'steel'.: it must give each": lambda: ir.Session(["steel"]),
-    "rig_file gives samples, masses .* alone": lambda: ir.Session({"steel": 1}, rig_file="a.toml"),
+    "rig_file gives samples, masses, .* and sensors: give it alone": lambda: ir.Session(
+        {"steel": 1}, rig_file="a.toml"
+    ),
     "stiffness and a control sample both": lambda: estimate(control=True, hammer_stiffness=2e7),
+    "hammer is in V: Session needs its hammer_sensitivity": lambda: estimate(unit="V"),
+    "hammer_sensitivity is '3': it must be a voltage per unit": lambda: estimate(
+        unit="V", hammer_sensitivity="3"
+    ),
+    "minimum_peak is a part of full scale, .*: leave it out": lambda: estimate(minimum_peak=0.2),
+    "hammer_mass is 3 second, which is no kg": lambda: estimate(hammer_mass=PINT("3 s")),
+    "hammer is in kelvin: it must be in m/s": lambda: estimate(PINT.Quantity(HIT.hammer, "K")),
+    "hammer is in N by itself: unit is 'g'": lambda: estimate(
+        PINT.Quantity(HIT.hammer, "N"), unit="g"
+    ),
+    "rate is 2.5e.06 Hz: by the times of the array it is 1e.06 Hz": lambda: estimate(
+        pandas.Series(HIT.hammer, index=1e-6 * np.arange(HIT.hammer.size))
+    ),
+    "hammer has times with a gap, .*: all must be 4e-07 s": lambda: estimate(
+        pandas.Series(HIT.hammer, index=HIT.time).drop(HIT.time[100])
+    ),
+    "rate is not given": lambda: estimate(rate=None),
+    "hammer_channel is 0: it must be a whole number, 1 or more": lambda: ir.read_files(
+        "a.csv", hammer_channel=0
+    ),
+    "sample is 3: it must be a text": lambda: ir.read_files("a.csv", sample=3),
     "control sample needs both masses": lambda: estimate(control=True, sample_mass=None),
     "rate is 2.5: it must lie between": lambda: estimate(rate=2.5),
     "unit .m. is unknown": lambda: estimate(unit="m"),
@@ -302,7 +329,6 @@ def test_a_plot_shows_traces_residuals_and_law(tmp_path):
 
 
 def test_a_row_a_sample_with_the_columns_of_the_export(results):
-    pandas = pytest.importorskip("pandas")
     frame = results.to_dataframe()
     assert isinstance(frame, pandas.DataFrame)
     assert list(frame["name"]) == [CONTROL, STEEL]
@@ -318,6 +344,10 @@ def test_results_alone_open_and_say_that_there_are_no_hits(results, tmp_path):
         _ = stored.hits
     with pytest.raises(ir.RigError, match="path is 3: it must be the name of a file"):
         results.save(3)
+    results.save(tmp_path / "results.csv")
+    assert list(pandas.read_csv(tmp_path / "results.csv")["name"]) == [*results]
+    with pytest.raises(ir.RigError, match=r"saved as \.json or \.csv, not as .*results"):
+        results.save(tmp_path / "results")
     with pytest.raises(ir.RigError, match="cutoff does not change"):
         stored.analyze(cutoff="20 kHz")
     with pytest.raises(ir.RigError, match="without their recording"):
@@ -358,6 +388,71 @@ def test_arrays_of_several_hits_are_averaged(run):
     assert not {"stiffness", "peak_force"} & force.numbers.keys()
 
 
+def test_units_and_times_that_arrays_carry_are_taken():
+    plain = estimate(HIT.hammer, HIT.specimen)
+    feet = [PINT.Quantity(getattr(HIT, name) / 0.3048, "ft/s^2") for name in CHANNELS]
+    times = [
+        pandas.Series(getattr(HIT, name), index=pandas.to_timedelta(HIT.time, "s"))
+        for name in CHANNELS
+    ]
+    gravities = pandas.Series(HIT.hammer / 9.80665, index=HIT.time)
+    gravities.attrs["units"] = "g"
+    for found in (
+        estimate(*feet, hammer_mass=PINT("0.1 kg"), rate=PINT("2.5 MHz")),
+        estimate(*times, rate=None),
+        estimate(PINT.Quantity(0.1 * HIT.hammer, "newton"), HIT.specimen),
+        estimate(gravities, HIT.specimen, rate=None),
+    ):
+        assert found.contact_time.value == pytest.approx(plain.contact_time.value, rel=1e-6)
+        assert found.peak_force.value == pytest.approx(plain.peak_force.value, rel=1e-6)
+
+
+def test_channels_in_volts_go_by_their_sensitivities_which_stand_in_the_budgets(run):
+    volts = [(0.01 * hit.hammer / 9.80665, -0.02 * hit.specimen) for hit in run.hits[CONTROL]]
+    given = {"rate": "2.5 MHz", "hammer_mass": "100 g", "sample_mass": "102.38 g",
+             "accelerometer_mass": "3 g"}  # fmt: skip
+    found = ir.estimate(
+        *zip(*volts, strict=True), unit="V", hammer_sensitivity="10 mV/g",
+        specimen_sensitivity="-20 mV/(m/s^2)", sensitivity_uncertainty=0.02, **given,
+    )  # fmt: skip
+    plain = [(hit.hammer, hit.specimen) for hit in run.hits[CONTROL]]
+    plain = ir.estimate(*zip(*plain, strict=True), **given)
+    assert found.peak_force.value == pytest.approx(plain.peak_force.value, rel=1e-6)
+    (line, *_) = found.peak_force.budget
+    assert line.source == "gain of the hammer's channel"
+    assert line.contribution == pytest.approx(0.02 * found.peak_force.value, rel=1e-6)
+
+
+@pytest.mark.parametrize(("mass", "factor", "is_doubted"), [
+    (0.1, 165.0, False), (0.1, 168.0, True), (69.0, 1.0, False), (70.0, 1.0, True)
+])  # fmt: skip
+def test_what_no_hammer_does_is_one_remark(mass, factor, is_doubted, recwarn):
+    """Of 0.06 m/s and 724 m/s²: above 10 m/s, or 50 kN, a unit or a mass may be another one."""
+    session = ir.Session({STEEL: "56 g"}, hammer_mass=mass)
+    for _ in range(2):
+        session.add(factor * HIT.hammer, rate=HIT.rate, on=STEEL)
+    told = [str(item.message) for item in recwarn] + session.results.warnings
+    assert sum("no hammer does that" in text for text in told) == 2 * is_doubted
+
+
+def test_a_hit_of_another_run_is_not_taken_for_one_of_its_name(run):
+    other = ir.VirtualRig(seed=8).run([STEEL, CONTROL], 4)
+    with pytest.raises(ir.RigError, match=r"hit steel small/3\.1 is of another run"):
+        run.analyze(reject=other.hits[STEEL][2])
+
+
+def test_a_setting_is_swept_over_a_run_that_is_read_once(recording, run, monkeypatch):
+    opened, reads = ir.open_run(recording), []
+    events = opened._source.events
+    monkeypatch.setattr(opened._source, "events", lambda *_: reads.append(1) or events())
+    found = opened.sweep(cutoff=["20 kHz", 30e3])
+    assert list(found) == ["20 kHz", 30e3]
+    assert str(found[30e3]) == str(ir.open_run(recording).analyze(cutoff=30e3))
+    assert len(reads) == 1
+    with pytest.raises(ir.RigError, match="sweep changes one setting, not 2"):
+        run.sweep(cutoff=[1e3], pulse_factor=[2.0])
+
+
 def test_a_hit_that_is_rejected_says_why():
     reason = "hit 1.1 is rejected: truncated: the pulse is cut off"
     with pytest.raises(ir.RigError, match=f"sample: .*{reason}"):
@@ -394,6 +489,13 @@ def test_files_of_other_instruments_are_read_by_wildcard(run, tmp_path):
     with pytest.warns(UserWarning, match=r"left out: .*hit9\.npy"):
         rest = ir.read_files(tmp_path / "hit*.npy", rate="2.5 MHz", hammer_unit="m/s^2")
     assert len(rest.hits["sample"]) == 4
+    plain = {"rate": "2.5 MHz", "hammer_unit": "m/s^2"}
+    chosen = ir.read_files(tmp_path / "hit1.npy", hammer_channel=2, sample_channel="1", **plain)
+    assert np.array_equal(chosen.hits["sample"][0].hammer, run.hits[STEEL][1].specimen[:4900])
+    with pytest.raises(ir.RigError, match=r'give rate="25\.6 kHz", or write'):
+        ir.read_files(tmp_path / "hit1.npy")
+    warnings = ir.read_files(tmp_path / "hit1.npy", rate=2.5e6).analyze().warnings
+    assert "its peaks have none (hammer_unit)" in warnings[0]
     with pytest.raises(ir.RigError, match="no file is called like"):
         ir.read_files(tmp_path / "*.tdms")
     with pytest.raises(ir.RigError, match="rate"):

@@ -100,6 +100,47 @@ class _JudgedCampaign:
     alone: dict[HitLabel, FileResults] = field(default_factory=dict)
 
 
+def refuse_parts_of_full_scale(settings: Settings) -> None:
+    """Refuse settings that would do nothing where no full scale is known."""
+    for name in ("detection_level", "minimum_peak", "maximum_peak"):
+        if name in settings:
+            raise ParameterError(
+                f"{name} is a part of full scale, which is not known of these hits: leave it out"
+            )
+
+
+class KeptSource:
+    """A source that was read once, in memory: it is judged again without being read."""
+
+    def __init__(self, source: HitSource) -> None:
+        reading = source.events()
+        self._events = [(event, reading.truths, reading.overrules) for event in reading]
+        self.path, self.size, self.warnings = source.path, 0, reading.warnings
+        self.has_scale, self.hammer_unit = source.has_scale, source.hammer_unit
+
+    def events(self, _report: Callable[[int], None] = lambda _: None) -> Reading:
+        """Begin a reading."""
+        return _KeptReading(self._events, self.warnings)
+
+
+class _KeptReading:
+    """One reading of a `KeptSource`."""
+
+    def __init__(
+        self,
+        events: Sequence[tuple[RigSetup | Block, dict[HitLabel, Truth], Overrules]],
+        warnings: tuple[str, ...],
+    ) -> None:
+        self._events, self.warnings = events, warnings
+        self.truths: dict[HitLabel, Truth] = {}
+        self.overrules = NO_OVERRULES
+
+    def __iter__(self) -> Iterator[RigSetup | Block]:
+        for event, truths, overrules in self._events:
+            self.truths, self.overrules = truths, overrules
+            yield event
+
+
 def judge(
     reading: Reading,
     settings: Settings = NO_CHANGES,
@@ -119,6 +160,8 @@ def judge(
         elif session is not None:
             if "cutoff_frequency" in settings:
                 check_cutoff(settings["cutoff_frequency"], event.sampling_rate)
+            if not event.hammer.full_scale > 0.0:
+                refuse_parts_of_full_scale(settings)
             yield session, event, session.feed_records(event)
 
 

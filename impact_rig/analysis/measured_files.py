@@ -11,6 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Self
 
+import numpy as np
+
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.given.errors import ParameterError, RigError, SignalError
 from impact_rig.core.given.filtering import check_cutoff
@@ -42,6 +44,9 @@ MASSES = ("hammer_mass", "sample_mass", "accelerometer_mass")
 """Keys of masses in a file of channels, each with its `_uncertainty`."""
 WINDOW = ("pre_trigger", "record_duration")
 CUT = "a hit is double: if its file holds several hits, --record-duration 20ms makes one of each"
+FASTEST, STRONGEST = 10.0, 5e4
+"""Change of a hammer's speed [m/s] and force [N] above which masses or units are doubted, our
+choice: a fall of five metres, twice a sledge hammer's."""
 USELESS = {Reason.NO_PULSE, Reason.NON_FINITE}
 """Reasons that a file is not a bad hit but no hit at all."""
 
@@ -227,7 +232,13 @@ class MeasuredHits:
                 f"{rate:g} kHz is too slow for the {self._wanted / 1e3:g} kHz low-pass:"
                 " there is none, since no cutoff was asked for"
             )
-        return tuple(dict.fromkeys(remarks))
+        return tuple(dict.fromkeys((*remarks, *self.doubts)))
+
+    @property
+    def doubts(self) -> list[str]:
+        """What no hammer does."""
+        known = self.hits[:1] if self.has_scale else ()
+        return [text for hit in known for text in _doubt(hit.block, self.setup.hammer_mass)]
 
     def advise(self, reasons: Collection[Reason]) -> tuple[str, ...]:
         """Return advice for hits that were rejected for these reasons."""
@@ -279,6 +290,20 @@ class MeasuredFiles(MeasuredHits):
                 errors[path] = str(error)
         self.errors = _join_errors(errors)  # a sentence for each file, or for all with the same
         self.taken = _join_alike([hit.taken for hit in self.hits])
+
+
+def _doubt(block: Block, hammer_mass: float) -> list[str]:
+    """Return a remark if the hammer does what none does."""
+    acceleration = block.hammer.acceleration - np.median(block.hammer.acceleration)
+    place = int(np.argmax(np.abs(acceleration)))
+    inside = np.abs(acceleration) > 0.1 * np.abs(acceleration[place])
+    speed = float(np.abs(acceleration[inside].sum())) / block.sampling_rate
+    force = hammer_mass * float(np.abs(acceleration[place]))
+    if not (speed > FASTEST or force > STRONGEST):
+        return []
+    also = "" if math.isnan(force) else f", and the force is {force / 1e3:.3g} kN"
+    text = f"a hit changes the hammer's speed by {speed:.3g} m/s{also}: no hammer does that"
+    return [f"{text}; are the unit and the masses right?"]
 
 
 def _join_alike(lines: Sequence[str]) -> list[str]:

@@ -24,7 +24,6 @@ from impact_rig.configuration.toml_table import (
     read_toml_file,
 )
 from impact_rig.configuration.units import (
-    Given,
     parse_quantity,
     parse_reading,
     parse_sensitivity,
@@ -79,7 +78,7 @@ def parse_settings(document: TomlTable) -> dict[str, float]:
     return values
 
 
-def read_settings(given: Mapping[str, Given]) -> dict[str, float]:
+def read_settings(given: Mapping[str, Any]) -> dict[str, float]:
     """Return the settings that a program gives, in SI units, as `parse_settings` does.
 
     Programs and the command line call the cutoff frequency ``cutoff``.

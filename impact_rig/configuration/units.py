@@ -7,7 +7,7 @@ import re
 from functools import lru_cache
 from numbers import Real
 from tokenize import TokenError
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.sensors import VOLTAGES, Sensitivity, normalize_unit
@@ -85,8 +85,32 @@ def parse_quantity(what: str, value: Any, unit: str, example: str) -> float:
     )
 
 
-Given = str | float | None
-"""A quantity of a program: a text with a unit, a number in SI units, or None: not given."""
+class UnitCarrier(Protocol):
+    """A number or an array with a unit, of pint or astropy."""
+
+    def to(self, unit: Any, /) -> Any:
+        """Return it in another unit."""
+
+
+def read_carried(value: UnitCarrier, unit: str) -> Any:
+    """Return the numbers of what carries a unit in another one; None: it is of another kind."""
+    try:
+        found = value.to(unit)
+    except Exception:  # noqa: BLE001 - each library has errors of its own
+        return None
+    return getattr(found, "magnitude", getattr(found, "value", None))
+
+
+Given = str | float | UnitCarrier | None
+"""A quantity of a program: a text with a unit, a number in SI units, what carries its unit, or
+None: not given."""
+
+
+def _take_number(value: Any, unit: str) -> Any:
+    """Return what carries a unit in another one, and numpy's numbers as Python's."""
+    number = read_carried(value, unit) if hasattr(value, "to") else value
+    item = getattr(number, "item", None)
+    return number if item is None else item()
 
 
 def read_given(what: str, value: Given, unit: str, example: str) -> float | None:
@@ -95,8 +119,11 @@ def read_given(what: str, value: Given, unit: str, example: str) -> float | None
         return None
     if isinstance(value, str):
         return 0.0 if value == "off" else parse_quantity(what, value, unit, example)
-    if isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value):
-        return float(value)
+    number = _take_number(value, unit)
+    if number is None:
+        raise ParameterError(f'{what} is {value}, which is no {unit}: give it like "{example}"')
+    if isinstance(number, Real) and not isinstance(number, bool) and math.isfinite(number):
+        return float(number)
     raise ParameterError(
         f'{what} is {value!r}: it must be a text like "{example}" or a finite number in {unit}'
     )

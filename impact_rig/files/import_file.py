@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from impact_rig.configuration.rig_file import RESPONSE_KEYS, parse_response, parse_settings
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
 from impact_rig.configuration.units import parse_reading, parse_sensitivity, read_given
-from impact_rig.core.given.errors import FileError, check_name
+from impact_rig.core.given.errors import FileError, ParameterError, check_count, check_name
 from impact_rig.core.given.quantity import Comparable
 from impact_rig.files.plan import ChannelPlan, ChannelUse
 
@@ -86,8 +86,15 @@ def read_options(given: Mapping[str, Any]) -> MeasurementOptions:
         check_name("option", name, [item.name for item in fields(MeasurementOptions)])
         if name in QUANTITIES:
             values[name] = read_given(name, value, *QUANTITIES[name])
-        elif name in ("channels", "rig_file") and value is not None:
+        elif value is None:
+            continue
+        elif name in ("channels", "rig_file"):
             values[name] = Path(value)
+        elif not isinstance(value, str) and name.endswith("_channel"):
+            check_count(name, value, 1)
+            values[name] = str(value)
+        elif not isinstance(value, str):
+            raise ParameterError(f"{name} is {value!r}: it must be a text")
     return MeasurementOptions(**values)
 
 

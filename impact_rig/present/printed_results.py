@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from impact_rig.core.given.errors import RigError, SignalError, check_name
+from impact_rig.core.given.errors import ParameterError, RigError, SignalError, check_name
 from impact_rig.present.printed import Number, Printed, View, tabulate_numbers
 from impact_rig.present.sample_figures import draw_sample
 from impact_rig.results.campaign import Results as CampaignResults
@@ -189,8 +189,17 @@ class Results(Printed, Mapping[str, SampleResults]):
         raise RigError("to_dataframe needs pandas or polars: pip install pandas")
 
     def save(self, path: str | Path) -> None:
-        """Write them as results.json; raises `FileError` if that cannot be written."""
-        write_results(read_path("path", path), self.record)
+        """Write them as results.json, or as the table of the CSV export, by the path's suffix.
+
+        Raises
+        ------
+        RigError
+            If it has another suffix, or cannot be written.
+        """
+        place = read_path("path", path)
+        if place.suffix not in (".json", ".csv"):
+            raise ParameterError(f"results are saved as .json or .csv, not as {place}")
+        write_results(place, self.record)
 
 
 class Comparison(Printed):

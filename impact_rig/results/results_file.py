@@ -52,7 +52,9 @@ def read_path(what: str, path: Any) -> Path:
 
 
 def write_results(path: Path, results: Results) -> None:
-    """Write results.json in one step: a reader finds the old file or the new one.
+    """Write results.json, or a table if the path ends so, in one step.
+
+    A reader finds the old file or the new one.
 
     Parameters
     ----------
@@ -64,7 +66,8 @@ def write_results(path: Path, results: Results) -> None:
     FileError
         If the file cannot be written. Nothing half-written is left.
     """
-    text = format_json(results_to_json(results))
+    is_table = path.suffix == ".csv"
+    text = format_results_table([results]) if is_table else format_json(results_to_json(results))
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with part.open("w", encoding="utf-8") as file:
