@@ -122,7 +122,7 @@ def read_given(what: str, value: Given, unit: str, example: str) -> float | None
     number = _take_number(value, unit)
     if number is None:
         raise ParameterError(f'{what} is {value}, which is no {unit}: give it like "{example}"')
-    if isinstance(number, Real) and not isinstance(number, bool) and math.isfinite(number):
+    if not isinstance(number, bool) and isinstance(number, Real) and math.isfinite(number):
         return float(number)
     raise ParameterError(
         f'{what} is {value!r}: it must be a text like "{example}" or a finite number in {unit}'
