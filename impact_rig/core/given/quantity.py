@@ -189,7 +189,9 @@ class Quantity(Comparable):
     @property
     def is_even(self) -> bool:
         """Whether the interval reaches as far to both sides, or is not known."""
-        return math.isnan(self.lower) or self.upper == self.value + self.expanded
+        return math.isnan(self.lower) or (
+            self.lower == self.value - self.expanded and self.upper == self.value + self.expanded
+        )
 
     def compute_half_width(self, other: float) -> float:
         """Return how far the interval reaches towards another value; infinite: it is open."""
