@@ -131,8 +131,11 @@ def score(
     if not callable(estimator):
         raise ParameterError(f"estimator is {estimator!r:.40}: it must be a function of a hit")
     source.setdefault("plant", "contact")
-    seed = source.pop("seed", None) or 1
-    rigs = [VirtualRig(**source, seed=seed + number, draw=True) for number in range(impacts)]
+    seed = source.get("seed") or 1
+    each: list[SourceKeys] = [
+        {**source, "seed": seed + number, "draw": True} for number in range(impacts)
+    ]
+    rigs = [VirtualRig(**keys) for keys in each]
     scores = []
     errors: list[str] = []
     for name in list_items(samples) or rigs[0].samples:

@@ -182,7 +182,7 @@ def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
             **numbers,
             digitizer=digitizer,
             faults=faults,
-            draws="draw" in table and table.take_boolean("draw"),
+            draws=table.take_boolean("draw"),
         )
 
 
