@@ -19,8 +19,9 @@ from impact_rig.core.given.records import (
     Origin,
     join_origins,
 )
-from impact_rig.core.given.setup import PULSE_NAME, RigSetup
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.overrules import Overrule
+from impact_rig.core.hit.pulses import PULSE_NAME
 from impact_rig.results.campaign import FileResults, HitResults, Results
 from impact_rig.results.numbers import (
     MISSING,

@@ -17,8 +17,8 @@ from impact_rig.core.estimates.speed_exponents import (
 )
 from impact_rig.core.given.findings import Note
 from impact_rig.core.given.quantity import UNKNOWN, BudgetLine, Quantity, list_fields
-from impact_rig.core.given.setup import PULSE_NAME
 from impact_rig.core.hit.momenta import Hold
+from impact_rig.core.hit.pulses import PULSE_NAME
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import (
     CONTACT_TIME,
