@@ -118,6 +118,7 @@ setup(
         "rich>=13.7",
         "rosbags>=0.10",
         "scipy>=1.11",
+        "segno>=1.6",
         "threadpoolctl>=3.1",
         "tornado>=6.4",
         "zstandard>=0.22",

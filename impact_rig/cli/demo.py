@@ -13,7 +13,13 @@ import click
 
 from impact_rig.cli import options
 from impact_rig.cli.campaign import CampaignView, report_outcome, run_campaign
-from impact_rig.cli.up import RunningNodes, check_open_files, check_ros
+from impact_rig.cli.up import (
+    PAGE_NODE,
+    RunningNodes,
+    check_open_files,
+    check_ros,
+    show_page,
+)  # fmt: skip
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     LOG_NAME,
@@ -38,7 +44,6 @@ SETTINGS: dict[str, dict[str, Any]] = {
 }
 ATTEMPTS = 50  # rejected hits in a row that end the demo: with --faults 0.1 half the hits are bad
 SUBSCRIBERS = 3  # estimator, recorder and visualizer: the view has all hits
-PAGE_NODE = "page"
 VIEW_TIMEOUT = 10.0  # [s] for the visualizer, which does not start without its library
 
 
@@ -80,11 +85,8 @@ def run_rig(processes: Sequence[NodeProcess], log: Path) -> Iterator[Callable[[]
 
 def _show_page(node: str, address: str) -> None:
     """Say where a page is, and open the rig's own where there is a screen."""
-    if node != PAGE_NODE:
-        click.echo(f"the view is at {address}", err=True)
-        return
-    click.echo(f"the page is at {address}", err=True)
-    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+    show_page(node, address, err=True)
+    if node == PAGE_NODE and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         click.launch(address)
 
 

@@ -3,10 +3,8 @@
 import sys
 from pathlib import Path
 
-import click
-
 from impact_rig.cli import options
-from impact_rig.cli.up import RunningNodes
+from impact_rig.cli.up import PAGE_NODE, RunningNodes, show_page
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import NodeProcess
 from impact_rig.core.given.errors import RigError
@@ -24,9 +22,9 @@ def run(
     options.set_discovery(network=network)
     paths = {"certificate": certificate, "key": key}
     given = {name: str(path.resolve()) for name, path in paths.items() if path is not None}
-    page = NodeProcess("page", {"address": address, "port": port, **given})
+    page = NodeProcess(PAGE_NODE, {"address": address, "port": port, **given})
     check_free(join_names(namespace, (page.name,)))
-    nodes = RunningNodes(sys.stdout, on_page=lambda _, link: click.echo(f"the page is at {link}"))
+    nodes = RunningNodes(sys.stdout, on_page=show_page)
     nodes.stop_by_signals()
     if nodes.run((page,), namespace, "the page is up; Ctrl-C ends it, not the rig"):
         raise RigError("the page has ended: see above")

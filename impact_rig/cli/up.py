@@ -1,6 +1,7 @@
 """``impact-rig up``: start the nodes of a rig, which run and end together."""
 
 import contextlib
+import io
 import json
 import os
 import resource
@@ -42,6 +43,7 @@ from impact_rig.present.console import print_warning
 OPEN_FILES = 100  # that a process of a rig may need: three times what they were seen to have
 END_TIMEOUT = 10.0  # [s] in which a node ends after SIGTERM; then it is killed
 RIG = "rig"  # who says what no node does
+PAGE_NODE = "page"
 COLOURS = ("cyan", "yellow", "green", "magenta", "red", "blue", "bright_cyan", "white")
 
 
@@ -135,7 +137,8 @@ class RunningNodes:
                             self._print(RIG, ready)
                     continue
                 self._names.discard(name)
-                if code is None and self._goes_on_without(name):
+                is_served = name != PAGE_NODE or name not in starting
+                if code is None and is_served and self._goes_on_without(name):
                     self._print(RIG, f"{name} has ended ({said}): the rig goes on without it")
                     if starting == {name}:
                         self._print(RIG, ready)
@@ -242,6 +245,19 @@ class RunningNodes:
                 print_warning(f"the nodes' output is lost: {error.strerror}")
 
 
+def show_page(node: str, links: str, *, err: bool = False) -> None:
+    """Say where a page is, to the person at the terminal alone: its link may have a token."""
+    first, *others = links.split(" ")
+    name = "page" if node == PAGE_NODE else "view"
+    click.echo(f"the {name} is at {' or '.join((first, *others))}", err=err)
+    if "?" in first and find_spec("segno"):
+        import segno
+
+        drawn = io.StringIO()
+        segno.make(first, error="l").terminal(drawn, compact=True)
+        click.echo(drawn.getvalue(), err=err)
+
+
 def run(
     rig_file: Path | None,
     output: Path | None,
@@ -284,7 +300,7 @@ def run(
     # A run that goes on has several recordings.
     recorded = resume or folder / RECORDING_NAME if "recorder" in names else None
     with log.open("a", encoding="utf-8") as written:
-        nodes = RunningNodes(sys.stdout, written)
+        nodes = RunningNodes(sys.stdout, written, on_page=show_page)
         nodes.stop_by_signals()
         code = nodes.run(processes, namespace, describe_ready(rig, recorded, namespace))
     if recorded and recorded.exists():

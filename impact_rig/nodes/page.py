@@ -31,20 +31,23 @@ from impact_rig.core.given.errors import DeviceError, ParameterError
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.overrules import Overrule, Verdict
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.acts import fill_act
 from impact_rig.nodes.campaign_feed import CampaignFeed
 from impact_rig.nodes.executor import make_executor, spin_until
 from impact_rig.nodes.identity import Identity, id_to_msg, make_id
 from impact_rig.nodes.intake import Intake, Received
 from impact_rig.nodes.result_messages import overrule_to_msg
 from impact_rig.nodes.rig_node import RigNode
-from impact_rig.page.server import Act, Address, Answer, Form, PageServer
+from impact_rig.page.access import Address, keep_token
+from impact_rig.page.sentence import make_sentence, say_plainly
+from impact_rig.page.server import LONGEST_FIELD, Act, Answer, Form, PageServer
 from impact_rig.page.traces import integrate_hammer, pack_traces
 from impact_rig.page.view import make_view
 from impact_rig.recordings.campaigns import is_trial
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import JudgedTraces
 from impact_rig.status.rig_status import RigStatus
-from impact_rig.status.states import HammerStatus, NodeHealth
+from impact_rig.status.states import CampaignStatus, HammerStatus, NodeHealth
 
 SHOW_PERIOD = 0.05
 """Between two views at least [s]: a person sees no more."""
@@ -60,6 +63,12 @@ ACTS = {
     "resume": interfaces.RESUME_CAMPAIGN,
 }
 """Services for a person's acts, by the names of their forms."""
+FROM_CAMPAIGN = ("mounted", "start", "resume")
+"""Acts that are made from the campaign's state, and may lead to a swing."""
+LATE_ACTS = (*interfaces.LATE_ACTS, *FROM_CAMPAIGN)
+"""Acts that do nothing when they come late."""
+ANSWERERS = {"overrule": "analysis", "monitor": "source"}
+"""Who answers to an act, if not the campaign or the hammer."""
 
 
 class PageNode(RigNode):
@@ -70,7 +79,7 @@ class PageNode(RigNode):
         self._status = RigStatus(self.get_namespace())
         self._feed = feed = CampaignFeed(self._on_campaign, self._on_finding)
         self._server: PageServer | None = None
-        self._is_shown = True
+        self._is_shown, self._shown_sentence = True, ("", "")
         self._traced = ""  # sample of the newest trace
         self._lock = threading.Lock()  # of what the rig has said
         self._notes = self.advertise(interfaces.NOTE)
@@ -87,7 +96,7 @@ class PageNode(RigNode):
             self.resolve_service_name(f"{campaigns}/get_result"),
         )
         self._acts: dict[str, Act] = {
-            **{act: ask(act, ActService, service, _name) for act, service in ACTS.items()},
+            **{act: ask(act, ActService, service) for act, service in ACTS.items()},
             "mounted": ask("mounted", ConfirmSample, interfaces.CONFIRM_SAMPLE, _name_sample),
             "overrule": ask("overrule", OverruleHit, interfaces.OVERRULE_HIT, self._read_overrule),
             "monitor": ask("monitor", SetBool, interfaces.MONITOR_INPUT, _read_switch),
@@ -111,6 +120,9 @@ class PageNode(RigNode):
             (interfaces.IMPACT_TRACE, feed.on_finding),
         ):
             self.listen(topic, callback)
+        # Stops that the hammer has answered to, and whose state has not come yet.
+        self._stops: list[tuple[Future[Answer], Answer]] = []
+        self._told = ""  # of the address, besides itself
         self._hands.start()
         self.create_timer(SHOW_PERIOD, self._show)
         self.create_timer(1.0, self._look_round)
@@ -125,15 +137,23 @@ class PageNode(RigNode):
             Path(certificate) if certificate else None,
             Path(key) if key else None,
         )
-        self._server = PageServer(address, self._acts)
+        token, self._told = "", ""
+        if not address.is_local:
+            token, path = keep_token(Path.cwd())
+            self._told = f", by its link: the token is in {path}"
+        self._server = PageServer(address, self._acts, token, LATE_ACTS)
         self._server.__enter__()
         self._server.show(make_view(self._status))
+        if address.port not in (0, self._server.port):
+            self.get_logger().warning(
+                f"port {address.port} is taken: the page is at port {self._server.port}"
+            )
 
     def activate(self) -> None:
-        """Announce the address of the page."""
+        """Announce the address of the page; its token goes to nobody but who started it."""
         if self._server is not None:
-            self.get_logger().info(f"the page is at {self._server.link}")
-            notify(Notice.PAGE, self._server.link)
+            self.get_logger().info(f"the page listens at {self._server.origin}{self._told}")
+            notify(Notice.PAGE, " ".join(self._server.links))
 
     def close(self) -> None:
         """Close, and let nothing more be done."""
@@ -170,12 +190,14 @@ class PageNode(RigNode):
             self._status.keep(received.value)
         self._is_shown = False
         self._show()
+        self._settle_stops()
 
     def _on_state(self, received: Received[Any]) -> None:
         self._status.keep(received.value)
 
     def _on_note(self, received: Received[String]) -> None:
-        self._status.notes.appendleft(f"{datetime.now().astimezone():%H:%M} {received.value.data}")
+        text = received.value.data[:LONGEST_FIELD]
+        self._status.notes.appendleft(f"{datetime.now().astimezone():%H:%M} {text}")
 
     def _on_health(self, received: Received[tuple[NodeHealth, ...]]) -> None:
         self._status.add_health(received.value)
@@ -191,7 +213,7 @@ class PageNode(RigNode):
 
     def _add_traces(self, traces: JudgedTraces) -> None:
         label = traces.aligned.label
-        self._status.full_scale = traces.full_scale[0] if traces.full_scale else 0.0
+        self._status.full_scales = traces.full_scale
         self._status.speed_changes[label.record] = integrate_hammer(traces)
         if self._server is not None:
             packed = pack_traces(traces, self._status.list_levels())
@@ -199,9 +221,13 @@ class PageNode(RigNode):
             self._traced = label.sample
 
     def _show(self) -> None:
-        if (server := self._server) is not None and not self._is_shown:
-            self._is_shown = True
-            with self._lock:
+        """Show what is new; the sentence also changes by time alone."""
+        if (server := self._server) is None:
+            return
+        with self._lock:
+            sentence = make_sentence(self._status).key
+            if not self._is_shown or sentence != self._shown_sentence:
+                self._is_shown, self._shown_sentence = True, sentence
                 server.show(make_view(self._status, self._disk))
 
     def _look_round(self) -> None:
@@ -232,9 +258,14 @@ class PageNode(RigNode):
 
         def call(form: Form) -> "Future[Answer]":
             answer: Future[Answer] = Future()
-            if not client.service_is_ready():
-                raise DeviceError(f"no node offers {name}")
             request, deadline = kind.Request(**read(form)), time.monotonic() + self.answer_timeout
+            if hasattr(asked := getattr(request, "goal", request), "by"):
+                self._fill(asked, act, form)
+            if act == "stop":
+                self._begin_stop()
+            if not client.service_is_ready():
+                who = ANSWERERS.get(act, name.partition("/")[0])
+                raise DeviceError(f"not done: the {who} does not answer")
 
             def finish(done: Any) -> None:
                 response = done.result()
@@ -243,22 +274,58 @@ class PageNode(RigNode):
                     return
                 # Goals are accepted, their ends have a code, all other acts succeed.
                 is_done = getattr(response, "accepted", not getattr(response, "return_code", 0))
-                if act == "stop":
-                    self._status.stopped_by, self._is_shown = form.who, False
                 if follow is not None and is_done:
                     follow(request, answer)
                     return
                 message = getattr(response, "message", "")
-                _settle(answer, Answer(getattr(response, "success", is_done), message))
+                result = Answer(getattr(response, "success", is_done), say_plainly(message))
+                if act == "stop" and result.done:
+                    self._stops.append((answer, result))
+                    self._settle_stops()
+                else:
+                    _settle(answer, result)
 
             def send() -> None:
-                client.call_async(request).add_done_callback(finish)
+                pending = client.call_async(request)
+                pending.add_done_callback(finish)
+                # Nobody waits any more: nothing is kept.
+                answer.add_done_callback(lambda _: client.remove_pending_request(pending))
 
             send()
-            self._write_down(self._asked, form, act)
+            self._write_down(self._asked, form, _describe(act, form))
             return answer
 
         return call
+
+    def _fill(self, request: Any, act: str, form: Form) -> None:
+        """Say who acts; of what may lead to a swing also from which state, and until when."""
+        request.by = form.by
+        if act not in LATE_ACTS:
+            return
+        try:
+            hammer, hammer_stamp, campaign, stamp = map(int, form["seen"].split()[2:])
+        except ValueError:
+            raise ParameterError("not done: the form does not say what was shown") from None
+        state: CampaignStatus | HammerStatus = HammerStatus(number=hammer, stamp=hammer_stamp)
+        if act in FROM_CAMPAIGN:
+            state = CampaignStatus(number=campaign, stamp=stamp)
+        if not state.stamp:
+            raise DeviceError("not done: the rig has not said anything yet")
+        fill_act(request, state, form.by)
+
+    def _begin_stop(self) -> None:
+        """Show that a stop waits for the hammer's word; it waits for no lock."""
+        if self._status.stop_asked_at is None:
+            self._status.stop_asked_at = self._status.clock()
+
+    def _settle_stops(self) -> None:
+        """Answer to stops once the hammer's own state says that it is stopped."""
+        if not self._status.hammer.is_stopped:
+            return
+        self._status.stop_asked_at = None
+        stops, self._stops = self._stops, []
+        for answer, result in stops:
+            _settle(answer, result)
 
     def _answer_start(self, request: Any, answer: "Future[Answer]") -> None:
         """Answer that a campaign begins, unless it is refused: that is its result, at once."""
@@ -267,7 +334,8 @@ class PageNode(RigNode):
         def refuse(done: Any) -> None:
             begun.cancel()
             result = done.result().result
-            _settle(answer, Answer(result.success, "" if result.success else result.message))
+            message = "" if result.success else say_plainly(result.message)
+            _settle(answer, Answer(result.success, message))
 
         asked = self._results.call_async(self._results.srv_type.Request(goal_id=request.goal_id))
         asked.add_done_callback(refuse)
@@ -289,7 +357,7 @@ class PageNode(RigNode):
 
     def _write_down(self, publisher: Any, form: Form, what: str) -> None:
         """Publish an act or a note, and its person, for the recording."""
-        publisher.publish(String(data=f"at the page{form.signature}: {what}"))
+        publisher.publish(String(data=f"{form.by}: {what}"[:LONGEST_FIELD]))
 
     def _note(self, form: Form) -> "Future[Answer]":
         answer: Future[Answer] = Future()
@@ -345,12 +413,15 @@ def _settle(answer: "Future[Answer]", result: Answer) -> None:
         answer.set_result(result)
 
 
-def _name(form: Form) -> dict[str, Any]:
-    return {"by": f"{form.who} at the page".strip()}
+def _describe(act: str, form: Form) -> str:
+    """Return an act with its object: a hit, samples, why."""
+    hit = f"hit {form['record']}" if form["record"] else ""
+    given = (hit, form["verdict"], form["reason"], *form.fields.get("sample", ()), form["impacts"])
+    return " ".join((act, ", ".join(filter(None, given)))).strip()
 
 
 def _name_sample(form: Form) -> dict[str, Any]:
-    return {"sample": form["sample"], **_name(form)}
+    return {"sample": form["sample"]}
 
 
 def _read_switch(form: Form) -> dict[str, Any]:
@@ -361,6 +432,9 @@ def _read_goal(form: Form) -> dict[str, Any]:
     """Return the goal of a filled in form; raises `ParameterError` if it cannot be meant."""
     tries = form["trial"] == "yes"
     impacts = "1" if tries else form["impacts"]
+    samples = form.fields.get("sample", ())
+    if not samples:
+        raise ParameterError("no sample is chosen: choose those to strike")
     if not impacts.isdecimal() or not 1 <= int(impacts) <= 1000:  # noqa: PLR2004
         raise ParameterError(f"hits of each sample are {impacts!r}: write 1 to 1000")
     try:
@@ -368,7 +442,7 @@ def _read_goal(form: Form) -> dict[str, Any]:
     except ValueError:
         raise ParameterError(f"release angles are {form['angles']!r}: write 5, 10, 20") from None
     goal = RunCampaign.Goal(
-        samples=form.fields.get("sample", ())[: 1 if tries else None],
+        samples=samples[: 1 if tries else None],
         impacts=int(impacts),
         attempts_per_impact=int(tries),
         trial=tries,

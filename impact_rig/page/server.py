@@ -6,13 +6,13 @@ thread of its own; `PageServer.show` and `show_trace` may be called from any thr
 
 import asyncio
 import hmac
-import ipaddress
 import json
+import logging
+import math
 import re
-import secrets
-import ssl
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -21,28 +21,55 @@ from typing import Any, Self, TypeAlias
 from urllib.parse import quote, unquote, urlsplit
 
 from tornado.httpserver import HTTPServer
-from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from impact_rig.core.given.errors import DeviceError, ParameterError, RigError
+from impact_rig.core.given.errors import RigError
+from impact_rig.page.access import TOKEN, Address, Connections, make_link, read_host
+from impact_rig.page.view import TEXTS
 
 STATIC = {"page.css": "text/css; charset=utf-8", "page.js": "text/javascript; charset=utf-8"}
-MACROS = ("act", "note", "strength", "numbers")
-HEARTBEAT = 1.0
-"""How often each page hears that the server is there [s]; after three of them it greys."""
+MACROS = ("act", "note", "strength", "numbers", "hit_row")
+HEARTBEAT = 0.25
+"""How often each page hears that the server is there, and what its acts are made from [s]."""
+PING = 10.0
+"""How often a browser must show that it is there [s]."""
+REACTION = 2.0
+"""How old what was shown may be when an act arrives that was made from it [s]."""
 LONGEST_FORM = 20_000
 """Largest form of an act [bytes]."""
 LONGEST_FIELD = 1000
 """Longest text of a person [characters], as in the templates."""
+LONGEST_NAME = 60
 KEPT_TRACES = 10
 """How many traces of a sample a page gets that opens late, and draws at each hit [-]."""
-TOKEN = "token"  # noqa: S105 - the name of a cookie
+KEPT_STOPS = 50
+"""How many stops that are done are remembered for the pages that asked for them [-]."""
+STOP = "stop"
 WHO = "who"
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self';"
     " img-src data:; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
 )
+
+
+class Seldom(logging.Filter):
+    """Lets one message a second pass: a stranger fills no disk."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
+        self._clock, self._passed = clock, -math.inf
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether a message is logged."""
+        now = self._clock()
+        if now - self._passed < 1.0:
+            return False
+        self._passed = now
+        return True
+
+
+SELDOM = Seldom()
 
 
 @dataclass(frozen=True)
@@ -55,15 +82,17 @@ class Answer:
 
 @dataclass(frozen=True)
 class Form:
-    """A form as a person has filled it in, with the person's name."""
+    """A form as a person has filled it in, with the person's name and address."""
 
     fields: Mapping[str, tuple[str, ...]]
     who: str
+    address: str = ""
 
     @property
-    def signature(self) -> str:
-        """The person's name, to be appended to the act."""
-        return f", {self.who}" if self.who else ""
+    def by(self) -> str:
+        """Who acts, and where."""
+        place = f" ({self.address})" if self.address else ""
+        return f"{self.who or 'somebody'} at the page{place}"
 
     def __getitem__(self, name: str) -> str:
         """Return the first value of a field; empty: it is not there."""
@@ -73,45 +102,15 @@ class Form:
 Act: TypeAlias = Callable[[Form], "Future[Answer]"]
 
 
-@dataclass(frozen=True)
-class Address:
-    """Where the page is served, and to whom.
+class _Door(HTTPServer):
+    """Takes connections as far as there is room."""
 
-    On the loopback address every user of this computer may act; elsewhere only a person who has
-    the token of the link.
-    """
+    connections: Connections
 
-    host: str = "127.0.0.1"
-    port: int = 0  # 0: any that is free
-    certificate: Path | None = None  # of the server, in PEM, with TLS
-    key: Path | None = None  # of the certificate; None: in the same file
-
-    @property
-    def is_local(self) -> bool:
-        """Whether only this computer reaches it."""
-        try:
-            return ipaddress.ip_address(self.host).is_loopback
-        except ValueError:
-            return self.host == "localhost"
-
-    def make_tls(self) -> ssl.SSLContext | None:
-        """Return the TLS to serve with; None: none.
-
-        Raises
-        ------
-        ParameterError
-            If certificate or key cannot be used.
-        """
-        if self.certificate is None:
-            return None
-        context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
-        try:
-            context.load_cert_chain(self.certificate, self.key)
-        except OSError as error:
-            raise ParameterError(
-                f"the page's certificate {self.certificate} cannot be used: {error}"
-            ) from None
-        return context
+    def handle_stream(self, stream: Any, address: tuple[Any, ...]) -> None:
+        """Count a connection before anything is read from it."""
+        self.connections.admit(stream, str(address[0]))
+        super().handle_stream(stream, address)
 
 
 class PageServer:
@@ -124,6 +123,11 @@ class PageServer:
     acts : mapping of str to callable
         What a person can do, by the name of its form. Called in the server's thread; a `RigError`
         says why it is not done.
+    token : str, optional
+        Who does not have it is refused; empty: everybody may ask.
+    late : collection of str, optional
+        Acts that are refused when they come late, or made from another sentence than the one
+        that is shown now.
 
     Raises
     ------
@@ -135,45 +139,71 @@ class PageServer:
 
     patience = 10.0  # [s], how long the rig may take to answer
 
-    def __init__(self, address: Address, acts: Mapping[str, Act]) -> None:
-        self._address = address
-        self.token = "" if address.is_local else secrets.token_urlsafe(24)
+    def __init__(
+        self,
+        address: Address,
+        acts: Mapping[str, Act],
+        token: str = "",
+        late: tuple[str, ...] = (),
+    ) -> None:
+        self.address = address
+        self.token = token
         self._tls = address.make_tls()
-        try:
-            self._sockets = bind_sockets(address.port, address.host)
-        except OSError as error:
-            raise DeviceError(
-                f"the page cannot listen at {address.host}:{address.port}: {error.strerror}"
-            ) from None
+        self._sockets = address.listen()
         self.port: int = self._sockets[0].getsockname()[1]
         self.acts = acts
+        self.late = late
+        self.connections = Connections()
+        self.done_stops: deque[str] = deque(maxlen=KEPT_STOPS)
         from jinja2 import Environment, PackageLoader, StrictUndefined
 
         environment = Environment(
             loader=PackageLoader("impact_rig.page"), autoescape=True, undefined=StrictUndefined
         )
+        self._rendered = ""  # what the forms say that is being rendered
+        environment.globals |= {"seen": lambda: self._rendered, **TEXTS}
         parts: Any = environment.get_template("parts.html").module
         environment.globals |= {name: getattr(parts, name) for name in MACROS}
         self._template = environment.get_template("page.html")
+        self._make_row: Any = parts.hit_row
+        self._rows: dict[int, tuple[Any, str]] = {}  # of the table of hits
         self._view: Any = None
-        self.fragments: dict[str, str] = {}
+        self._sentence = 0  # number of the one that is shown
+        self.fragments: dict[str, str | None] = {}
         self.traces: dict[int, bytes] = {}
         self.pages: set[LivePage] = set()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
     @property
-    def link(self) -> str:
-        """The page's address for a person."""
-        host = f"[{self._address.host}]" if ":" in self._address.host else self._address.host
-        scheme = "https" if self._tls else "http"
-        query = f"?{TOKEN}={quote(self.token)}" if self.token else ""
-        return f"{scheme}://{host}:{self.port}/{query}"
+    def links(self) -> list[str]:
+        """The page's addresses for a person."""
+        hosts, scheme = self.address.hosts, self.address.scheme
+        return [make_link(scheme, host, self.port, self.token) for host in hosts]
 
     @property
     def origin(self) -> str:
-        """Origin of this page in a browser's requests."""
-        return self.link.rpartition("/")[0]
+        """Its first address, without the token."""
+        return self.links[0].rpartition("/")[0]
+
+    @property
+    def seen(self) -> str:
+        """What an act is made from: the sentence, when it was shown, and the rig's states."""
+        state = "" if self._view is None else self._view.seen
+        return f"{self._sentence} {_read_clock():.3f} {state}"
+
+    def refuse_late(self, seen: str) -> str | None:
+        """Return why an act is not done, by what it was made from; None: it may be."""
+        try:
+            number, shown = map(float, seen.split()[:2])
+        except ValueError:
+            return "not done: the form does not say what was shown; load the page again"
+        if number != self._sentence:
+            return "not done: what was shown has changed since; look, then do it again"
+        late = _read_clock() - shown - REACTION
+        if not late <= 0.0:
+            return f"not done: it came {late:.1f} s too late; look, then do it again"
+        return None
 
     def __enter__(self) -> Self:
         """Start to serve."""
@@ -194,11 +224,35 @@ class PageServer:
         self._loop.call_soon_threadsafe(self._show_trace, record, trace, is_first)
 
     def render(self, answer: str, who: str) -> str:
-        """Return the whole page."""
-        return self._template.render(view=self._view, answer=answer, who=who)
+        """Return the whole page, whose forms say what they are made from."""
+        self._rendered = self.seen
+        try:
+            return self._template.render(view=self._view, answer=answer, who=who)
+        finally:
+            self._rendered = ""
+
+    async def do(self, name: str, form: Form) -> Answer:
+        """Do what a form asks for; return what came of it."""
+        try:
+            if name in self.late and (refusal := self.refuse_late(form["seen"])):
+                return Answer(done=False, message=refusal)
+            if name == STOP and form[STOP] in self.done_stops:
+                return Answer(done=True, message="stopped")
+            pending = asyncio.wrap_future(self.acts[name](form))
+            answer = await asyncio.wait_for(pending, self.patience)
+        except TimeoutError:
+            return Answer(done=False, message="the rig does not answer: look what it does")
+        except RigError as error:
+            return Answer(done=False, message=str(error))
+        if name == STOP and answer.done:
+            self.done_stops.append(form[STOP])
+            self._send({})
+        return answer
 
     def _serve(self) -> None:
         asyncio.set_event_loop(self._loop)
+        for name in ("tornado.application", "tornado.general", "asyncio"):
+            logging.getLogger(name).addFilter(SELDOM)
         options: dict[str, Any] = {"server": self}
         handlers = [
             ("/", Page, options),
@@ -212,13 +266,16 @@ class PageServer:
             default_handler_args=options,
             log_function=lambda _: None,
             websocket_max_message_size=LONGEST_FORM,
+            websocket_ping_interval=PING,
         )
-        http = HTTPServer(
+        http = _Door(
             application,
             ssl_options=self._tls,
             max_body_size=LONGEST_FORM,
             idle_connection_timeout=30.0,
+            body_timeout=10.0,
         )
+        http.connections = self.connections
         http.add_sockets(self._sockets)
         self._loop.call_soon(self._beat)
         self._loop.run_forever()
@@ -233,17 +290,31 @@ class PageServer:
         self._loop.call_later(HEARTBEAT, self._beat)
 
     def _show(self, view: Any) -> None:
-        self._view = view
+        before, self._view = self._view, view
+        if before is None or view.sentence.key != before.sentence.key:
+            self._sentence += 1
         if view.hit is None:
             self.traces.clear()
         context = self._template.new_context({"view": view})
-        fragments = {
-            name: "".join(block(context)) for name, block in self._template.blocks.items()
+        fragments: dict[str, str | None] = {
+            name: "".join(block(context)).strip() for name, block in self._template.blocks.items()
         }
+        fragments |= self._render_rows(view.hits)
         news = {key: text for key, text in fragments.items() if self.fragments.get(key) != text}
+        news |= dict.fromkeys(self.fragments.keys() - fragments.keys())
         self.fragments = fragments
         if news:
             self._send(news)
+
+    def _render_rows(self, hits: list[Any]) -> dict[str, str | None]:
+        """Return the rows of the table of hits; only those that are new are rendered."""
+        known, self._rows = self._rows, {}
+        for hit in hits:
+            row = known.get(hit.record)
+            if row is None or row[0] is not hit:
+                row = hit, str(self._make_row(hit))
+            self._rows[hit.record] = row
+        return {f"hit-{record}": text for record, (_, text) in self._rows.items()}
 
     def _show_trace(self, record: int, trace: bytes, is_first: bool) -> None:  # noqa: FBT001
         if is_first:
@@ -254,7 +325,7 @@ class PageServer:
         for page in tuple(self.pages):
             page.send_trace(trace)
 
-    def _send(self, fragments: Mapping[str, str]) -> None:
+    def _send(self, fragments: Mapping[str, str | None]) -> None:
         for page in tuple(self.pages):
             page.send(fragments)
 
@@ -268,16 +339,27 @@ class _Checked(RequestHandler):
 
     def prepare(self) -> None:
         """Refuse who may not ask."""
-        if self.request.host != urlsplit(self.server.origin).netloc:
-            raise HTTPError(421, reason=f"the page is at {self.server.origin}")
-        origin = self.request.headers.get("Origin")
+        server, connection = self.server, self.request.connection
+        stream = connection.stream  # type: ignore[union-attr] # of HTTP/1, the only one
+        local = stream.socket.getsockname()[0]
+        if not server.address.is_served(self.request.host, local, server.port):
+            raise HTTPError(421, reason=f"the page is at {server.origin}")
         is_safe = self.request.method in {"GET", "HEAD"} and not isinstance(self, LivePage)
-        if origin != self.server.origin and not (is_safe and origin is None):
+        origin = self.request.headers.get("Origin")
+        if not self._is_own(origin) and not (is_safe and origin is None):
             raise HTTPError(403, reason="this request comes from another page")
-        given = self.get_cookie(TOKEN) or self.get_query_argument(TOKEN, "")
-        token = self.server.token
-        if token and not hmac.compare_digest(given.encode(), token.encode()):
+        given = self.get_query_argument(TOKEN, "") or self.read_cookie(TOKEN)
+        if server.token and not hmac.compare_digest(given.encode(), server.token.encode()):
             raise HTTPError(403, reason="the link with its token is needed: see the terminal")
+        if not server.connections.know(stream):
+            raise HTTPError(503, reason="too many pages are open: close some")
+
+    def _is_own(self, origin: str | None) -> bool:
+        """Return whether a request comes from a page that was asked for by the same Host."""
+        scheme, port = self.server.address.scheme, 443 if self.server.address.certificate else 80
+        given = urlsplit(origin or "")
+        asked = read_host(self.request.host, port)
+        return given.scheme.lower() == scheme and read_host(given.netloc, port) == asked
 
     def set_default_headers(self) -> None:
         """Let the browser run nothing but the page's own script."""
@@ -292,10 +374,19 @@ class _Checked(RequestHandler):
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"{self._reason}\n")
 
-    def keep(self, name: str, value: str) -> None:
-        """Keep a cookie in the browser."""
-        secure = self.server.origin.startswith("https")
+    def keep_cookie(self, name: str, value: str) -> None:
+        """Keep a cookie in the browser, beside those of pages at other ports."""
+        secure = self.server.address.certificate is not None
+        name = f"{name}_{self.server.port}"
         self.set_cookie(name, quote(value), httponly=True, samesite="Strict", secure=secure)
+
+    def read_cookie(self, name: str) -> str:
+        """Return the value of a cookie; empty: there is none."""
+        return unquote(self.get_cookie(f"{name}_{self.server.port}") or "")
+
+    def read_form(self, fields: Mapping[str, tuple[str, ...]]) -> Form:
+        """Return a form with who has filled it in."""
+        return Form(fields, self.read_cookie(WHO)[:LONGEST_NAME], self.request.remote_ip or "")
 
 
 class Nothing(_Checked):
@@ -322,10 +413,11 @@ class Page(_Checked):
     def get(self) -> None:
         """Show the page; a link with its token is kept as a cookie."""
         if self.get_query_argument(TOKEN, ""):
-            self.keep(TOKEN, self.server.token)
+            self.keep_cookie(TOKEN, self.server.token)
             self.redirect("/")
             return
-        self.finish(self.server.render(self.get_query_argument("answer", ""), read_who(self)))
+        answer = self.get_query_argument("answer", "")[:LONGEST_FIELD]
+        self.finish(self.server.render(answer, self.read_cookie(WHO)[:LONGEST_NAME]))
 
 
 class Acts(_Checked):
@@ -334,22 +426,16 @@ class Acts(_Checked):
     async def post(self, name: str) -> None:
         """Do what a form asks for, and say what came of it."""
         fields = {key: tuple(self.get_body_arguments(key)) for key in self.request.body_arguments}
-        form = Form(fields, read_who(self))
+        form = self.read_form(fields)
         too_long = [key for key, (text, *_) in fields.items() if len(text) > LONGEST_FIELD]
         if too_long:
             message = f"{too_long[0]} is longer than {LONGEST_FIELD} characters: write less"
             answer = Answer(done=False, message=message)
         elif name == WHO:
-            self.keep(WHO, form[WHO][:60])
+            self.keep_cookie(WHO, form[WHO][:LONGEST_NAME])
             answer = Answer(done=True, message="")
         elif name in self.server.acts:
-            try:
-                pending = asyncio.wrap_future(self.server.acts[name](form))
-                answer = await asyncio.wait_for(pending, self.server.patience)
-            except TimeoutError:
-                answer = Answer(done=False, message=f"the rig did not answer to {name!r}")
-            except RigError as error:
-                answer = Answer(done=False, message=str(error))
+            answer = await self.server.do(name, form)
         else:
             raise HTTPError(404, reason=f"nothing is called {name!r}")
         if "application/json" in self.request.headers.get("Accept", ""):
@@ -359,57 +445,82 @@ class Acts(_Checked):
 
 
 class LivePage(_Checked, WebSocketHandler):
-    """One open page. A slow one skips what is old; it never holds up another."""
+    """One open page. It says what it has put on the screen, and then gets the newest.
+
+    Each message of the browser carries its time, which comes back with the answer: a browser that
+    was asleep knows by it that what waited for it is old.
+    """
 
     def check_origin(self, origin: str) -> bool:
         """Return whether the page itself asks."""
-        return origin == self.server.origin
+        return self._is_own(origin)
 
     def open(self) -> None:
-        """Show everything."""
+        """Wait for its first word."""
         self.set_nodelay(value=True)
-        self._is_busy = False
-        self._news: dict[str, str] = {}
+        self._has_shown = ""  # by the browser's clock, when it had shown all; empty: it has not
+        self._news: dict[str, str | None] = dict(self.server.fragments)
         self._traces: list[bytes] = list(self.server.traces.values())
+        self._is_new = True
         self.server.pages.add(self)
-        self.send(self.server.fragments)
 
     def on_message(self, message: str | bytes) -> None:
-        """Ignore it: acts are forms."""
+        """Take that the newest message is shown, or a stop."""
+        try:
+            said = json.loads(message)
+            shown, stop = str(said.get("shown", ""))[:40], str(said.get(STOP, ""))[:40]
+        except (ValueError, AttributeError):
+            self.close()
+            return
+        if stop:
+            work = self.server.do(STOP, self.read_form({STOP: (stop,)}))
+            asyncio.get_running_loop().create_task(work)
+        if shown:
+            self._has_shown = shown
+            if self._news or self._traces:
+                self._send()
 
     def on_close(self) -> None:
         """Forget the page."""
         self.server.pages.discard(self)
 
-    def send(self, fragments: Mapping[str, str]) -> None:
-        """Send fragments, or a sign of life."""
+    def send(self, fragments: Mapping[str, str | None]) -> None:
+        """Send fragments, or a sign of life, once what was sent before is shown."""
         self._news.update(fragments)
-        if not self._is_busy:
-            self._is_busy = True
-            self._flushing = asyncio.ensure_future(self._flush())
+        self._send()
 
     def send_trace(self, trace: bytes) -> None:
-        """Send a trace; of many that wait the newest."""
-        self._traces = [*self._traces[-KEPT_TRACES:], trace]
-        self.send({})
+        """Send a trace, once what was sent before is shown."""
+        self._traces = [*self._traces[1 - KEPT_TRACES :], trace]
+        self._send()
 
-    async def _flush(self) -> None:
+    def _send(self) -> None:
+        if not self._has_shown:
+            return
+        message = json.dumps(
+            {
+                "answers": self._has_shown,
+                "now": time.time() * 1e3,
+                "seen": self.server.seen,
+                "stops": list(self.server.done_stops),
+                "all": self._is_new,
+                "fragments": self._news,
+            }
+        )
+        traces, self._traces, self._news = self._traces, [], {}
+        self._has_shown, self._is_new = "", False
         try:
-            while True:
-                news, self._news = self._news, {}
-                traces, self._traces = self._traces, []
-                now = round(time.time() * 1000)
-                await self.write_message(json.dumps({"now": now, "fragments": news}))
-                for trace in traces:
-                    await self.write_message(trace, binary=True)
-                if not (self._news or self._traces):
-                    break
+            for trace in traces:
+                self._write(trace, binary=True)
+            self._write(message)
         except WebSocketClosedError:
             self.server.pages.discard(self)
-        finally:
-            self._is_busy = False
+
+    def _write(self, message: str | bytes, *, binary: bool = False) -> None:
+        # That it goes nowhere is found out by the ping.
+        self.write_message(message, binary=binary).add_done_callback(lambda it: it.exception())
 
 
-def read_who(handler: RequestHandler) -> str:
-    """Return the name that the person at a page has given."""
-    return unquote(handler.get_cookie(WHO) or "")[:60]
+def _read_clock() -> float:
+    """Return a time that cannot be set, and that goes on while the computer sleeps [s]."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)

@@ -10,7 +10,8 @@ from functools import cache
 from typing import Any, TypeVar, get_args, get_origin
 
 from impact_rig.core.given.errors import ParameterError
-from impact_rig.core.given.quantity import CODES, list_fields, read_code
+from impact_rig.core.given.findings import CODES, read_code
+from impact_rig.core.given.quantity import list_fields
 
 _T = TypeVar("_T")
 

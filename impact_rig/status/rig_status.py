@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 MOST_NOTES = 20
 """How many notes are shown [-], the newest."""
+PACE_HITS = 20
+"""By how many hits the pace of a campaign is known [-], the newest."""
 SILENCE = 5.0
 """How long a node that is not silent may take between two diagnostics [s]: five of its periods."""
 STATE_SILENCE = 2.0
@@ -56,18 +58,21 @@ class RigStatus:
     hammer: HammerStatus = NO_HAMMER
     recorder: RecorderStatus = field(default_factory=RecorderStatus)
     acquisition: AcquisitionStatus | None = None  # None: no accelerometers have reported
-    full_scale: float = 0.0  # of the hammer's channel [m/s^2]; 0: not known
+    full_scales: tuple[float, ...] = ()  # of the channels [m/s^2]; 0, or none: not known
     levels: InputLevels = field(default_factory=InputLevels)
     # The newest that there were, with the largest peaks since the monitor began.
     held: tuple[InputLevel, ...] = ()
     notes: deque[str] = field(default_factory=lambda: deque(maxlen=MOST_NOTES))
     is_trial: bool = False  # the hits of the campaign do not count
     clock: Callable[[], float] = time.monotonic  # [s]
-    stopped_by: str = ""  # who pressed STOP at a page last; empty: it is not known
+    # By `clock`: since when a stop from the page waits for the hammer's word; None: none waits.
+    stop_asked_at: float | None = None
     hits: dict[int, HitResults] = field(default_factory=dict)  # by record, in order of arrival
     estimates: dict[str, SampleEstimate] = field(default_factory=dict)
     # Of the hammer in each hit [m/s], by record.
     speed_changes: dict[int, float] = field(default_factory=dict)
+    # When the newest hits came, by `clock`.
+    _struck: deque[float] = field(default_factory=lambda: deque(maxlen=PACE_HITS))
     _health: dict[str, tuple[NodeHealth, float]] = field(default_factory=dict)
     _state_came: dict[str, float] = field(default_factory=dict)  # [s], by node
 
@@ -75,6 +80,7 @@ class RigStatus:
         """Begin afresh with the set-up of another campaign."""
         self.setup, self.is_trial = setup, is_trial
         self.hits, self.estimates, self.speed_changes = {}, {}, {}
+        self._struck.clear()
 
     def keep(
         self,
@@ -98,6 +104,8 @@ class RigStatus:
 
     def add_hit(self, hit: HitResults) -> None:
         """Keep a hit with its newest verdict."""
+        if hit.record not in self.hits:
+            self._struck.append(self.clock())
         self.hits[hit.record] = hit
 
     def add_health(self, nodes: Iterable[NodeHealth]) -> bool:
@@ -144,9 +152,26 @@ class RigStatus:
         return bool(self.acquisition and self.acquisition.hammerless and self.hammer.hammerless)
 
     @property
+    def full_scale(self) -> float:
+        """Of the hammer's channel [m/s^2]; 0: not known."""
+        return self.full_scales[0] if self.full_scales else 0.0
+
+    @property
     def last_hit(self) -> HitResults | None:
         """The hit that was struck last."""
         return self.hits[max(self.hits)] if self.hits else None
+
+    def compute_rest(self) -> float:
+        """Return how long ago the last hit came [s]; infinite: there is none."""
+        return self.clock() - self._struck[-1] if self._struck else math.inf
+
+    def compute_time_left(self) -> float:
+        """Return how long the hits that are missing take at the pace so far [s]; NaN: unknown."""
+        if len(self._struck) < 2 or not self.campaign.is_running:  # noqa: PLR2004 - one interval
+            return math.nan
+        pace = (self._struck[-1] - self._struck[0]) / (len(self._struck) - 1)
+        wanted = self.campaign.impacts
+        return pace * sum(max(0, wanted - item.accepted) for item in self.campaign.counts)
 
     def compute_deviation(self, hit: HitResults) -> float:
         """Return how far the contact time lies from the others accepted, in their scatter [-].
@@ -156,7 +181,10 @@ class RigStatus:
         others = [
             item.contact_time
             for item in self.hits.values()
-            if item.sample == hit.sample and item.accepted and item.record != hit.record
+            if item.sample == hit.sample
+            and item.accepted
+            and item.record != hit.record
+            and math.isfinite(item.contact_time)
         ]
         if len(others) < 3 or (scatter := stdev(others)) == 0.0:  # noqa: PLR2004 - see above
             return math.nan

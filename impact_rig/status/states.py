@@ -83,6 +83,10 @@ class CampaignStatus:
         return next((item for item in self.counts if item.sample == self.sample), none)
 
 
+OPERATOR = "operator"
+"""What holds a hammer that is released by hand, as the driver `manual` says."""
+
+
 class HammerPlace(IntEnum):
     """Where the hammer is, numbered as in the message `HammerState`."""
 
@@ -129,6 +133,11 @@ class HammerStatus:
     def needs_person(self) -> bool:
         """Whether only a person arms it: a person has stopped or disarmed it."""
         return self.disarmed_by in (Disarming.EMERGENCY_STOP, Disarming.PERSON)
+
+    @property
+    def is_by_hand(self) -> bool:
+        """Whether a person holds and releases it."""
+        return self.holder == OPERATOR
 
     @property
     def is_away(self) -> bool:

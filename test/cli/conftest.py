@@ -1,5 +1,6 @@
 """Campaigns of the virtual rig, recorded without running nodes, and a way to call commands."""
 
+import contextlib
 import itertools
 import math
 import os
@@ -164,3 +165,55 @@ def struck(tmp_path_factory):
 def record():
     """Return the function that strikes and records."""
     return record_campaigns
+
+
+@pytest.fixture(scope="module")
+def browser():
+    options = [
+        "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
+        "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    ]  # fmt: skip
+    from playwright.sync_api import sync_playwright
+
+    from .page_rig import BROWSER
+
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=BROWSER, args=options)
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def open_page(rig, browser):
+    """Return a function that opens the page in a browser of its own."""
+    with contextlib.ExitStack() as opened:
+
+        def open_one(**options):
+            context = browser.new_context(**options)
+            opened.callback(context.close)
+            context.set_default_timeout(40_000)
+            page = context.new_page()
+            page.goto(rig.link)
+            return page
+
+        yield open_one
+
+
+@pytest.fixture
+def page(open_page):
+    """Return the page of a rig in which no campaign runs, before and after."""
+    from impact_rig_msgs.srv import Act
+    from playwright.sync_api import expect
+
+    from impact_rig.nodes import interfaces
+    from impact_rig.nodes.client import RigClient
+
+    shown = open_page()
+    expect(shown.locator("#start form")).to_be_visible(timeout=40_000)
+    yield shown
+    if shown.locator("form[action=end] button").is_visible():
+        shown.locator("form[action=end] button").click()
+    with RigClient("cleaner") as client:
+        client.call(Act, interfaces.RESET_HAMMER, Act.Request(), PATIENCE)
+        client.call(Act, interfaces.ARM_HAMMER, Act.Request(), PATIENCE)
+    expect(shown.locator("#start form")).to_be_visible(timeout=40_000)

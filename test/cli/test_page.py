@@ -1,34 +1,29 @@
 """The page at the rig: real nodes, a by-hand holder, and a browser that clicks."""
 
-import contextlib
-import os
 import re
-import shutil
 import signal
 import subprocess
 
 import pytest
-from impact_rig_msgs.srv import Act
 
 from impact_rig.cli.campaign import UNATTENDED_PAUSE
 from impact_rig.configuration.rig_file import read_template
-from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
-from impact_rig.page.server import Address, PageServer
-from impact_rig.page.view import make_view
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.schemas import decode_message
-from impact_rig.status.rig_status import RigStatus
-from impact_rig.testing import use_own_domain
 
 from .conftest import PATIENCE, start_command
-
-sync_api = pytest.importorskip("playwright.sync_api")
-BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(
-    BROWSER is None, reason="no browser looks at the page: on Debian, apt-get install chromium"
+from .page_rig import (
+    MILLISECONDS,
+    needs_browser,
+    run_rig,
+    say,
+    start,
+    sync_api,
+    wait_for_line,
 )
-MILLISECONDS = 1000 * PATIENCE
+
+pytestmark = needs_browser
 STRANGE = "<script>window.pwned = 1</script>"
 """Name of a sample."""
 RIG_FILE = read_template().replace('"brass small"', f'"{STRANGE}"') + (
@@ -36,109 +31,11 @@ RIG_FILE = read_template().replace('"brass small"', f'"{STRANGE}"') + (
 )
 
 
-def wait_for_line(process, word):
-    """Return what stands behind a word in a line that a process prints."""
-    said = []
-    for line in process.stdout:
-        if word in line:
-            return line.partition(word)[2].strip()
-        said.append(line)
-    raise AssertionError(f"it ended and never said {word!r}, but {''.join(said)}")
-
-
-class RunningRig:
-    """A rig with a page."""
-
-    def __init__(self, folder):
-        (folder / "rig.toml").write_text(RIG_FILE, "utf-8")
-        self.folder = folder / "run"
-        self.process = self.start(
-            "up", "--rig-file", folder / "rig.toml", "--output", self.folder, "--no-visualizer",
-            "--page", "--set", "page.port=0", "--set", "hammer.swing_time=1.0",
-        )  # fmt: skip
-        self.page_process = None
-        lines = []
-        for line in self.process.stdout:
-            lines.append(line)
-            if "ready: " in line:
-                break
-        text = "".join(lines)
-        self.link = re.search(r"the page is at (\S+)", text)[1]
-        self.page_pid = int(re.search(r"page started \(pid=(\d+)\)", text)[1])
-
-    def start(self, *words):
-        return start_command(*words, stderr=subprocess.STDOUT)
-
-    def stop(self):
-        for process in filter(None, (self.page_process, self.process)):
-            process.send_signal(signal.SIGINT)
-            process.communicate(timeout=PATIENCE)
-
-
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory):
-    with use_own_domain():
-        running = RunningRig(tmp_path_factory.mktemp("rig"))
+    folder = tmp_path_factory.mktemp("rig")
+    with run_rig(folder, RIG_FILE, "hammer.swing_time=1.0") as running:
         yield running
-        running.stop()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    options = [
-        "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
-        "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    ]  # fmt: skip
-    with sync_api.sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=BROWSER, args=options)
-        yield started
-        started.close()
-
-
-@pytest.fixture
-def open_page(rig, browser):
-    """Return a function that opens the page in a browser of its own."""
-    with contextlib.ExitStack() as opened:
-
-        def open_one(**options):
-            context = browser.new_context(**options)
-            opened.callback(context.close)
-            context.set_default_timeout(MILLISECONDS)
-            page = context.new_page()
-            page.goto(rig.link)
-            return page
-
-        yield open_one
-
-
-@pytest.fixture
-def page(open_page):
-    """Return the page of a rig in which no campaign runs, before and after."""
-    shown = open_page()
-    sync_api.expect(shown.locator("#start")).to_be_visible(timeout=MILLISECONDS)
-    yield shown
-    if shown.locator("form[action=end] button").is_visible():
-        shown.locator("form[action=end] button").click()
-    with RigClient("cleaner") as client:
-        client.call(Act, interfaces.RESET_HAMMER, Act.Request(), PATIENCE)
-    sync_api.expect(shown.locator("#start")).to_be_visible(timeout=MILLISECONDS)
-
-
-def say(page, text):
-    """Wait until the sentence begins with a text."""
-    sentence = sync_api.expect(page.locator("#say b"))
-    sentence.to_contain_text(re.compile("^" + re.escape(text)), timeout=MILLISECONDS)
-    # White on each of its colours.
-    sentence.to_have_css("color", "rgb(255, 255, 255)")
-
-
-def start(page, *samples, impacts=1, ask=True, button="Start"):
-    form = page.locator("#start form")
-    for box in form.locator("input[name=sample]").all():
-        box.set_checked(box.get_attribute("value") in samples)
-    form.locator("input[name=impacts]").fill(str(impacts))
-    form.locator("input[name=ask]").set_checked(ask)
-    form.get_by_role("button", name=button).click()
 
 
 def test_a_campaign_is_run_by_clicks_alone_and_a_second_page_sees_it(page, open_page):
@@ -147,8 +44,10 @@ def test_a_campaign_is_run_by_clicks_alone_and_a_second_page_sees_it(page, open_
     say(page, "MOUNT steel small")
     say(other, "MOUNT steel small")
     page.get_by_role("button", name="steel small is mounted").click()
-    say(page, "RELEASE NOW")
+    say(page, "PULL BACK, then RELEASE")
     assert re.search(r"· \d+ s", page.locator("#say b").inner_text())
+    # Computed hits beside a holder that is real: somebody strikes.
+    sync_api.expect(page.locator("#banner")).to_have_text("MEASURED")
     say(other, f"MOUNT {STRANGE}")
     # From the phone.
     other.get_by_role("button", name="is mounted").click()
@@ -166,14 +65,14 @@ def test_a_campaign_is_run_by_clicks_alone_and_a_second_page_sees_it(page, open_
 
 def test_stop_while_a_release_is_asked_for_then_reset_arm_and_go_on(page):
     start(page, "steel small", ask=False)
-    say(page, "RELEASE NOW")
+    say(page, "PULL BACK, then RELEASE")
     # By hand the hammer counts as swinging from now on.
-    sync_api.expect(page.locator("#hammer")).to_contain_text("swinging")
+    sync_api.expect(page.locator("#hammer")).to_contain_text("swings")
     page.keyboard.press(" ")
     say(page, "STOPPED")
-    sync_api.expect(page.locator("#stopped")).to_contain_text("since")
+    sync_api.expect(page.locator("#stopped")).to_contain_text("by somebody at the page")
     page.get_by_role("button", name="Reset the stop").click()
-    say(page, "PAUSED")
+    say(page, "ARM FIRST")
     page.get_by_role("button", name="Arm").click()
     say(page, "DONE")
     # What was struck after the stop did not count.
@@ -187,10 +86,10 @@ def test_the_inputs_are_shown_and_a_trial_hit_suggests_and_does_not_count(page):
     sync_api.expect(rows).to_have_count(2)
     sync_api.expect(rows.first).to_contain_text("2000.0 m/s²")
     start(page, "steel small", STRANGE, ask=False, button="Trial hit")
-    say(page, "RELEASE NOW")
+    say(page, "PULL BACK, then RELEASE")
     say(page, "TRIAL HIT")
     sync_api.expect(page.locator("#numbers")).to_contain_text("momenta")
-    sync_api.expect(monitor).to_contain_text(re.compile(r"Act level that suits: \d+"))
+    sync_api.expect(monitor).to_contain_text(re.compile(r"Trigger level that suits: \d+"))
     # The next campaign knows nothing of it.
     start(page, "steel small", ask=False)
     say(page, "DONE")
@@ -199,7 +98,7 @@ def test_the_inputs_are_shown_and_a_trial_hit_suggests_and_does_not_count(page):
 
 def test_a_pause_disarms_and_the_campaign_goes_on(page):
     start(page, "steel small", ask=False)
-    say(page, "RELEASE NOW")
+    say(page, "PULL BACK, then RELEASE")
     page.keyboard.press("p")
     say(page, "PAUSED")
     sync_api.expect(page.locator("#hammer")).to_contain_text("no: ")
@@ -250,7 +149,6 @@ def test_a_hit_is_rejected_by_hand_struck_again_and_the_verdict_undone(page):
     hits.last.get_by_role("button", name="Reject it").click()
     sync_api.expect(hits.last).to_contain_text("left out by hand")
     sync_api.expect(hits.last).to_contain_text("the wax was loose")
-    page.get_by_role("button", name="is mounted").click()
     # The first sample lacks a hit again.
     say(page, "MOUNT steel small")
     hits.last.locator("details").evaluate("item => { item.open = true }")
@@ -275,14 +173,16 @@ def test_a_name_and_a_note_stand_in_the_recording(page, rig):
     sync_api.expect(note).to_have_value("")
     # It is on the page, too.
     note.blur()
-    sync_api.expect(page.locator("#hits ul")).to_contain_text("Anna <b>: the wax is new")
+    sync_api.expect(page.locator("#notes")).to_contain_text(
+        "Anna <b> at the page (127.0.0.1): the wax is new"
+    )
 
     def read_notes():
         run = Run(rig.folder)
         return [decode_message(raw).data for raw in run.read_messages({"std_msgs/msg/String"})]
 
     with RigClient("reader") as client:
-        wanted = "at the page, Anna <b>: the wax is new"
+        wanted = "Anna <b> at the page (127.0.0.1): the wax is new"
         assert client.spin_until(lambda: wanted in read_notes(), PATIENCE)
 
 
@@ -295,33 +195,10 @@ def test_every_act_works_without_a_script(page, open_page):
     sync_api.expect(plain.locator("#answer")).to_contain_text("the emergency stop is ended")
 
 
-def find_page(rig):
-    return rig.page_process.pid if rig.page_process else rig.page_pid
-
-
-def wait_for_silence(page, *, ends=False):
-    expected = sync_api.expect(page.locator("html"))
-    wait = expected.not_to_have_class if ends else expected.to_have_class
-    wait(re.compile("silent"), timeout=MILLISECONDS)
-
-
-def test_a_page_that_is_cut_off_greys_and_a_stop_that_was_late_is_shown(page, rig):
-    os.kill(find_page(rig), signal.SIGSTOP)
-    try:
-        wait_for_silence(page)
-        page.locator("#stop button").click()
-        sync_api.expect(page.locator("#stopped")).to_have_text("NOT CONFIRMED: use the switch")
-    finally:
-        os.kill(find_page(rig), signal.SIGCONT)
-    wait_for_silence(page, ends=True)
-    say(page, "STOPPED")
-    sync_api.expect(page.locator("#stopped")).to_contain_text("since")
-
-
 def test_other_pages_of_the_same_browser_see_nothing_and_change_nothing(page, rig, browser):
-    port = rig.link.rpartition(":")[2].strip("/")
+    port = rig.port
     evil = browser.new_context().new_page()
-    assert evil.goto(f"http://localhost:{port}/").status == 421
+    assert evil.goto(f"http://evil.localhost:{port}/").status == 421
     stop = f"<form method=post action='{rig.link}stop'><button>free holidays</button></form>"
     evil.route("http://evil.example/", lambda route: route.fulfill(
         body=stop, content_type="text/html"
@@ -343,31 +220,20 @@ def test_other_pages_of_the_same_browser_see_nothing_and_change_nothing(page, ri
     assert not page.locator("#say b").inner_text().startswith("STOPPED")
 
 
-def test_elsewhere_the_link_with_its_token_opens_the_page_and_no_other(browser):
-    with PageServer(Address("0.0.0.0"), {}) as server:
-        server.show(make_view(RigStatus()))
-        stranger, guest = browser.new_context().new_page(), browser.new_context().new_page()
-        bare = server.link.partition("?")[0]
-        assert stranger.goto(bare).status == 403
-        assert stranger.goto(f"{bare}?token=wrong").status == 403
-        guest.goto(server.link)
-        # Kept as a cookie, and no longer in the address.
-        assert guest.url == bare
-        sync_api.expect(guest.locator("html")).to_have_class(re.compile("live"))
-        assert guest.goto(bare).status == 200
-        for opened in (stranger, guest):
-            opened.context.close()
-
-
-def test_a_page_without_its_server_greys_says_so_and_comes_back(page, rig):
-    port, before = rig.link.rpartition(":")[2].strip("/"), page.locator("#say b").inner_text()
-    os.kill(find_page(rig), signal.SIGKILL)
-    wait_for_silence(page)
-    page.keyboard.press(" ")
-    sync_api.expect(page.locator("#answer")).to_have_text("NOT CONFIRMED: use the switch")
-    # The rig goes on without its page.
-    assert rig.process.poll() is None
-    rig.page_process = rig.start("page", "--port", port)
-    wait_for_line(rig.page_process, "the page is at")
-    wait_for_silence(page, ends=True)
-    say(page, before)
+def test_up_ends_with_a_sentence_where_the_page_cannot_be_served(tmp_path):
+    wrong = tmp_path / "wrong.pem"
+    wrong.write_text("no certificate")
+    for setting, told in (
+        (f"certificate={wrong}", "certificate .*wrong.pem cannot be used"),
+        ("address=192.0.2.1", "cannot listen at 192.0.2.1:8000"),
+    ):
+        process = start_command(
+            "up", "--output", tmp_path / setting[:3], "--no-visualizer", "--page",
+            "--set", f"page.{setting}", stderr=subprocess.STDOUT,
+            env={"ROS_DOMAIN_ID": None, "XDG_STATE_HOME": str(tmp_path)},
+        )  # fmt: skip
+        output, _ = process.communicate(timeout=PATIENCE)
+        assert process.returncode
+        assert re.search(told, output)
+        assert "Traceback" not in output
+        assert "ready" not in output

@@ -27,6 +27,7 @@ def act(server, name, **fields):
         "Accept": "application/json",
         "Content-Type": "application/x-www-form-urlencoded",
     }
+    fields = {"seen": server.seen} | fields
     connection.request("POST", f"/{name}", urllib.parse.urlencode(fields), headers)
     answer = json.loads(connection.getresponse().read())
     connection.close()
@@ -42,7 +43,7 @@ def test_a_stop_is_confirmed_while_messages_keep_the_page_busy(harness, start_pr
     busy.start()
     try:
         assert act(page._server, "stop")["done"]
-        harness.wait_until(lambda: "STOPPED" in page._server.fragments["say"])
+        harness.wait_until(lambda: ">STOPPED" in page._server.fragments["say"])
         # Reset is one act, arming another; where that is refused, it says why.
         refused = act(page._server, "arm")
         assert (refused["done"], bool(refused["message"])) == (False, True)
@@ -62,10 +63,10 @@ def test_an_answer_that_comes_too_late_ends_nothing(harness, start_process):
     page._server.patience = 0.2
     hammer.process.send_signal(signal.SIGSTOP)
     try:
-        assert act(page._server, "stop")["message"] == "the rig did not answer to 'stop'"
+        assert "does not answer" in act(page._server, "stop")["message"]
     finally:
         hammer.process.send_signal(signal.SIGCONT)
-    harness.wait_until(lambda: "STOPPED" in page._server.fragments["say"])
+    harness.wait_until(lambda: ">STOPPED" in page._server.fragments["say"])
     page._server.patience = 60.0
     assert act(page._server, "reset")["done"]
 
@@ -73,7 +74,7 @@ def test_an_answer_that_comes_too_late_ends_nothing(harness, start_process):
 def test_a_campaign_that_is_refused_says_why_at_the_page(harness):
     page = harness.add(PageNode, port=0)
     harness.add(CampaignNode)
-    harness.wait_until(lambda: page._status.setup is not None)
+    harness.wait_until(lambda: not page._server.seen.endswith(" 0"))
     answers = []
 
     def start():

@@ -5,10 +5,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from functools import cache
-from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
+from typing import Any, NamedTuple, TypeVar, get_type_hints
 
-from impact_rig.core.given.errors import ParameterError
-from impact_rig.core.given.findings import Note, Reason, Subject
+from impact_rig.core.given.findings import Note
 
 Record = TypeVar("Record")
 _KEY = "impact_rig"
@@ -190,9 +189,7 @@ class Quantity(Comparable):
     @property
     def is_even(self) -> bool:
         """Whether the interval reaches as far to both sides, or is not known."""
-        return math.isnan(self.lower) or (
-            self.lower == self.value - self.expanded and self.upper == self.value + self.expanded
-        )
+        return math.isnan(self.lower) or self.upper == self.value + self.expanded
 
     def compute_half_width(self, other: float) -> float:
         """Return how far the interval reaches towards another value; infinite: it is open."""
@@ -228,15 +225,3 @@ def drop_internals(record: Record) -> Record:
         elif isinstance(value, tuple) and value and is_dataclass(value[0]):
             changes[item.name] = tuple(map(drop_internals, value))
     return replace(record, **changes) if changes else record  # type: ignore[type-var]
-
-
-CODES = (Reason, Reason | Subject)
-"""Types of the codes."""
-
-
-def read_code(hint: Any, text: str) -> Any:
-    """Return a code, of one of `CODES`, of a file or message; raises `ParameterError`."""
-    known = {item.value: item for kind in get_args(hint) or (hint,) for item in kind}
-    if text not in known:
-        raise ParameterError(f"is {text!r:.80}: it must be a code, such as {next(iter(known))!r}")
-    return known[text]
