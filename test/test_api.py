@@ -1,6 +1,7 @@
 """The library: what a person types is what it does."""
 
 import doctest
+import pickle
 import re
 import shutil
 import subprocess
@@ -151,6 +152,75 @@ def test_a_sample_has_its_quantities_with_budgets_and_the_fields_of_its_estimate
     assert set(type(steel).__annotations__) <= set(dir(steel))
     with pytest.raises(AttributeError, match=r"has no 'stifness': it has .*stiffness"):
         _ = steel.stifness
+
+
+def test_a_ratio_of_results_counts_what_they_share_once(results):
+    """Held against a Monte Carlo of equations (4) to (6): k of hammer and sample share masses."""
+    random, count = np.random.default_rng(1), 200_000
+    setup, steel = results.record.setup, results[STEEL]
+
+    def draw(value, standard):
+        return value + standard * random.standard_normal(count)
+
+    def draw_time(found):
+        own = sum(item.contribution**2 for item in found.budget if item.kind == "A")
+        return found.value + draw(0.0, own**0.5) + shared * (found.standard**2 - own) ** 0.5
+
+    shared = random.standard_normal(count)  # clock, low-pass
+    hammer = draw(setup.hammer_mass, setup.hammer_mass_uncertainty)
+    carried = draw(setup.samples.accelerometer_mass, setup.samples.accelerometer_mass_uncertainty)
+    equivalent = {}
+    for name in (CONTROL, STEEL):
+        sample = setup.samples.find(name)
+        moving = carried + draw(sample.mass, sample.mass_uncertainty)
+        mass = hammer * moving / (hammer + moving)
+        equivalent[name] = mass * (np.pi / draw_time(results[name].contact_time)) ** 2
+    k1 = 2.0 * equivalent[CONTROL]
+    k2 = 1.0 / (1.0 / equivalent[STEEL] - 1.0 / k1)
+    ratio = results.hammer.stiffness / steel.stiffness
+    assert ratio.value == pytest.approx(np.median(k1 / k2), rel=1e-3)
+    assert ratio.standard == pytest.approx(np.std(k1 / k2), rel=0.02)
+    alone = ratio.value * np.hypot(
+        *(item.standard / item.value for item in (results.hammer.stiffness, steel.stiffness))
+    )
+    assert alone != pytest.approx(ratio.standard, rel=0.03)  # as if they shared nothing
+    assert ratio.unit == ""
+
+
+def test_numbers_go_on_computing(results):
+    k, tau = results[STEEL].stiffness, results[STEEL].contact_time
+    assert str(k - k) == "0.00000 N/m"
+    assert (2 * k + k - 1 * k).standard == pytest.approx(2 * k.standard)
+    assert (1 / tau).unit == "1/s"
+    assert (k**0.5).standard == pytest.approx(0.5 * k.standard / k.value**0.5)
+    assert (-k * tau).unit == "N*s/m"
+    first, second = pickle.loads(pickle.dumps((k, tau)))
+    assert (first * second).standard == pytest.approx((k * tau).standard)
+    with pytest.raises(ir.RigError, match="of different units: N/m and s"):
+        k + tau
+    with pytest.raises(TypeError):
+        k + "1"
+    with pytest.raises(ir.RigError, match="does not know which inputs it shares"):
+        _ = 2 * results[STEEL].peak_force
+
+
+def test_results_and_numbers_are_latex(results):
+    assert f"{results[STEEL].contact_time:.2fL}" == "170.07 $\\pm$ 0.41 $\\mu$s"
+    uneven = Number(0.45, 0.1, 0.3, 0.27, 0.89, said=Description("N s/m"))
+    assert f"{uneven:.2fL}" == "0.45$\\,^{+0.44}_{-0.18}$ N s/m"
+    head, *rows = (line for line in results.to_latex().splitlines() if "&" in line)
+    assert head.startswith("Sample & $\\tau$p [$\\mu$s] & ")
+    (row,) = (line for line in rows if line.startswith(STEEL))
+    assert f"{results[STEEL].contact_time:L}".removesuffix(" $\\mu$s") in row
+    assert not [line for line in rows if line.count("&") != head.count("&")]
+
+
+def test_results_are_numbers_of_another_library(results):
+    pytest.importorskip("uncertainties")
+    found = results.to_uncertainties()
+    ratio = found["hammer"]["stiffness"] / found[STEEL]["stiffness"]
+    wanted = results.hammer.stiffness / results[STEEL].stiffness
+    assert (ratio.n, ratio.s) == pytest.approx((wanted.value, wanted.standard))
 
 
 def test_results_print_the_screens_table_and_go_into_a_notebook(results):

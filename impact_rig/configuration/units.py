@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import operator
 import re
+from collections.abc import Callable
 from functools import lru_cache
 from numbers import Real
 from tokenize import TokenError
@@ -127,6 +129,22 @@ def read_given(what: str, value: Given, unit: str, example: str) -> float | None
     raise ParameterError(
         f'{what} is {value!r}: it must be a text like "{example}" or a finite number in {unit}'
     )
+
+
+def combine_units(formula: Callable[[Any, Any], Any], first: str, second: str, power: Any) -> str:
+    """Return the unit of a product, a ratio or a power of numbers of these units; empty: none.
+
+    Units that are no product, as N/m^n, stay in brackets.
+    """
+    from pint import PintError
+
+    registry = _load_registry()
+    try:
+        units = [registry.Unit(unit.replace(" ", "*")) for unit in (first, second)]
+        found = formula(units[0], power if formula is operator.pow else units[1])
+        return f"{found:~}".replace(" ** ", "^").replace(" ", "")
+    except (PintError, *_UNREADABLE):
+        return " ".join(f"({unit})" for unit in (first, second) if unit)
 
 
 def parse_sensitivity(what: str, value: Any) -> Sensitivity:

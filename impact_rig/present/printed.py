@@ -2,11 +2,16 @@
 
 import html
 import math
+import operator
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from numbers import Real
 from typing import Any
 
+from impact_rig.configuration.units import combine_units
+from impact_rig.core.estimates.uncertainty import compute_quantity
+from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.findings import Finding, Note
 from impact_rig.core.given.quantity import INTERNAL, BudgetLine, Description, Quantity, list_fields
 from impact_rig.present.console import format_tables
@@ -24,7 +29,7 @@ _DIGITS = re.compile(r"\.\d|[eEfFgGn%]$")
 
 
 class Printed:
-    """A few tables: text by `print`, HTML in a notebook."""
+    """A few tables: text by `print`, HTML in a notebook, LaTeX by `to_latex`."""
 
     def list_tables(self) -> list[Table]:
         """Return the printed tables."""
@@ -37,6 +42,10 @@ class Printed:
     def _repr_html_(self) -> str:
         """Return the tables as a notebook shows them."""
         return "".join(map(format_html, self.list_tables()))
+
+    def to_latex(self) -> str:
+        """Return the tables as LaTeX's environments `tabular`, which need no package."""
+        return "\n\n".join(map(format_latex, self.list_tables()))
 
 
 def format_html(table: Table) -> str:
@@ -54,6 +63,35 @@ def format_html(table: Table) -> str:
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     notes = "".join(f"<p><small>{html.escape(note)}</small></p>" for note in table.explanations)
     return f"<table><caption>{html.escape(table.caption)}</caption>{body}</table>{notes}"
+
+
+LATEX = {
+    "\\": r"\textbackslash{}", "%": r"\%", "&": r"\&", "_": r"\_", "#": r"\#", "^": r"\^{}",
+    "µ": r"$\mu$", "μ": r"$\mu$", "τ": r"$\tau$", "ζ": r"$\zeta$", "Δ": r"$\Delta$",
+    "δ": r"$\delta$", "±": r"$\pm$", "²": "$^2$", "ⁿ": "$^n$", "·": r"$\cdot$", "°": r"$^\circ$",
+    "∞": r"$\infty$", "≥": r"$\ge$", "≤": r"$\le$", "\u2013": "--", "\u2212": "$-$",
+    "…": r"\ldots{}", "√": r"$\surd$", "|": r"$|$",
+}  # fmt: skip
+"""Letters of tables that LaTeX has commands for."""
+UNEVEN = re.compile(r" \+([\d.]+) -([\d.]+)")
+NEGATIVE = re.compile(r"(?<![\w.{])-(?=\d)")
+
+
+def escape_latex(text: str) -> str:
+    """Return a text of a table as LaTeX: letters, ends of an uneven interval, minus signs."""
+    escaped = "".join(LATEX.get(letter, letter) for letter in text)
+    escaped = UNEVEN.sub(r"$\\,^{+\1}_{-\2}$", escaped)
+    return NEGATIVE.sub("$-$", escaped)
+
+
+def format_latex(table: Table) -> str:
+    """Return a table as LaTeX, its notes below it."""
+    sides = "".join("l" if column.is_text else "r" for column in table.columns)
+    rows = [tuple(column.header for column in table.columns), *table.rows]
+    head, *lines = (" & ".join(map(escape_latex, row)) + r" \\" for row in rows)
+    body = "\n".join([r"\hline", head, r"\hline", *lines, r"\hline"])
+    notes = "".join(f"\n\n{escape_latex(note)}" for note in table.explanations)
+    return f"% {table.caption}\n\\begin{{tabular}}{{{sides}}}\n{body}\n\\end{{tabular}}{notes}"
 
 
 class Budget(Printed, tuple[BudgetLine, ...]):
@@ -79,6 +117,11 @@ class Number(Quantity):
     `value`, `standard` (u), `expanded` (U, for 95 %), `lower` and `upper` (ends of the interval)
     and ``float(number)`` are in SI units; `unit` is what it is printed in. NaN: not determined.
     An uneven interval is printed as ``0.45 +0.44 -0.18``. `budget` prints itself as a table.
+    ``format(number, "L")`` is LaTeX.
+
+    Sums, differences, products, ratios and powers of numbers, of one analysis and with plain
+    ones, are numbers with their uncertainty and budget: what they share, as the hammer's mass,
+    counts once. `uncertain` is GTC's uncertain number, for its functions.
 
     Examples
     --------
@@ -88,6 +131,10 @@ class Number(Quantity):
     169.68 ± 0.13 µs
     >>> f"{number:.1f}", float(number)
     ('169.7 ± 0.1 µs', 0.00016968)
+    >>> import impact_rig as ir
+    >>> results = ir.VirtualRig(seed=7).run(["steel small", "aluminium large"], 4).analyze()
+    >>> results["steel small"].stiffness / results["aluminium large"].stiffness
+    1.28... ± 0.0...
     """
 
     said: Description = field(default=Description(), metadata=INTERNAL)
@@ -110,7 +157,10 @@ class Number(Quantity):
         """Return value, ± and unit; a format of floats, as ``.2f``, is for all numbers.
 
         Without one both are rounded to the second digit of the uncertainty; ``>30`` pads the text.
+        An ``L`` at the end makes LaTeX of it.
         """
+        if spec.endswith("L"):
+            return escape_latex(format(self, spec[:-1]))
         if not _DIGITS.search(spec):
             return format(str(self), spec)
         if not self.is_known:
@@ -134,6 +184,85 @@ class Number(Quantity):
         return f"({text})e{power} {self.unit}".rstrip()
 
     __repr__ = __str__
+
+    @property
+    def uncertain(self) -> Any:
+        """GTC's uncertain number behind it.
+
+        Raises
+        ------
+        ParameterError
+            If it was read from results, or has inputs of its own, so that what it shares with
+            others is not known.
+        """
+        if self.number is None:
+            raise ParameterError(
+                f"{self} does not know which inputs it shares with others: calculate with contact"
+                " time, stiffness and damping of an analysis of recorded hits"
+            )
+        return self.number
+
+    def _calculate(self, formula: Callable[[Any, Any], Any], first: Any, second: Any) -> Any:
+        """Return what a formula makes of two numbers, one of which is this one."""
+        if not all(isinstance(item, Number | Real) for item in (first, second)):
+            return NotImplemented
+        pair = [item.uncertain if isinstance(item, Number) else item for item in (first, second)]
+        found = formula(*pair)
+        quantity = replace(compute_quantity(float(found.x), found), number=found)
+        return make_number(quantity, Description(find_unit(formula, first, second)), "result")
+
+    def __add__(self, other: "Number | float") -> "Number":
+        """Return the sum."""
+        return self._calculate(operator.add, self, other)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: "Number | float") -> "Number":
+        """Return the difference."""
+        return self._calculate(operator.sub, self, other)
+
+    def __rsub__(self, other: float) -> "Number":
+        """Return the difference."""
+        return self._calculate(operator.sub, other, self)
+
+    def __mul__(self, other: "Number | float") -> "Number":
+        """Return the product."""
+        return self._calculate(operator.mul, self, other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: "Number | float") -> "Number":
+        """Return the ratio."""
+        return self._calculate(operator.truediv, self, other)
+
+    def __rtruediv__(self, other: float) -> "Number":
+        """Return the ratio."""
+        return self._calculate(operator.truediv, other, self)
+
+    def __pow__(self, other: "Number | float") -> "Number":
+        """Return the power."""
+        return self._calculate(operator.pow, self, other)
+
+    def __neg__(self) -> "Number":
+        """Return its negative."""
+        return self * -1.0
+
+
+def find_unit(formula: Callable[[Any, Any], Any], first: Any, second: Any) -> str:
+    """Return the SI unit of what a formula makes of two numbers; empty: none, or not known.
+
+    Raises
+    ------
+    ParameterError
+        If they cannot be added.
+    """
+    units = [item.said.unit if isinstance(item, Number) else "" for item in (first, second)]
+    if formula in (operator.add, operator.sub):
+        if units[0] != units[1]:
+            named = " and ".join(unit or "a plain number" for unit in units)
+            raise ParameterError(f"{first} and {second} are of different units: {named}")
+        return units[0]
+    return combine_units(formula, units[0], units[1], second)
 
 
 def make_number(quantity: Quantity, said: Description, name: str) -> Number:

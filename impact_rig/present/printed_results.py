@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from impact_rig.core.estimates.uncertainty import load_gtc
 from impact_rig.core.given.errors import ParameterError, RigError, SignalError, check_name
 from impact_rig.present.printed import Number, Printed, View, tabulate_numbers
 from impact_rig.present.sample_figures import draw_sample
@@ -187,6 +188,36 @@ class Results(Printed, Mapping[str, SampleResults]):
             if find_spec(name) is not None:
                 return import_module(name).read_csv(text)
         raise RigError("to_dataframe needs pandas or polars: pip install pandas")
+
+    def to_uncertainties(self) -> dict[str, dict[str, Any]]:
+        """Return what can be calculated with as numbers of the library uncertainties, by sample.
+
+        Their correlations are kept, also those between samples. The hammer's are there, too.
+
+        Raises
+        ------
+        RigError
+            If that library is not installed.
+        """
+        if find_spec("uncertainties") is None:
+            raise RigError("to_uncertainties needs uncertainties: pip install uncertainties")
+        bodies: dict[str, View] = {**self, "hammer": self.hammer}
+        known = {
+            (body, name): number
+            for body, view in bodies.items()
+            for name, number in view.numbers.items()
+            if number.number is not None
+        }
+        numbers = [number.uncertain for number in known.values()]
+        covariance = [
+            [load_gtc().get_covariance(one, other) for other in numbers] for one in numbers
+        ]
+        values = [float(number.x) for number in numbers]
+        made = import_module("uncertainties").correlated_values(values, covariance)
+        found: dict[str, dict[str, Any]] = {}
+        for (body, name), number in zip(known, made, strict=True):
+            found.setdefault(body, {})[name] = number
+        return found
 
     def save(self, path: str | Path) -> None:
         """Write them as results.json, or as the table of the CSV export, by the path's suffix.

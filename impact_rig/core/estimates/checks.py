@@ -203,7 +203,7 @@ class _Reading:
         if not math.isfinite(number.x):
             return UNKNOWN
         reasons = (ONE_HIT,) if len(self.mean.hits) < LEAST_HITS else ()
-        return Known(number, reasons).state()
+        return replace(Known(number, reasons).state(), number=None)  # of inputs of its own
 
     def _check_balance(self, balance: UncertainNumber) -> Note | None:
         """Warn of momenta that do not balance, by what is known of the gains, not assumed."""

@@ -360,7 +360,9 @@ def propagate_decay(
         "stiffness": rig.moving_mass * square,
     }
     reasons = () if has_scatter else (ONE_HIT,)
-    return {name: Known(number, reasons).state(rig.notes) for name, number in numbers.items()}
+    stated = {name: Known(number, reasons).state(rig.notes) for name, number in numbers.items()}
+    # `rig` was made for the decay alone.
+    return {name: replace(quantity, number=None) for name, quantity in stated.items()}
 
 
 LEAST_HITS = 2
@@ -390,7 +392,7 @@ class Known:
         value = float(self.number.x)
         if self.reasons:
             return Quantity(value, notes=self.reasons)
-        found = compute_quantity(value, self.number, notes)
+        found = replace(compute_quantity(value, self.number, notes), number=self.number)
         if self.formula is None or not found.expanded > UNEVEN * abs(value):
             return found
         ends = []

@@ -174,6 +174,9 @@ class Quantity(Comparable):
     budget: tuple[BudgetLine, ...] = ()  # largest first; empty where nothing contributes
     # why the uncertainty is not determined, or what it leaves out
     notes: tuple[Note, ...] = field(default=(), metadata=INTERNAL)
+    # GTC's uncertain number, which knows of the inputs that it shares with others of one analysis;
+    # None: it was read, or has inputs of its own.
+    number: Any = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         """Set the ends where none are given."""
