@@ -401,8 +401,25 @@ def test_a_plot_shows_traces_residuals_and_law(tmp_path):
 def test_a_row_a_sample_with_the_columns_of_the_export(results):
     frame = results.to_dataframe()
     assert isinstance(frame, pandas.DataFrame)
-    assert list(frame["name"]) == [CONTROL, STEEL]
-    assert frame["stiffness_n_per_m"][1] == results[STEEL].stiffness.value
+    assert list(frame["name"]) == list(frame.index) == [CONTROL, STEEL]
+    assert frame["stiffness_n_per_m"][STEEL] == results[STEEL].stiffness.value
+    hits = results.hits_to_dataframe()
+    assert list(hits.index) == 4 * [STEEL] + 4 * [CONTROL]
+    assert hits["accepted"].all()
+    assert hits.loc[STEEL, "contact_time"].mean() == pytest.approx(170e-6, rel=0.01)
+    changes = ir.compare(results, results).to_dataframe()
+    assert set(changes["En"]) == {0.0}
+    scores = score(lambda hit: hit.truth.contact_time, samples=STEEL, impacts=2).to_dataframe()
+    assert scores.loc[STEEL, "bias"] == 0.0
+
+
+def test_traces_are_drawn_into_axes_of_ones_own(results):
+    figure, (left, right) = plt.subplots(1, 2)
+    assert results[STEEL].plot(ax=right) is figure
+    assert not left.lines
+    assert len(right.lines) > 2
+    assert right.get_xlabel().startswith("time")
+    plt.close(figure)
 
 
 def test_results_alone_open_and_say_that_there_are_no_hits(results, tmp_path):

@@ -6,12 +6,14 @@ import operator
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from importlib import import_module
+from importlib.util import find_spec
 from numbers import Real
 from typing import Any
 
 from impact_rig.configuration.units import combine_units
 from impact_rig.core.estimates.uncertainty import compute_quantity
-from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError, RigError
 from impact_rig.core.given.findings import Finding, Note
 from impact_rig.core.given.quantity import INTERNAL, BudgetLine, Description, Quantity, list_fields
 from impact_rig.present.console import format_tables
@@ -92,6 +94,30 @@ def format_latex(table: Table) -> str:
     body = "\n".join([r"\hline", head, r"\hline", *lines, r"\hline"])
     notes = "".join(f"\n\n{escape_latex(note)}" for note in table.explanations)
     return f"% {table.caption}\n\\begin{{tabular}}{{{sides}}}\n{body}\n\\end{{tabular}}{notes}"
+
+
+def make_frame(rows: Sequence[Mapping[str, Any]], index: str) -> Any:
+    """Return rows as a DataFrame of pandas, indexed by a column that stays, or of polars.
+
+    Raises
+    ------
+    RigError
+        If neither is installed.
+    """
+    columns = {name: [read_number(row[name]) for row in rows] for row in rows[:1] for name in row}
+    if find_spec("pandas") is not None:
+        return import_module("pandas").DataFrame(columns).set_index(index, drop=False)
+    if find_spec("polars") is not None:
+        return import_module("polars").DataFrame(columns, strict=False)
+    raise RigError("to_dataframe needs pandas or polars: pip install pandas")
+
+
+def read_number(cell: Any) -> Any:
+    """Return the number that a cell's text is; empty: NaN; other texts as they are."""
+    try:
+        return float(cell or "nan") if isinstance(cell, str) else cell
+    except ValueError:
+        return cell
 
 
 class Budget(Printed, tuple[BudgetLine, ...]):

@@ -1,5 +1,6 @@
 """Results of a campaign as a Python shell or a notebook shows them."""
 
+import csv
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -8,10 +9,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from impact_rig.core.estimates.uncertainty import load_gtc
+from impact_rig.core.estimates.uncertainty import compute_covariances
 from impact_rig.core.given.errors import ParameterError, RigError, SignalError, check_name
-from impact_rig.present.printed import Number, Printed, View, tabulate_numbers
-from impact_rig.present.sample_figures import draw_sample
+from impact_rig.present.printed import Number, Printed, View, make_frame, tabulate_numbers
+from impact_rig.present.sample_figures import draw_into, draw_sample
+from impact_rig.results.campaign import HitResults
 from impact_rig.results.campaign import Results as CampaignResults
 from impact_rig.results.numbers import format_count
 from impact_rig.results.remarks import NO_RESULT, gather_remarks, gather_sample_remarks
@@ -21,6 +23,7 @@ from impact_rig.results.tables import tabulate_summary
 from impact_rig.results.traces import SampleTraces, TracedCampaign, compute_law_curves
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -97,8 +100,13 @@ class SampleResults(View):
             )
         return found
 
-    def plot(self) -> "Figure":
+    def plot(self, ax: "Axes | None" = None) -> "Figure":
         """Draw hits, mean, models and residuals, and the contact's law.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Of a figure of yours: the hammer's traces alone are drawn into it.
 
         Returns
         -------
@@ -112,7 +120,10 @@ class SampleResults(View):
         """
         traces = self.traces
         curves = compute_law_curves(self.record.contact_law, traces, self._campaign.results.setup)
-        return draw_sample(traces, self._campaign.list_aligned(self.name), curves)
+        hits = self._campaign.list_aligned(self.name)
+        if ax is not None:
+            return draw_into(ax, traces, hits, curves)
+        return draw_sample(traces, hits, curves)
 
 
 class Results(Printed, Mapping[str, SampleResults]):
@@ -176,18 +187,19 @@ class Results(Printed, Mapping[str, SampleResults]):
         Returns
         -------
         pandas.DataFrame or polars.DataFrame
-            Of pandas if it is installed.
+            Of pandas if it is installed: its rows are found by the name of the sample.
 
         Raises
         ------
         RigError
             If neither is installed.
         """
-        text = io.StringIO(format_results_table([self.record]))
-        for name in ("pandas", "polars"):
-            if find_spec(name) is not None:
-                return import_module(name).read_csv(text)
-        raise RigError("to_dataframe needs pandas or polars: pip install pandas")
+        rows = csv.DictReader(io.StringIO(format_results_table([self.record])))
+        return make_frame([*rows], "name")
+
+    def hits_to_dataframe(self) -> Any:
+        """Return a row for each hit, in SI units, with its reasons if it is rejected; as above."""
+        return make_frame([_describe_hit(hit) for hit in self.record.hits], "sample")
 
     def to_uncertainties(self) -> dict[str, dict[str, Any]]:
         """Return what can be calculated with as numbers of the library uncertainties, by sample.
@@ -209,9 +221,7 @@ class Results(Printed, Mapping[str, SampleResults]):
             if number.number is not None
         }
         numbers = [number.uncertain for number in known.values()]
-        covariance = [
-            [load_gtc().get_covariance(one, other) for other in numbers] for one in numbers
-        ]
+        covariance = compute_covariances(numbers)
         values = [float(number.x) for number in numbers]
         made = import_module("uncertainties").correlated_values(values, covariance)
         found: dict[str, dict[str, Any]] = {}
@@ -233,6 +243,14 @@ class Results(Printed, Mapping[str, SampleResults]):
         write_results(place, self.record)
 
 
+def _describe_hit(hit: HitResults) -> dict[str, Any]:
+    """Return a hit's columns, those with a number or a text."""
+    plain = {
+        key: value for key, value in vars(hit).items() if isinstance(value, float | int | str)
+    }
+    return {**plain, "reasons": "; ".join(map(str, hit.reasons))}
+
+
 class Comparison(Printed):
     """Changes from one run to another."""
 
@@ -251,6 +269,12 @@ class Comparison(Printed):
             for table in self._tables
             for place in sorted(table.marked)
         ]
+
+    def to_dataframe(self) -> Any:
+        """Return a row for each quantity, as printed; as `Results.to_dataframe`."""
+        names = [column.header for table in self._tables[:1] for column in table.columns]
+        rows = [dict(zip(names, row, strict=True)) for table in self._tables for row in table.rows]
+        return make_frame(rows, "Body")
 
     def __repr__(self) -> str:
         """Return how much changed."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -151,6 +152,19 @@ def draw_sample(
         lines = list_lines([traces], has_law=curves is not None)
         figure.legend(handles=lines, loc="lower center", ncols=len(lines))
     return figure
+
+
+def draw_into(
+    axes: "Axes", traces: SampleTraces, hits: Sequence[AlignedHit], curves: LawCurves | None
+) -> "Figure":
+    """Draw the hammer's traces into axes of a person's own; residuals are left out."""
+    from matplotlib.figure import Figure
+
+    spare = Figure().subplots()
+    panel = SimpleNamespace(axes=[axes, spare])
+    draw_channel(traces, hits, curves, HAMMER, lambda *_, **__: panel)
+    axes.set_xlabel(spare.get_xlabel())
+    return axes.get_figure(root=True)  # type: ignore[return-value]
 
 
 def draw_channel(

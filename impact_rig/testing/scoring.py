@@ -20,7 +20,7 @@ from impact_rig.core.given.errors import ParameterError, check_count
 from impact_rig.core.given.quantity import Quantity
 from impact_rig.core.given.records import Truth
 from impact_rig.devices.virtual.choices import SourceKeys
-from impact_rig.present.printed import Printed
+from impact_rig.present.printed import Printed, make_frame
 from impact_rig.results.numbers import MISSING, format_count
 from impact_rig.results.table import Column, Table, make_table, make_text_column
 
@@ -74,6 +74,10 @@ class Scores(Printed, tuple[Score, ...]):
             Column("to", show([item.highest_coverage for item in self], 1)),
         ]
         return [make_table("Scores", columns)]
+
+    def to_dataframe(self) -> Any:
+        """Return a row for each sample, as `impact_rig.Results.to_dataframe`."""
+        return make_frame([vars(item) for item in self], "sample")
 
     __repr__ = Printed.__str__
 

@@ -146,6 +146,12 @@ def compute_quantity(
     return make_quantity(value, list_variances(number), notes)
 
 
+def compute_covariances(numbers: Sequence[UncertainNumber]) -> list[list[float]]:
+    """Return the covariance of each two of some numbers, a row for each."""
+    find = load_gtc().get_covariance
+    return [[float(find(one, other)) for other in numbers] for one in numbers]
+
+
 def list_variances(number: UncertainNumber) -> dict[Source, float]:
     """Return each source's part of a number's variance."""
     parts: dict[Source, list[float]] = {}
