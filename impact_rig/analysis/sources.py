@@ -160,14 +160,7 @@ def read_runs(source: RunSource, by_hand: ByHand = ByHand()) -> tuple[ReportedCa
 
 
 def _read_results_alone(source: RunSource, warnings: tuple[str, ...] = ()) -> ReportedCampaign:
-    results = read_results(source.results)
-    try:
-        samples = results.setup.samples
-        for sample in results.samples:
-            samples.find(sample.name)
-    except ParameterError as error:
-        raise FileError(f"results {source.results}: {error}") from None
-    campaign = TracedCampaign(results)
+    campaign = TracedCampaign(read_results(source.results))
     return ReportedCampaign(source.title, campaign, warnings=warnings)
 
 

@@ -20,6 +20,7 @@ from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.estimates.speed_exponents import SpeedExponents
 from impact_rig.core.given.errors import ParameterError, check_not_negative
 from impact_rig.core.given.findings import Finding
+from impact_rig.core.given.quantity import make_result
 from impact_rig.core.given.records import FloatArray
 from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.hit.overrules import Overrule
@@ -32,32 +33,34 @@ from impact_rig.recordings.messages import (
     setup_from_msg,
     speed_from_msg,
 )
-from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.campaign import HitResults, Results, hit_results_from_judged
 from impact_rig.results.traces import AlignedHit, JudgedTraces, ModelTraces, SampleTraces
 
 
 def record_to_msg(record: SampleEstimate | HammerEstimate | SpeedExponents) -> Any:
     """Return a result as the message of the same name."""
-    return fill_message(make_message(type(record).__name__), record, make_message)
+    message = make_message(type(record).__name__)
+    return fill_message(message, make_result(record), make_message)
 
 
 def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
     """Return a judged hit as a message, stamped with its record's first point's time."""
+    found = hit_results_from_judged(judged, ())
     message = msg.Impact(
-        **asdict(judged.label),
-        accepted=judged.accepted,
-        reasons=_findings(judged.rejections),
-        findings=_findings(judged.findings + judged.overruled),
         impact_time=judged.impact_time,
-        contact_time=judged.contact_time,
-        hammer_peak=judged.hammer_peak,
-        specimen_peak=judged.specimen_peak,
-        impact_speed=judged.impact_speed.value,
-        impact_speed_uncertainty=judged.impact_speed.standard,
-        sample_mass=judged.sample_mass,
+        reasons=_findings(found.reasons),
+        findings=_findings(found.findings),
+        **{name: getattr(found, name) for name in SHARED},
     )
-    fill_message(message.origin, judged.origin)
+    fill_message(message.origin, found.origin)
     return identity.fill(message, stamp_to_msg(judged.stamp))
+
+
+SHARED = (
+    "sample", "impact", "attempt", "record", "accepted", "contact_time", "hammer_peak",
+    "specimen_peak", "impact_speed", "impact_speed_uncertainty", "sample_mass",
+)  # fmt: skip
+"""Fields of a hit that are in its message as they are."""
 
 
 def _findings(found: Sequence[Finding]) -> list[msg.Finding]:

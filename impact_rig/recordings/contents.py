@@ -62,6 +62,26 @@ class TopicContents:
         return (self.messages - 1) / duration if self.messages > 1 and duration > 0 else math.nan
 
 
+@dataclass
+class Numbers:
+    """The numbers of one channel's messages, in any order."""
+
+    count: int = 0
+    least: int = 0
+    most: int = -1
+
+    def add(self, number: int) -> None:
+        """Take a message's number."""
+        self.least = min(self.least, number) if self.count else number
+        self.most = max(self.most, number)
+        self.count += 1
+
+    @property
+    def missing(self) -> int:
+        """How many are left out between the least and the most."""
+        return max(self.most - self.least + 1 - self.count, 0)
+
+
 @dataclass(frozen=True)
 class Note:
     """A note of an operator, with its time [ns since the epoch]."""
@@ -183,19 +203,19 @@ def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
     contents = Contents(run, tuple(Scan(path, is_strict=False) for path in run.files))
     wanted, watch, before = choose_topics(contents), HitWatch(), 0
     for scan in contents.scans:
-        counts: dict[int, BlockCount] = {}  # of messages, by their numbers
+        numbers: dict[int, Numbers] = {}  # of messages, by channel
         reading = scan.read(wanted, partial(report_from, report, before))
         contents.passes.append(reading)
         for item in reading:
             if isinstance(item, RawMessage):
                 _find_topic(contents, item.channel).take(item)
-                counts.setdefault(item.channel.id, BlockCount()).add(item.sequence, 1)
+                numbers.setdefault(item.channel.id, Numbers()).add(item.sequence)
                 if item.channel.type_name in _DECODED:
                     _add_message(contents, watch, item)
             else:
                 _add_file_item(contents, item)
         _check_kind(reading)
-        _count_lost(contents, reading, counts, wanted)
+        _count_lost(contents, reading, numbers, wanted)
         before += scan.size
     contents.topics = dict(sorted(contents.topics.items()))
     contents.hits = watch.list_hits(is_whole=contents.is_whole, is_live=contents.is_live)
@@ -263,16 +283,16 @@ def _add_message(contents: Contents, watch: HitWatch, message: RawMessage) -> No
 
 
 def _count_lost(
-    contents: Contents, reading: Pass, counts: Mapping[int, BlockCount], wanted: Wanted
+    contents: Contents, reading: Pass, numbers: Mapping[int, Numbers], wanted: Wanted
 ) -> None:
     """Count the further messages of each topic that are known to have been written to a file."""
     written, scan = Counter[int](), reading.scan
     if scan.summary is not None and scan.summary.statistics is not None:
         written |= Counter(scan.summary.statistics.channel_message_counts)
     for channel in filter(wanted, reading.channels.values()):
-        count = counts.get(channel.id, BlockCount())
-        numbered = count.missing_points if scan.is_of_recorder else 0
-        lost = max(written[channel.id] - count.blocks, numbered)
+        found = numbers.get(channel.id, Numbers())
+        numbered = found.missing if scan.is_of_recorder else 0
+        lost = max(written[channel.id] - found.count, numbered)
         _find_topic(contents, channel).lost += lost
 
 
@@ -295,6 +315,16 @@ def _list_file_problems(reading: Pass) -> Iterator[str]:
         yield "it has no index at its end that could be used"
     if scan.header is not None and scan.header.profile not in PROFILES:
         yield f"its profile is {scan.header.profile!r}: it should be {PROFILES[0]!r}"
+    if scan.summary is not None and scan.summary.chunk_indexes:
+        listed = {
+            each.chunk_start_offset: each.chunk_length for each in scan.summary.chunk_indexes
+        }
+        if listed != reading.chunks:
+            right = len(listed.items() & reading.chunks.items())
+            yield (
+                f"its index names {right} of {len(reading.chunks)} chunks rightly: programs that"
+                " go by it miss messages"
+            )
     yield from map(str, damages[:MOST_PLACES])
     if len(damages) > MOST_PLACES:
         yield f"{len(damages) - MOST_PLACES} further places cannot be read"
@@ -306,7 +336,7 @@ def _check_kind(reading: Pass) -> None:
     """Refuse a file that was never a recording of ROS 2, damaged or not."""
     path, header = reading.scan.path, reading.scan.header
     channels = reading.channels.values()
-    if header is None and reading.chunks == 0 and not channels:
+    if header is None and not reading.chunks and not channels:
         raise FileError(f"{path} is no MCAP recording, or nothing of it is left")
     if (
         header is not None

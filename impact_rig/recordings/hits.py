@@ -134,9 +134,9 @@ class RecordedHit(BlockCount):
     is_finished: bool = False  # its last block is there
 
     @property
-    def is_release_alone(self) -> bool:
-        """Whether nothing came after the release: no block, and no verdict that nothing came."""
-        return not self.blocks and self.stored_blocks is None and self.is_accepted is None
+    def has_record(self) -> bool:
+        """Whether there was anything to record: else it was called off, or is a stranger's."""
+        return bool(self.blocks) or self.stored_blocks is not None
 
     def judge(self, *, is_whole: bool) -> None:
         """Set how much of the hit is there; `is_whole`: the recording lacks no message."""
@@ -234,8 +234,7 @@ class HitWatch:
             if is_live and hits and hits[-1].state is not HitState.SAVED:
                 hits.pop()
             if is_whole:
-                # Released and called off, as by a campaign that was cancelled meanwhile.
-                found += [hit for hit in hits if not hit.is_release_alone]
+                found += [hit for hit in hits if hit.has_record]
             else:
                 hits += _find_vanished(name, hits)
                 found += sorted(hits, key=lambda hit: (hit.campaign, hit.record))

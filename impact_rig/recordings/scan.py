@@ -251,7 +251,7 @@ class Pass:
         self.channels: dict[int, Channel] = {}  # all that were described so far, by number
         self.damages: list[Damage] = []
         self.unknown = 0  # messages of channels that are not described
-        self.chunks = 0
+        self.chunks: dict[int, int] = {}  # their sizes by where they begin [byte]
         self._wanted, self._report, self._with_rest = wanted, report, with_rest
         self._chosen: dict[int, Channel | None] = {}  # channels that were met; None: not wanted
         self._schemas: dict[int, records.Schema] = {}
@@ -290,7 +290,7 @@ class Pass:
         if kind == Opcode.MESSAGE:
             yield from self._read_messages(read_bytes(file, place, after))
         elif kind == Opcode.CHUNK:
-            self.chunks += 1
+            self.chunks[place] = after - place
             # Nothing of the packed chunk is kept meanwhile.
             yield from self._read_messages(
                 self._unpacker.unpack(read_record(read_bytes(file, place, after), place))

@@ -23,7 +23,7 @@ from impact_rig.core.given.quantity import (
     Comparable,
     Quantity,
     describe,
-    drop_internals,
+    make_result,
 )
 from impact_rig.core.given.records import UNSTATED, HitLabel, Origin, join_origins
 from impact_rig.core.given.setup import RigSetup
@@ -140,21 +140,21 @@ def results_from_session(
     """
     return Results(
         setup=session.setup,
-        hammer=drop_internals(session.hammer),
-        samples=tuple(map(drop_internals, session.samples)),
+        hammer=make_result(session.hammer),
+        samples=tuple(map(make_result, session.samples)),
         hits=tuple(
             hit_results_from_judged(hit, faults_by_record.get(hit.label.record, ()))
             for hit in sorted(
                 session.accepted + session.rejected, key=lambda hit: hit.label.record
             )
         ),
-        speed_exponents=tuple(map(drop_internals, session.speed_exponents)),
+        speed_exponents=tuple(map(make_result, session.speed_exponents)),
     )
 
 
 def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) -> HitResults:
     """Return a hit with its final verdict."""
-    return HitResults(
+    found = HitResults(
         sample=hit.label.sample,
         impact=hit.label.impact,
         attempt=hit.label.attempt,
@@ -171,6 +171,7 @@ def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) ->
         injected_faults=injected_faults,
         origin=hit.origin,
     )
+    return make_result(found)
 
 
 def drop_scale(results: Results) -> Results:

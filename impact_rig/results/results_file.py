@@ -15,12 +15,11 @@ from typing import Any
 
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.estimates.speed_exponents import SpeedExponents
-from impact_rig.core.given.errors import FileError, ParameterError
+from impact_rig.core.given.errors import FileError, ParameterError, RigError
 from impact_rig.results.campaign import Results
 from impact_rig.results.remarks import gather_remarks
 from impact_rig.results.wire import (
     Json,
-    WireError,
     format_json,
     from_json,
     origin_to_json,
@@ -113,9 +112,22 @@ def read_results(path: Path) -> Results:
             f" {FORMAT_VERSION}: `impact-rig analyze RECORDING --json` gives the results again"
         )
     try:
-        return from_json(Results, content)
-    except WireError as error:
+        results = from_json(Results, content)
+        check_names(results)
+    except RigError as error:
         raise FileError(f"results {path}: {error}") from None
+    return results
+
+
+def check_names(results: Results) -> None:
+    """Raise `ParameterError` if results are of a sample that their set-up does not have."""
+    control = results.hammer.control_sample
+    for name in (
+        *(sample.name for sample in results.samples),
+        *(hit.sample for hit in results.hits),
+        *([control] if control else []),
+    ):
+        results.setup.samples.find(name)
 
 
 def _make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

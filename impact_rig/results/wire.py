@@ -24,7 +24,6 @@ from impact_rig.core.given.quantity import (
     Quantity,
     StoredField,
     list_fields,
-    read_description,
 )
 from impact_rig.core.given.records import Origin
 
@@ -131,9 +130,6 @@ def _read_quantity(field: StoredField, content: Mapping[str, Any], place: str) -
     for kind, name in NUMBERS.items():
         key = _make_key(field, kind)
         numbers[name] = _read_value(float, content, key, place)
-        said = read_description(Quantity.__dataclass_fields__[name])
-        if (problem := said.explain(numbers[name])) is not None:
-            raise WireError(f"{_join(place, key)} {problem}")
     lines = content.get(BUDGET)
     if not isinstance(lines, list):
         raise WireError(f"{_join(place, BUDGET)} must be a list")
@@ -142,7 +138,14 @@ def _read_quantity(field: StoredField, content: Mapping[str, Any], place: str) -
         for number, line in enumerate(lines)
         if isinstance(line, Mapping) and line.get("quantity") == field.name
     )
-    return Quantity(**numbers, budget=budget)
+    found = Quantity(**numbers, budget=budget)
+    if (problem := field.description.explain(found)) is not None:
+        raise WireError(f"{_join(place, _make_key(field))} {problem}")
+    if (impossible := found.find_impossible()) is not None:
+        name, problem = impossible
+        kind = next(kind for kind, each in NUMBERS.items() if each == name)
+        raise WireError(f"{_join(place, _make_key(field, kind))} {problem}")
+    return found
 
 
 def _read_value(hint: Any, content: Mapping[str, Any], key: str, place: str) -> Any:

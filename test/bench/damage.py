@@ -91,7 +91,7 @@ def write_files(folder: Path) -> int:
     shutil.copy(DATA / "Test_001_shock.lvm", folder / "a.lvm")
     rows = "\n".join(f"{number / 51_200}\t{value}" for number, value in enumerate(trace))
     (folder / "a.txt").write_text(f"Time (s)\tHammer (m/s^2)\n{rows}\n", "utf-8")
-    results = Results(PAPER_SETUP, HammerEstimate(), (SampleEstimate("tin", 3, 1),), ())
+    results = Results(PAPER_SETUP, HammerEstimate(), (SampleEstimate("steel small", 3, 1),), ())
     write_results(folder / "a.json", results)
     (folder / "a.toml").write_text(read_template(), "utf-8")
     for scope in ("agilent.bin", "lecroy.trc", "tektronix.wfm"):

@@ -10,7 +10,7 @@ import pytest
 
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.findings import Note, Reason, Subject
-from impact_rig.core.given.quantity import drop_internals
+from impact_rig.core.given.quantity import make_result
 from impact_rig.core.given.records import (
     MEASURED,
     SIMULATED,
@@ -37,7 +37,7 @@ def test_a_rejected_hit_changes_no_estimate():
     assert {item.reason for item in hit.rejections} == {Reason.WEAK}
     after = session.estimate_sample("alike")
     assert after.impacts_rejected == 1
-    assert repr(drop_internals(replace(after, impacts_rejected=0))) == repr(drop_internals(before))
+    assert repr(make_result(replace(after, impacts_rejected=0))) == repr(make_result(before))
 
 
 def test_a_sample_measured_before_the_control_sample_gets_its_k2_afterwards():
@@ -84,7 +84,7 @@ def test_neither_the_order_of_samples_nor_the_size_of_blocks_changes_a_bit():
     )
     assert repr(one.hammer) == repr(other.hammer)
     for sample, same in zip(one.samples, other.samples, strict=True):
-        assert repr(drop_internals(sample)) == repr(drop_internals(same))
+        assert repr(make_result(sample)) == repr(make_result(same))
 
 
 def test_without_masses_contact_times_remain_and_a_note_says_why():

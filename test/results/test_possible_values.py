@@ -12,7 +12,7 @@ from impact_rig_msgs.msg import Impact
 from rich.console import Console
 
 from impact_rig.core.estimates.ringing import FreeDecayEstimate
-from impact_rig.core.given.errors import FileError, RigError
+from impact_rig.core.given.errors import FileError, RigError, UnknownNameError
 from impact_rig.core.given.quantity import Quantity
 from impact_rig.nodes.messages import make_message
 from impact_rig.nodes.result_messages import hit_results_from_msg
@@ -20,7 +20,7 @@ from impact_rig.present.rerun.markdown import format_summary
 from impact_rig.present.screen import print_full
 from impact_rig.recordings.fields import fill_message, from_message
 from impact_rig.results.campaign import Results
-from impact_rig.results.results_file import read_results, results_to_json
+from impact_rig.results.results_file import check_names, read_results, results_to_json
 from impact_rig.results.wire import WireError, format_json, from_json
 
 IMPOSSIBLE = (0.0, -1.0, 1e300, 5e-324)
@@ -92,11 +92,40 @@ def test_what_cannot_be_meant_is_refused_and_all_else_can_be_shown(content):
         for first in range(SHOWN if places else 0):
             results = from_json(Results, change(content, places[first::SHOWN], value))
             assert not re.search(r"\d{40}", show(results)), places[first::SHOWN]
-    assert all(str(name) in text for name, text in told)
+    ends = ("the value", "the upper end")
+    assert all(str(name) in text or text.endswith(ends) for name, text in told)
     assert not [item for item in taken if abs(item[1]) > 1.0]
     names = {place[-1] for place, value in taken if value <= 0.0}
     above = {name for name in names if str(name).endswith(tuple(BY_UNIT))}
     assert not [name for name in above if not any(part in name for part in SIGNED)]
+
+
+def list_leaves(content: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Yield where a file has anything but an object: of each list the first item."""
+    items = content.items() if isinstance(content, dict) else enumerate(content[:1])
+    for key, value in items:
+        if isinstance(value, dict | list) and value:
+            yield from list_leaves(value, (*place, key))
+        yield (*place, key)
+
+
+@pytest.mark.parametrize("value", [None, "text", [], {}, -1, True, float("inf"), [[[]]]])
+def test_whatever_stands_in_a_place_of_a_file_is_refused_with_it_or_can_be_shown(content, value):
+    taken = []
+    for place in list_leaves(content):
+        if place[0] in ("format", "remarks", "origin", "origin_source"):
+            continue
+        try:
+            check_names(from_json(Results, change(content, [place], value)))
+        except UnknownNameError as error:
+            assert repr(value) in str(error)  # noqa: PT017
+        except WireError as error:
+            assert str(place[-1]) in str(error) or str(place[0]) in str(error)  # noqa: PT017
+        else:
+            taken.append(place)
+    for place in taken[::SHOWN]:
+        shown = show(from_json(Results, change(content, [place], value)))
+        assert "inf" not in shown.split(), place
 
 
 @pytest.mark.parametrize(
@@ -128,6 +157,9 @@ def test_a_verdict_is_refused_for_the_same_reasons():
     ("field", "value", "told"),
     [
         ("damping_ratio", 0.0, r"damping_ratio is 0: it must be above 0"),
+        ("stiffness_lower_n_per_m", 1e15, r"stiffness_lower_n_per_m is 1e\+15: it must not be"),
+        ("stiffness_upper_n_per_m", -1.0, r"stiffness_upper_n_per_m is -1: it must not be below"),
+        ("stiffness_lower_n_per_m", -1.0, r"stiffness_lower_n_per_m is -1: it must be "),
         ("stiffness_n_per_m", 1.2e21, r"stiffness_n_per_m is 1\.2e\+21 N/m: it must be 1e\+15"),
     ],
 )

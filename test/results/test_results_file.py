@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from impact_rig.core.estimates.paper_estimate import PaperEstimate
@@ -17,26 +17,40 @@ from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.errors import FileError
 from impact_rig.core.given.findings import Finding, Note, Reason, Subject
 from impact_rig.core.given.quantity import Quantity
-from impact_rig.core.given.records import SIMULATED, Origin
+from impact_rig.core.given.records import SIMULATED, HitLabel, Origin
 from impact_rig.core.given.setup import PAPER_SETUP
+from impact_rig.core.hit.judging import JudgedHit
+from impact_rig.core.session import Session
+from impact_rig.devices.virtual.choices import Plant
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
+from impact_rig.nodes.identity import NO_IDENTITY
+from impact_rig.nodes.result_messages import hit_results_from_msg, hit_to_msg
 from impact_rig.results import results_file
-from impact_rig.results.campaign import HitResults, Results
+from impact_rig.results.campaign import (
+    HitResults,
+    Results,
+    hit_results_from_judged,
+    results_from_session,
+)
 from impact_rig.results.results_file import read_results, results_to_json, write_results
 from impact_rig.results.wire import format_json
 
 SAMPLE = SampleEstimate(
-    "tin",
+    "steel small",
     3,
     1,
     paper=PaperEstimate(contact_time=Quantity(2e-4)),
     notes=(Note(Subject.K2, "unknown"),),
 )
 REJECTED = HitResults(
-    "tin", 2, 1, 5, False, (Finding(Reason.WEAK, "too weak"),),
+    "steel small", 2, 1, 5, False, (Finding(Reason.WEAK, "too weak"),),
     injected_faults=("weak_hit",), origin=Origin(SIMULATED, "virtual rig"),
 )  # fmt: skip
 RESULTS = Results(
-    PAPER_SETUP, HammerEstimate(Quantity(1e7), control_sample="tin"), (SAMPLE,), (REJECTED,)
+    PAPER_SETUP,
+    HammerEstimate(Quantity(1e7), control_sample="steel small"),
+    (SAMPLE,),
+    (REJECTED,),
 )
 
 
@@ -46,6 +60,46 @@ def test_what_is_written_is_read_again(tmp_path, results):
     found = read_results(path)
     assert results_to_json(found) == results_to_json(results)
     assert (found.setup, found.hits) == (results.setup, results.hits)
+
+
+@st.composite
+def spans(draw):
+    """Draw which points of three hits are lost: from where, and how many."""
+    return draw(
+        st.lists(
+            st.tuples(st.integers(1, 3), st.integers(0, 4900), st.integers(1, 3000)), max_size=3
+        )
+    )
+
+
+@settings(max_examples=15, deadline=None)
+@given(lost=spans(), plant=st.sampled_from([Plant.PUBLISHED, Plant.CONTACT]))
+def test_whatever_points_are_lost_what_is_written_is_read_again(tmp_path_factory, lost, plant):
+    rig, session = VirtualRig(PAPER_SETUP, VirtualRigSettings(plant)), Session(PAPER_SETUP)
+    for record in (1, 2, 3):
+        for block in rig.strike(HitLabel("steel small", record, record)).split(100, 0):
+            first = block.first_sample
+            is_lost = any(
+                record == each and start <= first < start + size for each, start, size in lost
+            )
+            if not is_lost or block.last:
+                session.feed(block)
+    path = tmp_path_factory.getbasetemp() / "lost.json"
+    results = results_from_session(session.estimate_all(), {})
+    write_results(path, results)
+    assert results_to_json(read_results(path)) == results_to_json(results)
+
+
+@pytest.mark.parametrize("mass", [-0.15, 1e300, math.inf])
+def test_a_mass_that_no_body_has_is_none(tmp_path, mass):
+    """A hit that lost its middle may weigh less than nothing."""
+    judged = JudgedHit(HitLabel("steel small"), (), sample_mass=mass, hammer_peak=1e300)
+    hit = hit_results_from_judged(judged, ())
+    assert math.isnan(hit.sample_mass)
+    assert math.isnan(hit.hammer_peak)
+    assert hit_results_from_msg(hit_to_msg(judged, NO_IDENTITY)) == hit
+    write_results(tmp_path / "results.json", replace(RESULTS, hits=(hit,)))
+    assert read_results(tmp_path / "results.json").hits == (hit,)
 
 
 @given(value=st.floats(allow_nan=False, allow_infinity=False))
@@ -71,7 +125,7 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path):
     } <= set(content["samples"][0])  # fmt: skip
     assert content["hits"] == [
         {
-            "sample": "tin",
+            "sample": "steel small",
             "impact": 2,
             "attempt": 1,
             "record": 5,

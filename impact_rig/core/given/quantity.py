@@ -194,6 +194,21 @@ class Quantity(Comparable):
         """Whether the interval reaches as far to both sides, or is not known."""
         return math.isnan(self.lower) or self.upper == self.value + self.expanded
 
+    def find_impossible(self) -> tuple[str, str] | None:
+        """Return a number that cannot be meant, by its name, and why; None: all can."""
+        for item in fields(self):
+            problem = read_description(item).explain(getattr(self, item.name))
+            if problem is not None:
+                return item.name, problem
+        if self.lower > self.value:
+            return "lower", f"is {self.lower:.6g}: it must not be above the value"
+        if self.upper < self.value:
+            return "upper", f"is {self.upper:.6g}: it must not be below the value"
+        least = self.value - self.expanded
+        if self.is_even and not math.isnan(self.lower) and self.lower != least:
+            return "lower", f"is {self.lower:.6g}: it must be {least:.6g}, as far as the upper end"
+        return None
+
     def compute_half_width(self, other: float) -> float:
         """Return how far the interval reaches towards another value; infinite: it is open."""
         if self.is_even:
@@ -215,16 +230,24 @@ UNKNOWN = Quantity()
 """A quantity that is not determined."""
 
 
-def drop_internals(record: Record) -> Record:
-    """Return a dataclass without what is to stay where it was made, in all records within it."""
+def make_result(record: Record) -> Record:
+    """Return a dataclass as it leaves where it was made, with all records within it.
+
+    What is to stay is dropped. A number that no reader would take is not determined.
+    """
     changes: dict[str, Any] = {}
     for item in fields(record):  # type: ignore[arg-type]
-        value = getattr(record, item.name)
-        if read_description(item).is_internal:
+        value, said = getattr(record, item.name), read_description(item)
+        if said.is_internal:
             if item.default is not MISSING:
                 changes[item.name] = item.default
+        elif isinstance(value, Quantity):
+            is_possible = said.explain(value) is None and value.find_impossible() is None
+            changes[item.name] = make_result(value) if is_possible else UNKNOWN
         elif is_dataclass(value):
-            changes[item.name] = drop_internals(value)
+            changes[item.name] = make_result(value)
         elif isinstance(value, tuple) and value and is_dataclass(value[0]):
-            changes[item.name] = tuple(map(drop_internals, value))
+            changes[item.name] = tuple(map(make_result, value))
+        elif said.explain(value) is not None:
+            changes[item.name] = math.nan
     return replace(record, **changes) if changes else record  # type: ignore[type-var]
