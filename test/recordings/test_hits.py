@@ -76,8 +76,22 @@ def test_a_reason_of_an_older_recording_is_a_sentence_without_a_code(make_record
     ):
         install("impact_rig_msgs", "Impact", text)
         maker = make_recording(f"{len(found)}.mcap")
-        verdict = {"record": 1, "sample": "brass", "impact": 1, "attempt": 1, "reasons": [reason]}
+        maker.add_block(1)
+        verdict = {"record": 1, "sample": "brass", "impact": 3, "attempt": 2, "reasons": [reason]}
         maker.add("impact", OURS + "Impact", verdict)
         (hit,) = inspect_run(Run(maker.close())).hits
         found += hit.rejections
     assert found == [RecordedReason("weak", "too weak"), RecordedReason("", "weak: too weak")]
+
+
+def test_a_verdict_on_a_number_that_no_block_has_is_a_stranger_s_and_nothing_is_lost(
+    make_recording,
+):
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_block(1)
+    verdict = {"record": 6, "sample": "brass", "impact": 3, "attempt": 2, "reasons": []}
+    maker.add("impact", OURS + "Impact", verdict)
+    contents = inspect_run(Run(maker.close()))
+    assert [hit.record for hit in contents.hits] == [1]
+    assert contents.is_sound

@@ -15,7 +15,9 @@ from mcap.data_stream import ReadDataStream
 from mcap.writer import CompressionType, IndexType, Writer
 
 from impact_rig.core.given.errors import FileError
+from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.records import RawMessage
+from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import MAGIC, Scan
 
 SCHEMA = b"uint8[] data\n"
@@ -185,6 +187,34 @@ def test_an_index_whose_checksum_does_not_fit_is_not_believed(path):
     path.write_bytes(content.replace(place, bytes(8) + place[8:]))
     assert len(read(path)) == 60
     assert len(Scan(path).read_channels()) == 3
+
+
+@pytest.mark.parametrize("shift", [0, 1])
+def test_an_index_that_names_a_chunk_elsewhere_is_told(path, shift):
+    with path.open("rb") as file:
+        first = mcap.reader.make_reader(file).get_summary().chunk_indexes[0]
+    place, length = first.chunk_start_offset, first.chunk_length.to_bytes(8, "little")
+    old, new = (number.to_bytes(8, "little") + length for number in (place, place + shift))
+    rename_in_summary(path, old, new)
+    contents = inspect_run(Run(path))
+    chunks = len(contents.passes[0].chunks)
+    told = f"its index names {chunks - 1} of {chunks} chunks rightly"
+    assert contents.lost == 0
+    assert [text.partition(":")[0] for text in contents.problems] == [told] * shift
+
+
+@pytest.mark.parametrize(("numbers", "lost"), [((2, 0, 1), 0), ((3, 0, 1), 1), ((1, 0), 0)])
+def test_messages_in_another_order_are_not_missing(tmp_path, numbers, lost):
+    path = tmp_path / "file.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, use_statistics=False)
+        writer.start("ros2", "impact_rig 0.1.0")
+        schema = writer.register_schema("test_msgs/msg/Bytes", "ros2msg", SCHEMA)
+        channel = writer.register_channel("/a", "cdr", schema)
+        for number in numbers:
+            writer.add_message(channel, number, b"", number, number)
+        writer.finish()
+    assert inspect_run(Run(path)).lost == lost
 
 
 def replace_chunk(path: Path, **changes) -> None:
