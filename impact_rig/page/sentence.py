@@ -147,7 +147,7 @@ def _say_by_hand(status: RigStatus, until: int | None) -> Sentence:
         if question := ask_mass(status):
             return Sentence("bad", f"IS THIS {last.sample}?", f"Catch the hammer. {question}")
         if not last.accepted:
-            detail = f"Catch the hammer. {advise(last)}."
+            detail = f"Catch the hammer: {advise(last)}."
             return Sentence("bad", f"REJECTED: {word(last)}", detail)
     if since < CATCH:
         return Sentence("wait", "CATCH", f"Catch the hammer. {say_place(status)}")
@@ -239,8 +239,8 @@ def word(hit: HitResults) -> str:
 
 def advise(hit: HitResults) -> str:
     """Return advice after a rejected hit."""
-    known = [WORDS[item.reason][1] for item in hit.reasons if item.reason in WORDS]
-    return next(filter(None, known), "") or join_findings(hit.reasons)
+    known = [WORDS[it.reason][1] or it.explanation for it in hit.reasons if it.reason in WORDS]
+    return known[0] if known else join_findings(hit.reasons)
 
 
 def ask_mass(status: RigStatus) -> str:

@@ -92,6 +92,7 @@ def test_rule_1_six_acts_under_way_delay_no_stop(page, rig):
 
 
 def test_rule_1_a_stop_survives_reload_and_a_server_that_starts_again(page, rig):
+    expect(page.locator("#sent")).to_be_hidden()
     with frozen(rig.numbers["hammer"]):
         page.keyboard.press("Escape")
         expect(page.locator("#sent")).to_have_text("SENT")

@@ -71,6 +71,7 @@ function replace(id, html) {
     const spoken = place.querySelector("[data-spoken]")?.dataset.spoken ?? "";
     if (!spoken) forget();
     speak(spoken);
+    requestAnimationFrame(draw); // where there was no room before
   }
 }
 
@@ -180,6 +181,7 @@ async function send(form, button) {
     const { done, message } = await answer.json();
     tell(done ? "" : message);
     if (done) form.querySelectorAll("input[name=text], input[name=reason]:not([type=hidden])").forEach((input) => { input.value = ""; });
+    if (done && name === "who") socket.close(); // it had the name before
     if (done) form.closest("details")?.removeAttribute("open");
   } catch (error) {
     tell(`Not known whether it is done (${error.message}): look.`);
