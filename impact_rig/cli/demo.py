@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from impact_rig.cli import options
-from impact_rig.cli.campaign import CampaignView, report_outcome, run_campaign
+from impact_rig.cli.start import load_module
 from impact_rig.cli.up import (
     PAGE_NODE,
     RunningNodes,
@@ -33,7 +33,6 @@ from impact_rig.configuration.processes import (
 from impact_rig.configuration.rig_file import RigFile
 from impact_rig.core.given.errors import RigError
 from impact_rig.devices.drivers import VIRTUAL, read_driver_name
-from impact_rig.nodes.campaign_client import CampaignClient, CampaignGoal
 
 SHOWN_LOG_LINES = 15  # the last ones, when the rig ends unexpectedly
 START_TIMEOUT = 90.0  # [s] in which the processes start: seconds, more on a busy computer
@@ -120,31 +119,30 @@ def run(
     make_run_folder(folder)
     options.set_discovery(network=False)
     try:
-        with (
-            options.use_private_domain(),
-            run_rig(processes, folder / LOG_NAME) as check,
-            CampaignClient(check=check) as client,
-            CampaignView() as view,
-        ):
-            client.wait_for_rig(START_TIMEOUT)
-            # In a running stream the accelerometers wait until their hit is found.
-            client.wait_for_listeners(SUBSCRIBERS + chosen["continuous"], VIEW_TIMEOUT)
-            goal = CampaignGoal(
-                samples=samples, impacts=impacts, attempts_per_impact=ATTEMPTS,
-                release_angles=angles,
-            )  # fmt: skip
-            # Who looks at the page can end a pause.
-            outcome = run_campaign(client, goal, view, is_attended=bool(chosen["page"]))
-            if chosen["page"]:
-                view.stay("the campaign is done; the page stays until Ctrl-C")
-                with contextlib.suppress(KeyboardInterrupt):
-                    client.spin_until(lambda: check() is not None, math.inf)
+        with options.use_private_domain(), run_rig(processes, folder / LOG_NAME) as check:
+            # What talks to the nodes is loaded while they load what they need.
+            campaign = load_module("impact_rig.cli.campaign")
+            with campaign.CampaignClient(check=check) as client, campaign.CampaignView() as view:
+                client.wait_for_rig(START_TIMEOUT)
+                # In a running stream the accelerometers wait until their hit is found.
+                client.wait_for_listeners(SUBSCRIBERS + chosen["continuous"], VIEW_TIMEOUT)
+                goal = campaign.CampaignGoal(
+                    samples=samples, impacts=impacts, attempts_per_impact=ATTEMPTS,
+                    release_angles=angles,
+                )  # fmt: skip
+                # Who looks at the page can end a pause.
+                is_attended = bool(chosen["page"])
+                outcome = campaign.run_campaign(client, goal, view, is_attended=is_attended)
+                if is_attended:
+                    view.stay("the campaign is done; the page stays until Ctrl-C")
+                    with contextlib.suppress(KeyboardInterrupt):
+                        client.spin_until(lambda: check() is not None, math.inf)
     except KeyboardInterrupt:
         recorded = folder / RECORDING_NAME
         if recorded.exists():
             click.echo(f"stopped; the recording so far: {recorded}", err=True)
         raise
-    report_outcome(outcome, folder, is_full=is_full, as_json=as_json)
+    campaign.report_outcome(outcome, folder, is_full=is_full, as_json=as_json)
     if not (folder / VIEW_NAME).exists():
         click.echo(f"no view was written: see {folder / LOG_NAME}", err=True)
 
