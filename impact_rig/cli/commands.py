@@ -505,6 +505,9 @@ def view() -> None:
     type=click.Choice(["customer", "laboratory"]),
     help="With advice and opinions for the laboratory. [customer, where it is signed]",
 )
+@click.option(
+    "--data", "with_data", is_flag=True, help="Beside it the results as XML (DCC) and JSON."
+)
 @click.option("--short", "is_short", is_flag=True, help="Without the annex: two pages.")
 @options.make_list_option("--accept", "HIT", "Take a hit into the mean, as in analyze")
 @options.make_list_option("--reject", "HIT", "Leave a hit out of the mean")

@@ -28,6 +28,7 @@ from impact_rig.configuration.toml_table import read_toml_file
 from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.core.given.records import IMPORTED, MEASURED, join_origins
 from impact_rig.present.console import print_warning
+from impact_rig.present.report.certificate import list_results, make_certificate
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import Form, make_report
 from impact_rig.present.report.setup import find_test_days, list_calibration_warnings
@@ -36,6 +37,7 @@ from impact_rig.recordings.new_file import write_new_file
 from impact_rig.recordings.provenance import compute_sha256
 from impact_rig.recordings.records import IMPORT_REMARKS, PROVENANCE_RECORD
 from impact_rig.results.traces import Provenance, RecordedFile, ReportedCampaign
+from impact_rig.results.wire import format_json, to_json
 
 CUSTOMER = "customer"  # of the option --for
 EXIT_LACKING = 1  # the run can be reported, but a formal report would lack something
@@ -100,6 +102,7 @@ def run(
     is_final: bool,
     audience: str | None,
     is_short: bool,
+    with_data: bool,
     with_printed: bool,
     **by_hand: str | tuple[str, ...],
 ) -> None:
@@ -138,11 +141,18 @@ def run(
             lambda done: follow("drawing", done, len(runs)),
             Form(is_for_customer, is_short, with_printed),
         )
-    with write_new_file(output) as part:
-        part.write_text(render_page(document), encoding="utf-8")
+        written = {output: render_page(document)}
+        if with_data:
+            results = [to_json(item) for item in list_results(runs)]
+            told = {"report": stated.get("report", "number"), "results": results}
+            written[output.with_suffix(".xml")] = make_certificate(runs, stated)
+            written[output.with_suffix(".json")] = format_json(told)
+    for place, text in written.items():
+        with write_new_file(place) as part:
+            part.write_text(text, encoding="utf-8")
     for text in doubts:
         print_warning(text)
-    click.echo(f"report: {output}", err=True)
+    click.echo(f"report: {', '.join(map(str, written))}", err=True)
 
 
 def _check_reason(asked: ByHand, source: RunSource) -> None:

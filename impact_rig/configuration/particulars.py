@@ -24,6 +24,7 @@ LABORATORY = (
     Entry("name", "Laboratory", "7.8.2.1 b"),
     Entry("address", "Address", "7.8.2.1 b"),
     Entry("place", "Place of the tests", "7.8.2.1 c"),
+    Entry("country", "Country"),
 )
 REPORT = (
     Entry("number", "Report number", "7.8.2.1 d"),

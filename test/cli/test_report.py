@@ -1,5 +1,6 @@
 """`impact-rig report`: a file to hand over, whatever it is made of."""
 
+import json
 import shutil
 from datetime import UTC, datetime
 from pathlib import Path
@@ -111,7 +112,11 @@ def test_a_final_report_is_refused_while_anything_lacks(run, folder):
     limit = ("--set", f"sample.{SAMPLES[0]}.maximum_contact_time=1 ms")
     assert "(7.8.6.2 b)" in write(*limit, report__specification="").stderr
     assert not path.exists()
-    assert write().exit_code == 0
+    assert write("--data").exit_code == 0
+    stated = json.loads(read_text(path.with_suffix(".json")))
+    (first, *_) = stated["results"]
+    assert (stated["report"], first["sample"], first["unit"]) == ("2", SAMPLES[0], "s")
+    assert f"<si:value>{first['value']!r}</si:value>" in read_text(path.with_suffix(".xml"))
     assert "replaces itself" in write("-o", folder / "x.html", report__replaces="2").stderr
 
 
