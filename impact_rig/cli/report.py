@@ -30,7 +30,7 @@ from impact_rig.core.given.records import IMPORTED, MEASURED, join_origins
 from impact_rig.present.console import print_warning
 from impact_rig.present.report.certificate import list_results, make_certificate
 from impact_rig.present.report.page import render_page
-from impact_rig.present.report.report import Form, make_report
+from impact_rig.present.report.report import ReportForm, make_report
 from impact_rig.present.report.setup import find_test_days, list_calibration_warnings
 from impact_rig.recordings.contents import Contents
 from impact_rig.recordings.new_file import write_new_file
@@ -139,7 +139,7 @@ def run(
             runs,
             stated,
             lambda done: follow("drawing", done, len(runs)),
-            Form(is_for_customer, is_short, with_printed),
+            ReportForm(is_for_customer, is_short, with_printed),
         )
         written = {output: render_page(document)}
         if with_data:

@@ -26,7 +26,7 @@ OTHER_WORDS = {
 """Words for channels of neither hammer nor sample."""
 
 
-class Kind(Enum):
+class Measured(Enum):
     """Quantity of a channel."""
 
     FORCE = "force"
@@ -67,35 +67,35 @@ def find_unit(name: str) -> str:
     head, _, tail = bare.partition("_")
     while tail:
         unit = normalize_unit(tail)
-        of = FORCES if _find_kind(head) is Kind.FORCE else ACCELERATIONS
-        if unit in of and (_find_kind(head) is not Kind.UNKNOWN or says_hammer(head)):
+        of = FORCES if _find_kind(head) is Measured.FORCE else ACCELERATIONS
+        if unit in of and (_find_kind(head) is not Measured.UNKNOWN or says_hammer(head)):
             return unit
         part, _, tail = tail.partition("_")
         head = f"{head}_{part}"
     return ""
 
 
-def find_kind(name: str, unit: str) -> Kind:
+def find_kind(name: str, unit: str) -> Measured:
     """Return a channel's quantity: by its unit, else by the words of its name."""
     if unit in FORCES:
-        return Kind.FORCE
+        return Measured.FORCE
     if unit in ACCELERATIONS:
-        return Kind.ACCELERATION
-    return Kind.OTHER if unit and unit not in UNITS else _find_kind(split_name(name)[0])
+        return Measured.ACCELERATION
+    return Measured.OTHER if unit and unit not in UNITS else _find_kind(split_name(name)[0])
 
 
-def _find_kind(name: str) -> Kind:
+def _find_kind(name: str) -> Measured:
     words = list_words(name)
     if words & OTHER_WORDS:
-        return Kind.OTHER
+        return Measured.OTHER
     for kind, known in (
-        (Kind.FORCE, FORCE_WORDS),
-        (Kind.ACCELERATION, ACCELERATION_WORDS),
+        (Measured.FORCE, FORCE_WORDS),
+        (Measured.ACCELERATION, ACCELERATION_WORDS),
     ):
         # A single letter is a word where it is the whole name: `f`, not `channel f`.
         if any(word in known and (len(word) > 1 or len(words) == 1) for word in words):
             return kind
-    return Kind.UNKNOWN
+    return Measured.UNKNOWN
 
 
 def says_hammer(name: str) -> bool:

@@ -15,7 +15,14 @@ from itertools import pairwise
 
 from impact_rig.core.given.errors import ParameterError, SignalError
 from impact_rig.files.measurement import MeasuredChannel, Measurement
-from impact_rig.files.names import PARTS, Kind, find_kind, find_unit, says_hammer, says_sample
+from impact_rig.files.names import (
+    PARTS,
+    Measured,
+    find_kind,
+    find_unit,
+    says_hammer,
+    says_sample,
+)
 from impact_rig.files.plan import ROLES, ChannelPlan, ChannelUse
 from impact_rig.files.questions import (
     CHOICE,
@@ -186,10 +193,10 @@ def _is_of_numbers(channel: MeasuredChannel) -> bool:
 
 def _choose_hammers(candidates: Channels) -> list[MeasuredChannel]:
     """Return the channel of the hammer, one of each hit; empty: that is open."""
-    forces = [channel for channel in candidates if _get_kind(channel) is Kind.FORCE]
+    forces = [channel for channel in candidates if _get_kind(channel) is Measured.FORCE]
     found = [channel for channel in candidates if says_hammer(channel.name)]
     if len(found) > 1:  # a hammer with two sensors is measured by its force
-        found = [channel for channel in found if _get_kind(channel) is Kind.FORCE] or found
+        found = [channel for channel in found if _get_kind(channel) is Measured.FORCE] or found
     found = found or [channel for channel in forces if not says_sample(channel.name)]
     if len(found) > 1:
         groups = _group(candidates)
@@ -207,8 +214,8 @@ def _choose_hammers(candidates: Channels) -> list[MeasuredChannel]:
 
 def _list_pair(candidates: Channels) -> list[MeasuredChannel]:
     """Return the accelerations if nothing else was taken with them, else all."""
-    moved = [channel for channel in candidates if _get_kind(channel) is Kind.ACCELERATION]
-    rest = [channel for channel in candidates if _get_kind(channel) is not Kind.ACCELERATION]
+    moved = [channel for channel in candidates if _get_kind(channel) is Measured.ACCELERATION]
+    rest = [channel for channel in candidates if _get_kind(channel) is not Measured.ACCELERATION]
     is_alone = len(moved) > 1 and not any(_fits(moved[0], channel) for channel in rest)
     return moved if is_alone else [*candidates]
 
@@ -216,7 +223,7 @@ def _list_pair(candidates: Channels) -> list[MeasuredChannel]:
 def _is_by_place(candidates: Channels) -> bool:
     """Return whether of two channels neither name nor unit says which is the hammer's."""
     says = [
-        says_hammer(channel.name) or _get_kind(channel) is Kind.FORCE for channel in candidates
+        says_hammer(channel.name) or _get_kind(channel) is Measured.FORCE for channel in candidates
     ]
     pair = _list_pair(candidates)
     samples = sum(says_sample(channel.name) for channel in pair)
@@ -239,9 +246,9 @@ def _add_specimen(hammer: MeasuredChannel, group: Channels, time: MeasuredChanne
     rest = [item for item in group if item is not hammer and not says_hammer(item.name)]
     if _is_by_place(group):
         return Roles(hammer, _list_pair(group)[1], time, by_place=True)
-    usable = [item for item in rest if _get_kind(item) not in (Kind.FORCE, Kind.OTHER)]
+    usable = [item for item in rest if _get_kind(item) not in (Measured.FORCE, Measured.OTHER)]
     named = [item for item in usable if says_sample(item.name)]
-    moved = [item for item in named or usable if _get_kind(item) is Kind.ACCELERATION]
+    moved = [item for item in named or usable if _get_kind(item) is Measured.ACCELERATION]
     found = moved or named or [item for item in usable if _fits(hammer, item)]
     if len(found) > 1:
         found = [item for item in found if _fits(hammer, item)] or found
@@ -258,7 +265,7 @@ def _fits(hammer: MeasuredChannel, channel: MeasuredChannel) -> bool:
     )
 
 
-def _get_kind(channel: MeasuredChannel) -> Kind:
+def _get_kind(channel: MeasuredChannel) -> Measured:
     return find_kind(channel.name, channel.unit or find_unit(channel.name))
 
 
@@ -291,9 +298,9 @@ def _ask_for_hammer(measurement: Measurement, candidates: Channels) -> Missing:
 def _rank_as_hammer(channel: MeasuredChannel) -> int:
     """Return how likely a channel is the hammer's, by its name and unit."""
     kind = _get_kind(channel)
-    if says_sample(channel.name) or kind is Kind.OTHER:
+    if says_sample(channel.name) or kind is Measured.OTHER:
         return 0
-    return 1 + (kind is Kind.FORCE) + says_hammer(channel.name)
+    return 1 + (kind is Measured.FORCE) + says_hammer(channel.name)
 
 
 def ask_for_specimen(roles: Roles) -> Missing:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Body:
+class FigureBody:
     """Fields that Figs. 4 and 6 show of hammer or samples."""
 
     title: str
@@ -36,8 +36,8 @@ class Body:
     largest_error: float  # of the paper's Fig. 6, as its text gives it [%]
 
 
-HAMMER = Body("a) hammer", "hammer_peak", "mse_hammer_percent", 0.25)
-SAMPLES = Body("b) samples", "specimen_peak", "mse_sample_percent", 2.8)
+HAMMER = FigureBody("a) hammer", "hammer_peak", "mse_hammer_percent", 0.25)
+SAMPLES = FigureBody("b) samples", "specimen_peak", "mse_sample_percent", 2.8)
 BODIES = (HAMMER, SAMPLES)
 MARKERS = "s^oDvPX*"
 GRAM = 1e3  # kilograms to grams
@@ -180,7 +180,7 @@ def draw_widths(rows: Sequence[FigureRow]) -> "Figure":
     return panel
 
 
-def draw_peaks(rows: Sequence[FigureRow], body: Body) -> "Figure":
+def draw_peaks(rows: Sequence[FigureRow], body: FigureBody) -> "Figure":
     """Draw the largest acceleration of a body's mean hits over tau_p."""
     panel = reuse_panel(HIGH)
     (axes,) = panel.axes
@@ -252,7 +252,7 @@ def draw_responses(cases: Sequence[SampleTraces], channel: int) -> "Figure":
     return panel
 
 
-def draw_errors(rows: Sequence[FigureRow], body: Body) -> "Figure":
+def draw_errors(rows: Sequence[FigureRow], body: FigureBody) -> "Figure":
     """Draw the mean square error of the force-driven model, and the paper's largest."""
     panel = reuse_panel(ROW * (1 + len(rows)), left=1.5)
     (axes,) = panel.axes

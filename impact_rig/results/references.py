@@ -39,7 +39,7 @@ class Reference(Comparable):
 
 
 @dataclass(frozen=True)
-class Plant:
+class PlantTruth:
     """Truth of a plant of the virtual rig by construction."""
 
     description: str
@@ -49,19 +49,19 @@ class Plant:
 
 
 PLANTS = {
-    "virtual rig, plant published": Plant(
+    "virtual rig, plant published": PlantTruth(
         "Bodies made from the paper's tables: agreement tests the software, not the paper."
         " Their pulse is the paper's versed-sine, which no contact law makes, and each hangs on"
         " its spring.",
         explained=frozenset({Subject.CONTACT_LAW, Subject.MOMENTA}),
     ),
-    "virtual rig, plant dynamics": Plant(
+    "virtual rig, plant dynamics": PlantTruth(
         "Equations (1) and (2), the sample driven by the force alone, k and c of the paper."
     ),
-    "virtual rig, plant dynamics_printed": Plant(
+    "virtual rig, plant dynamics_printed": PlantTruth(
         "Equations (1) and (2) as printed, k and c of the paper."
     ),
-    "virtual rig, plant contact": Plant(
+    "virtual rig, plant contact": PlantTruth(
         "A contact law with loss between free bodies: no published values, and since nothing"
         " rings after the contact no damping c and no free decay.",
         explained=frozenset({Subject.C1, Subject.C2, Subject.FREE_DECAY}),
@@ -72,7 +72,7 @@ PLANTS = {
 """By the source of their hits."""
 
 
-def find_plant(origin: Origin) -> Plant | None:
+def find_plant(origin: Origin) -> PlantTruth | None:
     """Return the plant that all hits of an origin come from."""
     return PLANTS.get(origin.source) if origin.kind == SIMULATED else None
 

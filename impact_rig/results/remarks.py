@@ -31,7 +31,7 @@ from impact_rig.results.numbers import (
     format_time,
     show_unit,
 )
-from impact_rig.results.references import SCATTER_HITS, Plant, find_plant
+from impact_rig.results.references import SCATTER_HITS, PlantTruth, find_plant
 from impact_rig.results.table import (
     Column,
     Table,
@@ -281,7 +281,7 @@ def _merge(
 
 
 def _list_notes(
-    samples: Sequence[SampleEstimate], hammer: HammerEstimate, plant: Plant | None
+    samples: Sequence[SampleEstimate], hammer: HammerEstimate, plant: PlantTruth | None
 ) -> list[Remark]:
     """Return why something is not determined: a result, or what a further method says."""
     has_damping = plant is None or plant.has_damping

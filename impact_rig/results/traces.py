@@ -26,7 +26,7 @@ times its record. What follows is left out of the view only."""
 
 
 @dataclass(frozen=True)
-class Calibration:
+class ChannelScale:
     """How the output of one channel becomes acceleration: scale times output plus offset."""
 
     name: str  # "hammer" or "sample"
@@ -46,7 +46,7 @@ class HitTraces:
     # Shape (n, 2): hammer and sample [m/s^2]. A row of NaN breaks the line at a gap; a sample that
     # was not measured is NaN throughout.
     values: Float32Array
-    calibrations: tuple[Calibration, ...] = ()  # of the channels that were measured
+    calibrations: tuple[ChannelScale, ...] = ()  # of the channels that were measured
 
 
 class TraceAssembler:
@@ -97,9 +97,9 @@ def _join(blocks: list[Block]) -> HitTraces:
     )
 
 
-def _list_calibrations(block: Block) -> tuple[Calibration, ...]:
+def _list_calibrations(block: Block) -> tuple[ChannelScale, ...]:
     return tuple(
-        Calibration(
+        ChannelScale(
             name,
             block.sampling_rate,
             channel.resolution > 0.0,

@@ -20,10 +20,10 @@ from impact_rig.core.given.records import FloatArray
 from impact_rig.files.formats.text import (
     NOTHING,
     NUMBER,
-    Line,
+    Layout,
     RowReader,
     Style,
-    Table,
+    TextLine,
     read_pieces,
     read_text,
     split_lines,
@@ -42,7 +42,7 @@ SPECIAL = re.compile(r"(?ms)^ *\*{3}Start_Special\*{3}.*?(^ *\*{3}End_Special\*{
 
 
 @dataclass(frozen=True)
-class Segment:
+class LabviewSegment:
     """A table of numbers with what its header states."""
 
     path: Path
@@ -51,20 +51,20 @@ class Segment:
     headings: list[str]  # of its columns
     # Lines of its header by their first cell; the other cells stand below their columns.
     tags: dict[str, list[str]]
-    rows: list[Line] = field(default_factory=list)  # with a cell for each heading
+    rows: list[TextLine] = field(default_factory=list)  # with a cell for each heading
 
     def get_tag(self, key: str, column: int) -> str:
         """Return the header's statement for a column; empty: none."""
         cells = self.tags.get(key, [])
         return cells[column] if column < len(cells) else ""
 
-    def add_row(self, line: Line, cells: list[str]) -> None:
+    def add_row(self, line: TextLine, cells: list[str]) -> None:
         """Add a line of numbers, in which the first and the last cells may be left out."""
         separator = self.style.delimiter or "\t"
         has_time = not cells[0] or self.headings[0] == X_VALUE
         text = line.text if has_time else separator + line.text
         missing = len(self.headings) - len(cells) - (not has_time)
-        self.rows.append(Line(line.number, text + separator * missing))
+        self.rows.append(TextLine(line.number, text + separator * missing))
 
     def list_columns(self) -> list[int]:
         """Return the columns of the channels: neither of times nor of words."""
@@ -72,14 +72,14 @@ class Segment:
         return [column for column in range(1, count) if self.headings[column] != X_VALUE]
 
 
-def make_channels(segment: Segment, first: Segment) -> list[MeasuredChannel]:
+def make_channels(segment: LabviewSegment, first: LabviewSegment) -> list[MeasuredChannel]:
     """Make the channels of a segment.
 
     Parameters
     ----------
-    segment : Segment
+    segment : LabviewSegment
         What the file holds.
-    first : Segment
+    first : LabviewSegment
         From whose first channel the starts count.
 
     Raises
@@ -111,7 +111,7 @@ def make_channels(segment: Segment, first: Segment) -> list[MeasuredChannel]:
     ]
 
 
-def _read_numbers(segment: Segment, columns: list[int]) -> dict[int, FloatArray]:
+def _read_numbers(segment: LabviewSegment, columns: list[int]) -> dict[int, FloatArray]:
     """Return the numbers of each channel, which ends where its header says, in each packet."""
     counts = {column: _parse_count(segment, column) for column in columns}
     longest = max(columns, key=counts.__getitem__)
@@ -123,7 +123,7 @@ def _read_numbers(segment: Segment, columns: list[int]) -> dict[int, FloatArray]
         )
     places = range(len(segment.headings))
     kinds = "".join(NUMBER if place in counts else NOTHING for place in places)
-    table = Table(segment.style, rows[0].number if rows else 0, kinds, tuple(columns))
+    table = Layout(segment.style, rows[0].number if rows else 0, kinds, tuple(columns))
     parts: dict[int, list[FloatArray]] = {column: [np.empty(0)] for column in columns}
     for first in range(0, len(rows), packet or len(rows) or 1):
         lines = rows[first : first + packet] if packet else rows
@@ -144,14 +144,14 @@ def _read_numbers(segment: Segment, columns: list[int]) -> dict[int, FloatArray]
     return {column: np.concatenate(blocks) for column, blocks in parts.items()}
 
 
-def _parse_count(segment: Segment, column: int) -> int:
+def _parse_count(segment: LabviewSegment, column: int) -> int:
     text = segment.get_tag("Samples", column)
     if text and not text.isdecimal():
         raise FileError(f"{segment.path} states {text!r} samples: it should be a whole number")
     return int(text or 0)
 
 
-def _read_rate(segment: Segment, column: int, count: int) -> float:
+def _read_rate(segment: LabviewSegment, column: int, count: int) -> float:
     """Return the rate of a channel with so many points [Hz]; NaN: not stated.
 
     Both step and times are rounded, often to microseconds: the more exact one is used.
@@ -179,7 +179,7 @@ def _read_rate(segment: Segment, column: int, count: int) -> float:
     return round_rate(step, error)
 
 
-def _parse_rounded(segment: Segment, text: str) -> tuple[float, float]:
+def _parse_rounded(segment: LabviewSegment, text: str) -> tuple[float, float]:
     """Return a number and the largest error that its last digit leaves."""
     try:
         number = Decimal(segment.style.make_point(text))
@@ -188,7 +188,7 @@ def _parse_rounded(segment: Segment, text: str) -> tuple[float, float]:
         raise FileError(f"{segment.path} states {text!r}: it should be a number") from None
 
 
-def _read_start(segment: Segment, column: int, origin: int | None) -> float:
+def _read_start(segment: LabviewSegment, column: int, origin: int | None) -> float:
     """Return the time of a channel's first point after `origin` [s]."""
     text = segment.get_tag("X0", column)
     before = _parse_rounded(segment, text)[0] if text else 0.0
@@ -196,7 +196,7 @@ def _read_start(segment: Segment, column: int, origin: int | None) -> float:
     return before if time is None or origin is None else (time - origin) / NANOSECONDS + before
 
 
-def _read_time(segment: Segment, column: int) -> int | None:
+def _read_time(segment: LabviewSegment, column: int) -> int | None:
     """Return the date of a channel's time 0 [ns since the epoch]; None: not stated."""
     day = "/".join(re.split(r"\D", segment.get_tag("Date", column)))
     clock, _, fraction = segment.get_tag("Time", column).replace(",", ".").partition(".")
@@ -245,9 +245,9 @@ def read_any_text(path: Path) -> Measurement:
     return read_lvm(path) if head.startswith(FIRST_WORDS) else read_text(path)
 
 
-def _split_segments(path: Path, lines: Sequence[Line], style: Style) -> list[Segment]:
+def _split_segments(path: Path, lines: Sequence[TextLine], style: Style) -> list[LabviewSegment]:
     """Return the tables: headings begin with `X_Value`, or follow a segment's header."""
-    segments: list[Segment] = []
+    segments: list[LabviewSegment] = []
     tags: dict[str, list[str]] = {}
     for line in lines:
         cells = style.split(line.text)
@@ -258,7 +258,7 @@ def _split_segments(path: Path, lines: Sequence[Line], style: Style) -> list[Seg
             headings = cells if key in ("", X_VALUE) else ["", *cells]
             while not headings[-1]:
                 headings.pop()
-            segments.append(Segment(path, len(segments) + 1, style, headings, tags))
+            segments.append(LabviewSegment(path, len(segments) + 1, style, headings, tags))
             tags = {}
         elif segments and not tags and (not key or style.is_number(key)):
             segments[-1].add_row(line, cells)
@@ -269,7 +269,7 @@ def _split_segments(path: Path, lines: Sequence[Line], style: Style) -> list[Seg
     return segments
 
 
-def _read_style(path: Path, lines: Sequence[Line]) -> Style:
+def _read_style(path: Path, lines: Sequence[TextLine]) -> Style:
     """Return the separator that the header states, by default a tab."""
     key = "Separator"
     stated = next((line.text for line in lines if line.text.startswith(key)), "")

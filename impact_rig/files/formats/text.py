@@ -2,7 +2,13 @@
 
 Every instrument puts its own words above its numbers, and some beside them. There is one way
 through all: the longest run of lines that are written alike is the table; it reaches up as far as
-there are numbers in its columns; what stands above are names, units and statements.
+there are numbers in its columns; what stands above are names, units and statements::
+
+    Sampling Period,1.95E-05    a statement
+    Time,CH1                    names
+    s,V                         units
+    0.000,0.02                  the table: each line has the kinds "nn", numbers in both cells
+    0.001,0.04
 """
 
 import codecs
@@ -94,7 +100,7 @@ def _take_byte(error: UnicodeError) -> tuple[str, int]:
 codecs.register_error("take_latin_1", _take_byte)
 
 
-class Line(NamedTuple):
+class TextLine(NamedTuple):
     """A line that is not blank, and its number in the file, counted from 1."""
 
     number: int
@@ -169,13 +175,13 @@ def read_pieces(path: Path) -> Iterator[str]:
             raise FileError(f"{path} is no text: it ends within a letter") from None
 
 
-def split_lines(piece: str, before: int = 0) -> list[Line]:
+def split_lines(piece: str, before: int = 0) -> list[TextLine]:
     """Return the lines of a piece that are not blank; so many are `before` it."""
     lines = enumerate(piece.split("\n"), start=before + 1)
-    return [Line(number, text.strip(" ")) for number, text in lines if text.strip()]
+    return [TextLine(number, text.strip(" ")) for number, text in lines if text.strip()]
 
 
-class Table(NamedTuple):
+class Layout(NamedTuple):
     """Where the numbers of a file stand, and how they are written."""
 
     style: Style
@@ -320,11 +326,13 @@ def _find_start(statements: dict[str, list[str]]) -> float:
 
 
 def _find_table(
-    path: Path, lines: Sequence[Line]
-) -> tuple[Table, list[tuple[str, str]], dict[str, list[str]]]:
+    path: Path, lines: Sequence[TextLine]
+) -> tuple[Layout, list[tuple[str, str]], dict[str, list[str]]]:
     """Find the numbers; return with them name and unit of each cell of a line, and statements."""
     plain = [
-        Line(number, unquote(text)) for number, text in lines if not text.startswith(COMMENT_MARKS)
+        TextLine(number, unquote(text))
+        for number, text in lines
+        if not text.startswith(COMMENT_MARKS)
     ]
     first, last, style, kinds = _find_longest_run(path, plain)
     # Settings of an instrument may stand beside the first rows: below them these cells are empty.
@@ -352,7 +360,7 @@ def _find_table(
         cells = zip(style.split(text), kinds, strict=True)
         _add_statement(statements, [cell for cell, kind in cells if kind == NOTHING])
     heading = above_lines[-1] if above_lines else ""
-    table = Table(style, plain[first].number, kinds, columns, heading)
+    table = Layout(style, plain[first].number, kinds, columns, heading)
     return table, headings, statements
 
 
@@ -369,7 +377,7 @@ def _refuse_decimal_commas(path: Path, above: Sequence[str], style: Style, kinds
             )
 
 
-def _find_longest_run(path: Path, lines: Sequence[Line]) -> tuple[int, int, Style, str]:
+def _find_longest_run(path: Path, lines: Sequence[TextLine]) -> tuple[int, int, Style, str]:
     """Return first and last of lines that are written alike, how, and what their cells hold.
 
     Lines of numbers alone go before those that hold words, longer runs before shorter ones.
@@ -434,7 +442,7 @@ def _guess_style(line: str) -> Style:
 
 
 def _read_columns(
-    path: Path, table: Table, head: str, pieces: Iterator[str]
+    path: Path, table: Layout, head: str, pieces: Iterator[str]
 ) -> list[tuple[FloatArray, str | None]]:
     """Return the numbers of each channel, and why it has none."""
     rows = RowReader(path, table)
@@ -464,11 +472,11 @@ class RowReader:
     ----------
     path : Path
         Of the file, for messages.
-    table : Table
+    table : Layout
         How they are written.
     """
 
-    def __init__(self, path: Path, table: Table) -> None:
+    def __init__(self, path: Path, table: Layout) -> None:
         self._path = path
         self._table = table
         self._count = 0
@@ -508,7 +516,7 @@ class RowReader:
         self._count += len(rows)
         return rows
 
-    def read_lines(self, lines: Sequence[Line]) -> FloatArray:
+    def read_lines(self, lines: Sequence[TextLine]) -> FloatArray:
         """Return the same line by line, with all that may be amiss."""
         style, kinds, columns = self._table.style, self._table.kinds, self._table.columns
         width, heading = max(columns) + 1, unquote(self._table.heading)
@@ -553,7 +561,7 @@ class RowReader:
         return value
 
 
-def _parse_numbers(text: str, table: Table) -> FloatArray:
+def _parse_numbers(text: str, table: Layout) -> FloatArray:
     """Return the columns of lines of numbers alone; raises `ValueError` if there is more."""
     delimiter, data = table.style.delimiter, BytesIO(text.encode())
     if delimiter and len(text) > PIECE // 16:  # worth its time
@@ -727,7 +735,7 @@ def _add_statement(statements: dict[str, list[str]], cells: Sequence[str]) -> No
 def write_text(path: Path, measurement: Measurement) -> None:
     """Write channels as columns parted by commas, beside their time.
 
-    Every number is written with the digits that bring it back bit by bit. Line breaks in names
+    Every number is written with the digits that bring it back bit by bit. TextLine breaks in names
     become blanks.
 
     Parameters

@@ -96,19 +96,14 @@ def make_certificate(runs: Sequence[ReportedCampaign], stated: Particulars) -> s
     """
     root = ET.Element("dcc:digitalCalibrationCertificate", schemaVersion=VERSION)
     root.attrib |= {"xmlns:dcc": DCC, "xmlns:si": SI}
-    signer = [
-        ("person", _name(stated.get("report", "authorised_by"))),
-        ("mainSigner", "true"),
-    ]
+    authority = stated.get("report", "authorised_by")
+    signer: Nodes = [("person", _name(authority)), ("mainSigner", "true")]
     laboratory = stated.get("laboratory", "name"), stated.get("laboratory", "address")
-    software = [*_name("impact-rig"), ("release", __version__)]
+    software: Nodes = [*_name("impact-rig"), ("release", __version__)]
     administrative: Nodes = [
         ("dccSoftware", [("software", software)]),
         ("coreData", _list_core(runs, stated)),
-        (
-            "items",
-            [("item", _describe_item(body, stated)) for body in _list_bodies(runs)],
-        ),
+        ("items", [("item", _describe_item(body, stated)) for body in _list_bodies(runs)]),
         ("calibrationLaboratory", [("contact", _address(*laboratory))]),
         ("respPersons", [("respPerson", signer)]),
         ("customer", _address(stated.get("report", "customer"), "")),
@@ -129,15 +124,9 @@ def _list_core(runs: Sequence[ReportedCampaign], stated: Particulars) -> "Nodes"
             "a certificate in XML needs the day of the tests: state tested in [report]"
         )
     replaced = stated.get("report", "replaces")
-    amended: Nodes = [
-        ("typeOfChange", "substituted"),
-        ("replacedUniqueIdentifier", replaced),
-    ]
+    amended: Nodes = [("typeOfChange", "substituted"), ("replacedUniqueIdentifier", replaced)]
     return [
-        (
-            "countryCodeISO3166_1",
-            stated.get("laboratory", "country") or UNKNOWN_COUNTRY,
-        ),
+        ("countryCodeISO3166_1", stated.get("laboratory", "country") or UNKNOWN_COUNTRY),
         ("usedLangCodeISO639_1", "en"),
         ("mandatoryLangCodeISO639_1", "en"),
         ("uniqueIdentifier", stated.get("report", "number") or runs[0].name),

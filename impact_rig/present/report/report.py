@@ -70,7 +70,7 @@ SCOPE = (
 
 
 @dataclass(frozen=True)
-class Form:
+class ReportForm:
     """For whom a report is, and how long."""
 
     # Without opinions and advice, which are for the laboratory's own people.
@@ -80,7 +80,7 @@ class Form:
 
 
 def make_run_sections(
-    run: ReportedCampaign, stated: Particulars, form: Form
+    run: ReportedCampaign, stated: Particulars, form: ReportForm
 ) -> tuple[tuple[Section, ...], tuple[Section, ...]]:
     """Return the sections on one run before the signature, and those of the annex."""
     results = run.campaign.results
@@ -211,7 +211,7 @@ def _explain_figures(run: ReportedCampaign) -> tuple[Part, ...]:
 
 
 def _make_sample_section(
-    run: ReportedCampaign, sample: SampleEstimate, common: Common, form: Form
+    run: ReportedCampaign, sample: SampleEstimate, common: Common, form: ReportForm
 ) -> Section:
     """Return what there is of one sample: its traces with the models, methods, remarks."""
     results = run.campaign.results
@@ -278,7 +278,7 @@ def make_report(
     runs: Sequence[ReportedCampaign],
     stated: Particulars = NOTHING_STATED,
     report: Callable[[int], None] = lambda _: None,
-    form: Form = Form(),
+    form: ReportForm = ReportForm(),
 ) -> Document:
     """Return the report of a run.
 
@@ -290,7 +290,7 @@ def make_report(
         Laboratory, report, items and instruments, as a person states them.
     report : callable, optional
         Gets the number of finished campaigns.
-    form : Form
+    form : ReportForm
         For whom it is, and how long.
 
     Raises

@@ -11,7 +11,7 @@ from impact_rig.devices.virtual.choices import Fault, Plant
 from impact_rig.devices.virtual.rig import FaultPlan, ScheduledFault, VirtualRigSettings
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import make_report
-from impact_rig.results.traces import Calibration, Provenance, RecordedFile, ReportedCampaign
+from impact_rig.results.traces import ChannelScale, Provenance, RecordedFile, ReportedCampaign
 
 from ..conftest import START, Trace
 from .reader import Reader
@@ -41,8 +41,8 @@ def strike_run(trace: Trace) -> ReportedCampaign:
     labels = [(sample.name, impact) for sample in renamed for impact in (1, 2)]
     campaign = trace([*labels, (HOSTILE, 3)], setup, settings)
     calibrations = (
-        Calibration("hammer", 2.5e6, True, 0.9765625, 0.0, 2000.0),
-        Calibration("sample", 2.5e6, False, 1.953125, 0.25, 0.0),
+        ChannelScale("hammer", 2.5e6, True, 0.9765625, 0.0, 2000.0),
+        ChannelScale("sample", 2.5e6, False, 1.953125, 0.25, 0.0),
     )
     hits = tuple(
         replace(hit, recorded=replace(hit.recorded, calibrations=calibrations))

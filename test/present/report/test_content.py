@@ -14,7 +14,7 @@ from impact_rig.core.given.quantity import Quantity
 from impact_rig.core.given.records import IMPORTED, HitLabel, Origin
 from impact_rig.core.hit.overrules import Overrule, Verdict
 from impact_rig.present.report.page import render_page
-from impact_rig.present.report.report import Form, _list_facts, conclude, make_report
+from impact_rig.present.report.report import ReportForm, _list_facts, conclude, make_report
 from impact_rig.results.tables import tabulate_results
 from impact_rig.results.traces import TracedCampaign
 
@@ -247,9 +247,9 @@ def test_the_conclusion_rounds_as_the_tables_do(told):
 def test_a_customer_gets_no_advice_and_the_short_form_no_annex(told):
     whole = Reader(render_page(make_report([told], STATED)))
     for_customer = Reader(
-        render_page(make_report([told], STATED, form=Form(is_for_customer=True)))
+        render_page(make_report([told], STATED, form=ReportForm(is_for_customer=True)))
     )
-    short = make_report([told], STATED, form=Form(is_for_customer=True, is_short=True))
+    short = make_report([told], STATED, form=ReportForm(is_for_customer=True, is_short=True))
     assert "Further remarks" in whole.text
     assert "Opinion" in whole.text
     for word in ("Further remarks", "Opinion", "Use the"):
