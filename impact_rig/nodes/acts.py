@@ -90,19 +90,16 @@ class NumberedState:
         """Publish the state with some fields changed."""
         self._send(**fields, number=self.count(fields))
 
-    def repeat(self) -> None:
-        """Publish that the state is still this one."""
+    def renew(self) -> None:
+        """Refuse what was asked for up to now: nobody knows what a person sees meanwhile."""
+        self.number += 1
         if self._fields:
-            self._send()
+            self._send(number=self.number)
 
     def refuse(self, act: Any) -> str | None:
         """Return why an act is too old; None: it is not."""
         if act.seen and act.seen != self.number:
             return "not done: what was shown has changed since; look, then do it again"
-        return self.refuse_late(act)
-
-    def refuse_late(self, act: Any) -> str | None:
-        """Return by how much a deadline is over; None: it is not."""
         deadline, now = stamp_from_msg(act.deadline), self._clock()
         if deadline and now > deadline:
             late = (now - deadline) / NANOSECONDS

@@ -92,7 +92,7 @@ class CampaignNode(RigNode):
         self.listen(interfaces.VIRTUAL_IMPACT, self._writer.on_truth)
         self._told = self.number_state(interfaces.CAMPAIGN_STATE, tell)
         self._standstill = Standstill()
-        self.create_timer(BEAT / self.pace, self._beat)
+        self.create_timer(BEAT / self.pace, self._check_clock)
         self.offer_act(interfaces.PAUSE_CAMPAIGN, self._hold)
         self.offer_act(interfaces.RESUME_CAMPAIGN, self._go_on, self._told)
         self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._on_confirm_sample)
@@ -136,17 +136,20 @@ class CampaignNode(RigNode):
         if self._campaign is None:
             self._told.publish(state=Step.ENDED)
 
-    def _beat(self) -> None:
-        self._told.repeat()
-        self._check_clock()
-
     def _check_clock(self) -> None:
         """Let a person arm again if this process was stopped, or the computer asleep."""
         stood_still = self._standstill.look()
-        if stood_still and (campaign := self._campaign):
-            self.get_logger().warning(f"the campaign node {stood_still}")
-            campaign.is_to_arm = False
+        if not stood_still:
+            return
+        self.get_logger().warning(f"the campaign node {stood_still}")
+        self._told.renew()
+        if campaign := self._campaign:
+            campaign.arms_until = 0.0
             self._let_disarm(campaign, f"the campaign node {stood_still}")
+
+    def _take_word(self, campaign: Campaign) -> None:
+        """Note that a person has said just now that the hammer may go."""
+        campaign.arms_until, campaign.seen = time.monotonic() + REACTION, self._hammer.number
 
     def _let_disarm(self, campaign: Campaign, why: str) -> None:
         """Ask the hammer to disarm, and wait for nothing."""
@@ -173,6 +176,8 @@ class CampaignNode(RigNode):
             try:
                 if campaign.is_held and is_looking:
                     raise HeldError(campaign.held_for)
+                if is_looking and (stranger := self.intake.find_any_stranger()):
+                    raise DeviceError(stranger)
                 following = await self._work[state](campaign)
                 task = Task.NOTHING
             except DeviceError as error:
@@ -328,9 +333,9 @@ class CampaignNode(RigNode):
         self._check_clock()
         if campaign.is_held:
             raise HeldError(campaign.held_for)
-        if campaign.is_to_arm and not self._hammer.needs_person:
-            await self._give_enable(campaign)
-        campaign.is_to_arm = False
+        until, campaign.arms_until = campaign.arms_until, 0.0
+        if time.monotonic() < until and not self._hammer.needs_person:
+            await self._give_enable(campaign, min(until, time.monotonic() + REACTION))
         if not self._hammer.armed:
             acts = "reset the stop, then arm" if self._hammer.is_stopped else "arm"
             raise ArmingError(
@@ -350,10 +355,11 @@ class CampaignNode(RigNode):
         """
         campaign.stands_since = min(campaign.stands_since, time.monotonic())
         campaign.stumbled_at = math.inf
-        if time.monotonic() - campaign.stands_since > interfaces.LEASE:
-            campaign.is_to_arm = False  # who said that it may go has walked on
-        with contextlib.suppress(DeviceError):
-            await self._take_enable(campaign, campaign.state.message)
+        if campaign.has_joined or time.monotonic() - campaign.stands_since > REACTION:
+            campaign.arms_until = 0.0  # who said that it may go has read this
+        if campaign.state.task != Task.ARM:  # else a person has just armed it, as was asked for
+            with contextlib.suppress(DeviceError):
+                await self._take_enable(campaign, campaign.state.message)
         hammer, was_held = self._hammer, campaign.is_held
         await self._wait(
             campaign,
@@ -365,7 +371,9 @@ class CampaignNode(RigNode):
     async def _wait_for_hammer(self, campaign: Campaign) -> Step:
         """Wait until a person has put the hammer back."""
         await self._wait_while_at(campaign, HammerPlace.AWAY)
-        campaign.state.message, campaign.is_to_arm = "", not self._hammer.is_away
+        campaign.state.message = ""
+        if not self._hammer.is_away:
+            self._take_word(campaign)
         return Step.COUNTING
 
     async def _wait_while_at(self, campaign: Campaign, place: HammerPlace) -> None:
@@ -405,12 +413,16 @@ class CampaignNode(RigNode):
             return ""
         return f"set the release angle of the hammer to {format_angle(sample.release_angle)}"
 
-    async def _give_enable(self, campaign: Campaign) -> None:
-        """Arm the hammer, for a person who has just said that it may go."""
-        deadline = stamp_to_msg(self._hammer.stamp + round(REACTION * NANOSECONDS))
-        request = SetArmed.Request(armed=True, deadline=deadline)
-        request.campaign_id = campaign.setup.campaign_id
+    async def _give_enable(self, campaign: Campaign, until: float) -> None:
+        """Arm the hammer for a person who has just said that it may go; ask again until a time."""
+        request = SetArmed.Request(campaign_id=campaign.setup.campaign_id, armed=True)
+        request.seen = campaign.seen
+        request.deadline = stamp_to_msg(self._hammer.stamp + round(REACTION * NANOSECONDS))
         answer = await self.call(self._set_armed, request)
+        # What it knows of the others may be older than their answers.
+        while not answer.success and time.monotonic() < until:
+            await self.wait_until(lambda: False, 0.05)
+            answer = await self.call(self._set_armed, request)
         if not answer.success:
             raise DeviceError(f"the hammer cannot be armed: {answer.message}")
         await self.wait_until(lambda: self._hammer.armed, self.answer_timeout)
@@ -547,7 +559,8 @@ class CampaignNode(RigNode):
             response.message = f"the campaign is waiting for {wanted!r}, not {request.sample!r}"
         else:
             campaign.state.mounted, campaign.state.task = request.sample, Task.NOTHING
-            campaign.state.message, campaign.is_to_arm = "", True
+            campaign.state.message = ""
+            self._take_word(campaign)
             response.success, response.message = True, f"{request.sample} is mounted"
         self.wake_waiters()
         return response
@@ -571,7 +584,8 @@ class CampaignNode(RigNode):
             return False, "an emergency stop lasts: reset it, then arm the hammer"
         if self._hammer.needs_person:
             return False, f"arm the hammer first ({self._hammer.message})"
-        campaign.held_for, campaign.is_to_arm = "", True
+        campaign.held_for = ""
+        self._take_word(campaign)
         self.wake_waiters()
         return True, "the campaign arms the hammer and goes on"
 
@@ -603,6 +617,7 @@ class CampaignNode(RigNode):
         self.membership.join(Identity(id_from_msg(setup.campaign_id)))
         self._writer.begin()
         self._campaign = campaign = Campaign(handle, setup, self._told)
+        campaign.seen = self._hammer.number
         campaign.publish(
             impacts=setup.plan.impacts,
             counts=[SampleCount(sample=name) for name in setup.plan.samples],

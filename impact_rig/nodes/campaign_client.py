@@ -365,11 +365,14 @@ class CampaignClient(RigClient):
         is_unattended = self._longest_pause < math.inf
         # What a person has stopped or disarmed, the hammer refuses to arm by this service.
         if is_unattended and self._status.is_simulated and not self._status.hammer.needs_person:
+            request = SetArmed.Request(
+                campaign_id=id_to_msg(self._intake.membership.identity.campaign_id), armed=True
+            )
             with contextlib.suppress(DeviceError):
-                request = SetArmed.Request(
-                    campaign_id=id_to_msg(self._intake.membership.identity.campaign_id), armed=True
-                )
-                self.call(SetArmed, interfaces.SET_ARMED, request, SERVICE_TIMEOUT)
+                answer = self.call(SetArmed, interfaces.SET_ARMED, request, SERVICE_TIMEOUT)
+                if not answer.success:
+                    self.spin_until(lambda: False, RESEND_PERIOD)
+                    self._duties += [Task.ARM] * (self._status.campaign.task is Task.ARM)
 
     def _mount(self, operator: Operator) -> None:
         campaign = self._status.campaign

@@ -50,7 +50,10 @@ class Campaign:
     stream_id: bytes = NO_ID
     recording: str = ""
     has_joined: bool = False  # every node took part once
-    is_to_arm: bool = True  # a person has just said that the hammer may go
+    # Until when a person's word that the hammer may go counts [s], by the monotonic clock. That of
+    # the start counts until every node has joined.
+    arms_until: float = math.inf
+    seen: int = 0  # number of the hammer's state at that word
     hit: dict[str, Any] = field(default_factory=dict)  # the next one's label
     newest_record: int = 0
     verdict: Impact = field(default_factory=Impact)

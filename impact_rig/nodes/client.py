@@ -22,6 +22,8 @@ from impact_rig.nodes.executor import make_executor
 from impact_rig.nodes.intake import Intake, Received
 from impact_rig.status.states import HammerStatus
 
+RESEND_PERIOD = 1.0
+"""How soon an unanswered request is sent again [s]: the rig takes it as the same one."""
 START_ONE = (
     "start one with `impact-rig up`, and check ROS_DOMAIN_ID and the namespace on both sides"
 )
@@ -132,10 +134,16 @@ class RigClient:
                 raise DeviceError(
                     f"no rig offers {client.srv_name} within {timeout:g} s: {START_ONE}"
                 )
-            future = client.call_async(request)
-            if not self.spin_until(future.done, timeout):
-                raise DeviceError(f"{client.srv_name} did not answer within {timeout:g} s")
-            return future.result()
+            asked = []
+            deadline = time.monotonic() + timeout
+            while (left := deadline - time.monotonic()) > 0.0:
+                # A server that has not met this client's reader yet drops its answer.
+                asked.append(client.call_async(request))
+                self.spin_until(lambda: any(it.done() for it in asked), min(left, RESEND_PERIOD))
+                for future in asked:
+                    if future.done():
+                        return future.result()
+            raise DeviceError(f"{client.srv_name} did not answer within {timeout:g} s")
         finally:
             self._node.destroy_client(client)
 

@@ -187,7 +187,6 @@ class HammerNode(DeviceNode):
 
     def _watch(self) -> None:
         """Check that the nodes which a release needs are still there; never release."""
-        self._told.repeat()
         self._check_rig()
         self._run_guarded(self._hammer.check)
 
@@ -197,6 +196,7 @@ class HammerNode(DeviceNode):
             text = f"the hammer node {stood_still}"
             self.get_logger().warning(text)
             self._hammer.disarm_by_loss(text)
+            self._told.renew()
 
     def _check_rig(self) -> None:
         """Take the enable back if something that a hit needs is lost."""
@@ -207,8 +207,8 @@ class HammerNode(DeviceNode):
         """Return why the hammer must be disarmed; None: nothing is lost."""
         if self._standstill.is_catching_up:
             return "the hammer node stood still, and catches up on what has come meanwhile"
-        if self.count_publishers(interfaces.HAMMER_STATE.name) > 1:
-            return f"another node publishes {interfaces.HAMMER_STATE.name}: end it"
+        if stranger := self.intake.find_any_stranger():
+            return stranger
         for member in (self._accelerometer, self.campaign, self._recorder):
             if loss := member.describe_loss():
                 return loss
@@ -262,9 +262,7 @@ class HammerNode(DeviceNode):
             refusal: str | None = _OTHER_CAMPAIGN
         elif request.armed:
             refusal = (
-                self._told.refuse_late(request)
-                or self._describe_arming()
-                or self._hammer.arm_again()
+                self._told.refuse(request) or self._describe_arming() or self._hammer.arm_again()
             )
         else:
             refusal = None

@@ -70,11 +70,9 @@ class Membership:
     def __init__(self) -> None:
         self.identity = Identity()
         self.is_joined = False
-        self.former: set[bytes] = set()  # campaigns in which the node took part before
 
     def join(self, identity: Identity) -> None:
         """Take part in a campaign; a stream that is not known yet is any."""
-        self.former.add(self.identity.campaign_id)
         self.identity, self.is_joined = identity, True
 
     def is_foreign(self, message: Any) -> bool:

@@ -12,11 +12,10 @@ from typing import Any, Generic, TypeVar
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
-from impact_rig.configuration.processes import MEASURING
 from impact_rig.core.given.errors import RigError
 from impact_rig.nodes.identity import Identity, Membership, identity_from_msg
-from impact_rig.nodes.interfaces import Topic
-from impact_rig.recordings.fields import NO_ID, stamp_from_msg
+from impact_rig.nodes.interfaces import LEASE, OWNED_TOPICS, Topic
+from impact_rig.recordings.fields import stamp_from_msg
 
 T = TypeVar("T")
 UNSOUND = (RigError, ValueError, OverflowError)
@@ -53,28 +52,25 @@ class Intake:
         That subscribes.
     """
 
-    # How often it is looked up who publishes foreign messages [s]: they may come as a flood.
-    look_period = 1.0
+    # How long what the graph says of the publishers of a topic is believed [s].
+    look_period = 0.1
 
     def __init__(self, node: Node) -> None:
         self.membership = Membership()
         self.handled = 0  # all messages that have come
         self.dropped: Counter[str] = Counter()  # which were not sound, by topic
-        self.foreign: set[str] = set()  # nodes of other campaigns that a warning has named
+        self.ignored = 0  # messages of another campaign, or of nobody knows whom
+        self.strangers: set[str] = set()  # sentences about them that were logged
         self._node = node
-        self._began = time.time_ns()
-        self._looked_at = 0.0  # [s]
+        # By topic: number of publishers, when it was looked at [s], and who is one too many.
+        self._looks: dict[str, tuple[int, float, str | None]] = {}
 
     def take(self, topic: Topic, message: Any) -> Received[Any] | None:
         """Return a message with its converted value; None: it is foreign or cannot be meant."""
         self.handled += 1
-        if self.membership.is_foreign(message):
-            # Of none is a node that has just been started, too.
-            campaign_id = identity_from_msg(message).campaign_id
-            if campaign_id != NO_ID:
-                is_former = campaign_id in self.membership.former
-                is_latched = stamp_from_msg(message.header.stamp) < self._began
-                self._name_foreign(topic, may_be_own=is_former or is_latched)
+        # Which of several publishers has spoken, no message says: none is believed.
+        if self.find_stranger(topic) or self.membership.is_foreign(message):
+            self.ignored += 1
             return None
         try:
             return Received(topic.convert(message), message)
@@ -111,25 +107,43 @@ class Intake:
             ),
         )
 
-    def _name_foreign(self, topic: Topic, *, may_be_own: bool) -> None:
-        """Warn once of each node whose messages are ignored."""
-        if time.monotonic() < self._looked_at + self.look_period:
-            return
-        self._looked_at = time.monotonic()
-        names = [
-            f"{item.node_namespace.rstrip('/')}/{item.node_name}"
-            for item in self._node.get_publishers_info_by_topic(topic.name)
-            if item.node_name != UNNAMED
-        ]
-        # One of them is the rig's own, the first of a name of its nodes.
-        own = self._node.get_namespace().rstrip("/")
-        if name := next((f"{own}/{it}" for it in MEASURING if f"{own}/{it}" in names), None):
-            names.remove(name)
-        if not names and may_be_own:
-            return  # of a campaign of the rig before
-        for name in set(names or [UNKNOWN]) - self.foreign:
-            self.foreign.add(name)
-            self._node.get_logger().warning(
-                f"{topic.name} carries the id of another campaign, from {name}: a replay or"
-                " another rig is in this ROS domain; nothing of it is taken"
-            )
+    def find_stranger(self, topic: Topic) -> str | None:
+        """Return who speaks on a topic beside its owner, as a sentence; None: nobody does."""
+        if not topic.owners or (count := self._node.count_publishers(topic.name)) < 2:  # noqa: PLR2004
+            return None
+        before, looked_at, found = self._looks.get(topic.name, (0, 0.0, None))
+        now = time.monotonic()
+        if count != before or now - looked_at > self.look_period:
+            found = self._look(topic)
+            self._looks[topic.name] = count, now, found
+            if found and found not in self.strangers:
+                self.strangers.add(found)
+                self._node.get_logger().warning(f"{found}; nothing on it is believed")
+        return found
+
+    def find_any_stranger(self) -> str | None:
+        """Return the first sentence about a stranger on any topic; None: there is none."""
+        found = (self.find_stranger(topic) for topic in OWNED_TOPICS)
+        return next(filter(None, found), None)
+
+    def _look(self, topic: Topic) -> str | None:
+        """Ask the graph who publishes on a topic.
+
+        The rig's own publishers have a lease and their node's name, if that has come through. Of
+        one that was killed the middleware keeps the publisher for a minute: all of that kind are
+        one.
+        """
+        space, own, others = self._node.get_namespace(), 0, []
+        for item in self._node.get_publishers_info_by_topic(topic.name):
+            is_leased = item.qos_profile.liveliness_lease_duration.nanoseconds <= LEASE * 1e9
+            is_named = (item.node_namespace, item.node_name) in {
+                (space, it) for it in topic.owners
+            }
+            if is_leased and (is_named or item.node_name == UNNAMED):
+                own = 1
+            else:
+                others.append(f"{item.node_namespace.rstrip('/')}/{item.node_name}")
+        if own + len(others) < 2:  # noqa: PLR2004
+            return None
+        names = " and ".join(UNKNOWN if UNNAMED in name else name for name in sorted(others))
+        return f"{names} speaks on {topic.name} beside its {topic.owners[0]}: end that node"

@@ -94,7 +94,12 @@ class Topic:
     # Returns what a message says, as one of our types; a RigError, ValueError or OverflowError
     # says why it cannot be meant.
     convert: Callable[[Any], Any] = keep
-    lease: float = 0.0  # [s], after which a publisher without a sign of life is silent; 0: never
+    owners: tuple[str, ...] = ()  # of these nodes one alone speaks on it; empty: anybody may
+
+    @property
+    def lease(self) -> float:
+        """After what time a publisher without a sign of life is silent [s]; 0: never."""
+        return LEASE if self.owners else 0.0
 
     @property
     def type_name(self) -> str:
@@ -130,51 +135,95 @@ _state = partial(_by, "status.states")
 _BLOCK = _recorded("block_from_msg")
 _RESULT = make_qos(RESULT_DEPTH, latched=True)
 _LATEST = make_qos(1, latched=True)
+_CAMPAIGN, _HAMMER, _RECORDER = ("campaign",), ("hammer",), ("recorder",)
+_ACCELEROMETER, _ESTIMATOR = ("accelerometer",), ("estimator",)
 
-SETUP = Topic("setup", RigSetup, _LATEST, _recorded("setup_from_msg"), LEASE)
-ACCELERATION = Topic("acceleration", AccelerationBlock, make_qos(200, latched=False), _BLOCK)
-STREAM = Topic("acceleration/stream", StreamBlock, make_qos(STREAM_DEPTH, latched=False), _BLOCK)
+SETUP = Topic("setup", RigSetup, _LATEST, _recorded("setup_from_msg"), owners=_CAMPAIGN)
+ACCELERATION = Topic(
+    "acceleration",
+    AccelerationBlock,
+    make_qos(200, latched=False),
+    _BLOCK,
+    owners=(*_ACCELEROMETER, *_ESTIMATOR),
+)
+STREAM = Topic(
+    "acceleration/stream",
+    StreamBlock,
+    make_qos(STREAM_DEPTH, latched=False),
+    _BLOCK,
+    owners=_ACCELEROMETER,
+)
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
-RELEASE = Topic("release", HammerRelease, _RESULT, _inward("check_release"))
-VIRTUAL_IMPACT = Topic("virtual_impact", VirtualImpact, _RESULT, _recorded("truth_from_msg"))
-IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"))
-OVERRULE = Topic("overrule", Overrule, _RESULT, _by("recordings.messages", "overrule_from_msg"))
+RELEASE = Topic("release", HammerRelease, _RESULT, _inward("check_release"), owners=_HAMMER)
+VIRTUAL_IMPACT = Topic(
+    "virtual_impact", VirtualImpact, _RESULT, _recorded("truth_from_msg"), owners=_ACCELEROMETER
+)
+IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"), owners=_ESTIMATOR)
+OVERRULE = Topic(
+    "overrule",
+    Overrule,
+    _RESULT,
+    _by("recordings.messages", "overrule_from_msg"),
+    owners=_ESTIMATOR,
+)
 """Persons' verdicts on hits; the newest of a hit counts."""
-OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False))
+OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False), owners=_RECORDER)
 """The overrule of this stamp is on the recorder's disk."""
 IMPACT_TRACE = Topic(
-    "impact/trace", ImpactTrace, make_qos(64, latched=True), _finding("judged_traces_from_msg")
+    "impact/trace",
+    ImpactTrace,
+    make_qos(64, latched=True),
+    _finding("judged_traces_from_msg"),
+    owners=_ESTIMATOR,
 )
 """Traces as judged, 60 kB each, while somebody listens."""
 ESTIMATE = Topic(
-    "estimate", SampleEstimate, _RESULT, _by("core.estimates.sample", "SampleEstimate")
+    "estimate",
+    SampleEstimate,
+    _RESULT,
+    _by("core.estimates.sample", "SampleEstimate"),
+    owners=_ESTIMATOR,
 )
 HAMMER_ESTIMATE = Topic(
     "hammer_estimate",
     HammerEstimate,
     _LATEST,
     _by("core.estimates.paper_method", "HammerEstimate"),
+    owners=_ESTIMATOR,
 )
 COMPARISON = Topic(
-    "comparison", ModelComparison, make_qos(64, latched=True), _finding("traces_from_msg")
+    "comparison",
+    ModelComparison,
+    make_qos(64, latched=True),
+    _finding("traces_from_msg"),
+    owners=_ESTIMATOR,
 )
 """Measured and model traces, 80 kB each."""
-HAMMER_STATE = Topic("hammer/state", HammerState, _LATEST, _inward("hammer_from_msg"))
+HAMMER_STATE = Topic(
+    "hammer/state", HammerState, _LATEST, _inward("hammer_from_msg"), owners=_HAMMER
+)
 ACQUISITION_STATE = Topic(
-    "accelerometer/state", AcquisitionState, _LATEST, _state("AcquisitionStatus"), LEASE
+    "accelerometer/state",
+    AcquisitionState,
+    _LATEST,
+    _state("AcquisitionStatus"),
+    owners=_ACCELEROMETER,
 )
 INPUT_LEVELS = Topic(
     "accelerometer/levels",
     InputLevels,
     make_qos(10, latched=False),
     _by("status.levels", "InputLevels"),
+    owners=_ACCELEROMETER,
 )
 """Levels of the input monitor, and of a running stream."""
-RECORDER_STATE = Topic("recorder/state", RecorderState, _LATEST, _state("RecorderStatus"), LEASE)
-CAMPAIGN_STATE = Topic(
-    "campaign/state", CampaignState, _LATEST, _inward("campaign_from_msg"), LEASE
+RECORDER_STATE = Topic(
+    "recorder/state", RecorderState, _LATEST, _state("RecorderStatus"), owners=_RECORDER
 )
-RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT)
+CAMPAIGN_STATE = Topic(
+    "campaign/state", CampaignState, _LATEST, _inward("campaign_from_msg"), owners=_CAMPAIGN
+)
+RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT, owners=_RECORDER)
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
 NOTE = Topic("note", String, make_qos(10, latched=False))
 """Notes of an operator while the rig runs."""
@@ -210,6 +259,8 @@ RECORDED_TOPICS = (
 """Every topic of the rig; what else its nodes publish is recorded as it is discovered."""
 COMPUTED_TOPICS = (IMPACT_TRACE, COMPARISON)
 """Those that are large and that a replay computes from the others: recorded where it is asked."""
+OWNED_TOPICS = tuple(topic for topic in (*RECORDED_TOPICS, STREAM) if topic.owners)
+"""Those on which one node alone speaks; another that takes its place is the owner."""
 
 
 def make_join_name(node: str) -> str:

@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 from impact_rig.core.given.errors import RigError
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.acts import NumberedState
+from impact_rig.nodes.acts import BEAT, NumberedState
 from impact_rig.nodes.diagnostics import DIAGNOSTIC_PERIOD, make_diagnostics
 from impact_rig.nodes.identity import Identity, id_from_msg
 from impact_rig.nodes.intake import UNNAMED, UNSOUND, Intake, Received
@@ -46,6 +46,7 @@ class RigNode(ManagedNode):
         self._diagnostics = self.advertise(interfaces.DIAGNOSTICS)
         # After a transition at once: a rig waits for a node that is not active.
         self.create_timer(DIAGNOSTIC_PERIOD / self.pace, self.on_changed)
+        self.create_timer(BEAT / self.pace, self._repeat_states)
 
     # Overridden by the nodes.
 
@@ -210,9 +211,12 @@ class RigNode(ManagedNode):
         response.success = not response.message
         if asked.campaign_id != self._stated:
             self._stated = asked.campaign_id
-            for _, publish in self._states:
-                publish()
+            self._repeat_states()
         return response
+
+    def _repeat_states(self) -> None:
+        for _, publish in self._states:
+            publish()
 
     @property
     def _is_bound(self) -> bool:

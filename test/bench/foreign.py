@@ -9,7 +9,6 @@ import mcap.reader
 from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses
 from bench.stranger import TOPICS, Stranger
-from impact_rig.nodes import interfaces
 from impact_rig.nodes.client import RigClient
 from impact_rig.recordings.records import HEALTH_RECORD
 from impact_rig.recordings.scan import Scan
@@ -30,8 +29,7 @@ class StrangerClient(RigClient):
 
     def __init__(self, seed: int) -> None:
         super().__init__("stranger")
-        topics = [topic for topic in TOPICS if topic is not interfaces.HAMMER_STATE]
-        self.stranger = Stranger(self._node, seed, topics)
+        self.stranger = Stranger(self._node, seed, TOPICS)
 
     def wait_for_campaign(self) -> bool:
         """Wait until a campaign's id is on the wire; return whether it is."""
@@ -39,6 +37,7 @@ class StrangerClient(RigClient):
 
     def trouble(self, seconds: float, *, with_ids: bool) -> None:
         """Publish and ask for so many seconds."""
+        self.stranger.begin()
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
             self.stranger.publish(with_ids=with_ids)

@@ -84,16 +84,14 @@ class Stranger:
     seed : int
         The same seed gives the same messages.
     topics : list of Topic
-        On which it publishes; a second publisher of the hammer's state disarms it.
+        On which it publishes.
     """
 
     def __init__(self, node: Node, seed: int, topics: list[Topic]) -> None:
         self._random = RandomMessages(seed)
         self.identity = NO_IDENTITY  # read from the wire
-        # Without a lease, as `ros2 topic pub` and a bag have none.
-        self._publishers = [
-            (topic, node.create_publisher(topic.type, topic.name, topic.qos)) for topic in topics
-        ]
+        self._node, self._topics = node, topics
+        self._publishers: list[tuple[Topic, Any]] = []
         self._clients = [(kind, node.create_client(kind, name)) for name, kind in SERVICES.items()]
         self.foreign: set[bytes] = set()  # messages with another id than the campaign's
         self.messages = self.requests = 0
@@ -108,6 +106,18 @@ class Stranger:
         from impact_rig.nodes.identity import identity_from_msg
 
         self.identity = identity_from_msg(message)
+
+    def begin(self) -> None:
+        """Become a publisher, without a lease, as `ros2 topic pub` and a bag have none."""
+        self._publishers = [
+            (topic, self._node.create_publisher(topic.type, topic.name, topic.qos))
+            for topic in self._topics
+        ]
+
+    def end(self) -> None:
+        """Be no publisher any more."""
+        for _, publisher in self._publishers:
+            self._node.destroy_publisher(publisher)
 
     def publish(self, *, with_ids: bool) -> None:
         """Publish a random message, with the campaign's ids or with none or others."""

@@ -19,7 +19,7 @@ from .campaigns import run, start_rig
 
 
 def list_warnings(harness):
-    return [warning for node in harness.nodes for warning in node.intake.foreign]
+    return [warning for node in harness.nodes for warning in node.intake.strangers]
 
 
 def read_health(path):
@@ -42,14 +42,19 @@ def test_one_campaign_after_the_other_has_no_foreign_message_and_no_loss(harness
 
 
 class Seen:
-    """An operator who only watches."""
+    """An operator who only watches, and sees the stranger to the door once it has been named."""
 
-    def __init__(self, publish):
+    def __init__(self, publish, end):
         self.releases = []
-        self._publish = publish
+        self.told = ""
+        self._publish, self._end = publish, end
 
-    def follow(self, feedback):
-        self._publish()
+    def follow(self, rig):
+        if "/peer speaks on " in rig.campaign.message and not self.told:
+            self.told = rig.campaign.message
+            self._end()
+        elif not self.told:
+            self._publish()
 
     def mount(self, sample, further):
         raise AssertionError
@@ -79,22 +84,31 @@ def test_the_client_of_a_campaign_believes_nobody_else(harness, identity):
     start_rig(harness)
     foreign = make_foreign()
     # Without a lease, as `ros2 topic pub` and a bag have none: a second node's would disarm.
-    publishers = {
-        topic.name: harness.peer.create_publisher(topic.type, topic.name, topic.qos)
-        for topic, _ in foreign
-    }
+    publishers = {}
 
     def publish():
         for topic, message in foreign:
+            if topic.name not in publishers:
+                publishers[topic.name] = harness.peer.create_publisher(
+                    topic.type, topic.name, topic.qos
+                )
             identity.fill(message)
             publishers[topic.name].publish(message)
 
-    operator = Seen(publish)
+    def end():
+        for publisher in publishers.values():
+            harness.run(lambda publisher=publisher: harness.peer.destroy_publisher(publisher))
+
+    operator = Seen(publish, end)
     with CampaignClient() as client:
         client.wait_for_rig(60.0)
-        outcome = client.run(RunCampaign.Goal(samples=["steel small"], impacts=3), operator)
+        goal = RunCampaign.Goal(samples=["steel small"], impacts=3)
+        outcome = client.run(
+            goal, operator, longest_pause=30.0
+        )  # it arms again: hits are computed
         assert client.run_folder == harness.recording.parent
     assert outcome.success
+    assert operator.told
     assert operator.releases == []
     assert {fault for hit in outcome.results.hits for fault in hit.injected_faults} == set()
     harness.run(harness.find(RecorderNode).close)

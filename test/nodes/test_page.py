@@ -99,5 +99,5 @@ def test_what_another_campaign_says_is_not_shown(harness):
     harness.wait_until(lambda: page._status.campaign.sample == "steel small")
     states.publish(CampaignState(campaign_id=theirs, sample="brass small", impacts=9))
     assert states.wait_for_all_acked()
-    harness.wait_until(lambda: page.intake.foreign)
+    harness.wait_until(lambda: page.intake.ignored)
     assert page._status.campaign.sample == "steel small"

@@ -1,6 +1,5 @@
 """Another node of the rig, as the hammer sees it: alive, silent, or gone."""
 
-from dataclasses import replace
 from typing import Any
 
 from impact_rig_msgs.msg import RecorderState
@@ -26,9 +25,10 @@ class ListeningNode(RigNode):
         return super().listen(topic, callback, on_liveliness=keep)
 
 
-def test_a_node_of_this_process_is_alive_while_it_is_there(harness):
+def test_a_node_of_this_process_is_alive_while_it_is_there(harness, monkeypatch):
     """The middleware calls it silent as soon as its lease ends."""
-    topic = replace(interfaces.RECORDER_STATE, lease=0.05)
+    monkeypatch.setattr(interfaces, "LEASE", 0.05)
+    topic = interfaces.RECORDER_STATE
     node = harness.add(lambda **options: ListeningNode(topic, **options))
     publisher = harness.advertise(topic)
     publisher.publish(RecorderState())
@@ -46,6 +46,7 @@ def test_a_replay_of_its_states_does_not_keep_it_alive(harness):
     publisher.publish(RecorderState(recording=True, uri="a.mcap"))
     harness.wait_until(lambda: recorder.state is not None)
     assert not recorder.is_gone
+    recorder._node.intake.look_period = 0.0
     replay = harness.peer.create_publisher(topic.type, topic.name, topic.qos)
     replay.publish(RecorderState(recording=True, uri="b.mcap"))
     harness.peer.destroy_publisher(publisher)

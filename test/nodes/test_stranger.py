@@ -1,10 +1,11 @@
-"""A stranger publishes and asks at random, beside a campaign: it goes on, and nothing is lost.
+"""A stranger publishes and asks at random, beside a campaign: it pauses, and nothing is lost.
 
 The longer version is part `foreign` of the bench.
 """
 
 import pytest
 from bench.stranger import TOPICS, Stranger
+from impact_rig_msgs.srv import Act
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.recorder import RecorderNode
@@ -24,9 +25,10 @@ def test_a_stranger_ends_no_node_and_nothing_of_it_is_recorded(harness, tmp_path
     harness.add(VisualizerNode, output=str(tmp_path / "session.rrd"))
     handle, feedback = begin(harness, client, samples=["steel small"], impacts=1000)
     feedback.wait(lambda messages: messages[-1].impact > 1)
-    topics = [topic for topic in TOPICS if topic is not interfaces.HAMMER_STATE]
-    stranger = harness.run(lambda: Stranger(harness.peer, 7, topics))
+    stranger = harness.run(lambda: Stranger(harness.peer, 7, TOPICS))
     harness.wait_until(lambda: any(stranger.identity.campaign_id))
+    harness.run(stranger.begin)
+    feedback.wait(lambda messages: "/peer speaks on " in messages[-1].message)
     for number in range(COUNT):
         harness.run(lambda: stranger.publish(with_ids=with_ids))
         if not with_ids:
@@ -35,13 +37,13 @@ def test_a_stranger_ends_no_node_and_nothing_of_it_is_recorded(harness, tmp_path
                 harness.settle()
     harness.settle()
     assert all(node.is_active for node in harness.nodes)
-    if not with_ids:
-        seen = feedback.messages[-1].impact
-        feedback.wait(lambda messages: messages[-1].impact > seen + 1)
+    harness.run(stranger.end)
+    seen = feedback.messages[-1].impact
+    harness.wait_until(lambda: harness.call(Act, interfaces.ARM_HAMMER).success)
+    feedback.wait(lambda messages: messages[-1].impact > seen + 1)
     result = cancel(harness, handle).result
     harness.run(harness.find(RecorderNode).close)
     messages = Scan(harness.recording).read_messages()
-    if not with_ids:
-        assert {hit.sample for hit in (*result.accepted, *result.rejected)} == {"steel small"}
-        assert stranger.list_recorded(messages) == []
-        assert read_health(harness.recording)["messages_lost"] == "0"
+    assert {hit.sample for hit in (*result.accepted, *result.rejected)} == {"steel small"}
+    assert stranger.list_recorded(messages) == []
+    assert read_health(harness.recording)["messages_lost"] == "0"
