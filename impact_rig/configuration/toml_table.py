@@ -25,6 +25,8 @@ def read_toml_file(path: Path, what: str, parse: Callable[[str], Content]) -> Co
     FileError
         If it does not exist, is no text, or `parse` refuses it; the message names the file.
     """
+    if path.exists() and not path.is_file():  # a pipe may never end
+        raise FileError(f"the {what} {path} cannot be read: it is no regular file")
     try:
         return parse(path.read_text("utf-8-sig"))
     except FileNotFoundError:

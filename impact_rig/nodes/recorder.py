@@ -168,7 +168,13 @@ class RecorderNode(RigNode):
         if self._writer is not None and not self._writer.closed:
             response.recording = str(self._writer.path)
         else:
-            response.message = f"nothing is being recorded ({self._message}): start the recorder"
+            # What has ended, as where the disk was full, no command starts again.
+            advice = (
+                "start the recorder"
+                if self.fault is None
+                else ("end the rig, see to it, and go on by `impact-rig up --resume`")
+            )
+            response.message = f"nothing is being recorded ({self._message}): {advice}"
 
     def autostart(self) -> None:
         """Start, or publish that nothing is recorded yet."""

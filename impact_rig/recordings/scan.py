@@ -21,7 +21,7 @@ from mcap.reader import SeekingReader
 from mcap.summary import Summary
 
 from impact_rig.core.given.errors import FileError
-from impact_rig.recordings.new_file import is_being_written
+from impact_rig.recordings.new_file import is_being_written, open_regular
 from impact_rig.recordings.records import (
     RECORDER,
     ROS,
@@ -120,6 +120,7 @@ class Scan:
             self.end = self.size - len(MAGIC) if self.is_closed else self.size
             self.header, self.first = self._read_header(file)
             self.summary = self._read_summary(file)  # the index; None: none can be used
+            self.read()  # what the index describes makes sense
 
     @property
     def is_of_recorder(self) -> bool:
@@ -260,9 +261,8 @@ class Pass:
         self._search_room = MAX_SEARCH * scan.size
         if scan.summary is not None:
             self._schemas |= scan.summary.schemas
-            with name_damage(scan.path):
-                for channel in scan.summary.channels.values():
-                    self._add_channel(channel)
+            for channel in scan.summary.channels.values():
+                self._add_channel(channel)
 
     def __iter__(self) -> Iterator[Item]:
         """Yield messages, and, if they are wanted, metadata and attachments, in file order."""
@@ -443,10 +443,11 @@ class Pass:
 
 
 @contextlib.contextmanager
-def name_damage(path: Path) -> Iterator[None]:
-    """Give damaged bytes the name of their file, and tell what saves the rest."""
+def open_file(path: Path) -> Iterator[BinaryIO]:
+    """Open a file, give every problem with it its name, and tell what saves the rest."""
     try:
-        yield
+        with open_regular(path) as file:
+            yield file
     except DamageError as error:
         raise FileError(
             f"{path} is damaged: {error}; `impact-rig export {path} -o sound.mcap` saves what is"
@@ -456,10 +457,3 @@ def name_damage(path: Path) -> Iterator[None]:
         raise FileError(f"{path} cannot be read: it asks for too much memory") from None
     except OSError as error:
         raise FileError(f"{path} cannot be read: {error.strerror}") from None
-
-
-@contextlib.contextmanager
-def open_file(path: Path) -> Iterator[BinaryIO]:
-    """Open a file, and give every problem with it its name."""
-    with name_damage(path), path.open("rb") as file:
-        yield file

@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 
 from impact_rig.core.given.errors import FileError
-from impact_rig.recordings.new_file import list_successors
+from impact_rig.recordings.new_file import list_successors, open_regular
 from impact_rig.recordings.scan import MAGIC, Scan
 
 SUFFIX = ".mcap"
@@ -43,9 +43,8 @@ def find_recordings(path: Path) -> tuple[Path, ...]:
                 raise FileError(f"there is no file {path}")
             if is_other_form(path):
                 raise FileError(f"{path} cannot be read: {_advise_conversion(path)}")
-            if path.is_file():
-                with path.open("rb") as file:
-                    refuse_pointer(path, file.read(len(POINTER)))
+            with open_regular(path) as file:
+                refuse_pointer(path, file.read(len(POINTER)))
             return _drop_empty(list_parts(path), path)
         run = path / f"{RUN_NAME}{SUFFIX}"
         files = sorted(path.glob(f"*{SUFFIX}"))
@@ -118,7 +117,7 @@ def is_recording(path: Path) -> bool:
         if path.is_dir():
             find_recordings(path)
             return True
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             is_mcap = file.read(len(MAGIC)) == MAGIC
         return not is_foreign(Scan(path)) if is_mcap else path.suffix == SUFFIX
     except (FileError, OSError):

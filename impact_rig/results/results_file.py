@@ -92,6 +92,8 @@ def read_results(path: Path) -> Results:
     FileError
         If the file cannot be read, is no results file, or is of another version.
     """
+    if path.exists() and not path.is_file():  # a pipe may never end
+        raise FileError(f"results {path}: cannot be read (it is no regular file)")
     try:
         content = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_make_object)
     except OSError as error:

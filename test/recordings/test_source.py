@@ -1,5 +1,6 @@
 """What a person names is found: a file, the folder of a run, a folder with one recording."""
 
+import os
 import shlex
 from pathlib import Path
 
@@ -7,10 +8,12 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.source import find_recordings, is_recording
+from impact_rig.results.results_file import read_results
 
 
 @pytest.fixture
@@ -144,3 +147,12 @@ def test_what_git_lfs_leaves_in_place_of_a_recording_is_called_so(tmp_path):
     path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
     with pytest.raises(FileError, match=r"session\.mcap is what git-lfs leaves.*git lfs pull"):
         Run(path)
+
+
+@pytest.mark.parametrize("read", [find_recordings, Scan, read_results, read_rig_file])
+def test_a_pipe_which_may_never_end_is_refused_by_every_door(tmp_path, read):
+    path = tmp_path / "session.mcap"
+    os.mkfifo(path)
+    assert is_recording(path)  # whose reader says what it is
+    with pytest.raises(FileError, match=r"session\.mcap.*cannot be read.*it is no regular file"):
+        read(path)

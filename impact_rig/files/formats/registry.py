@@ -21,7 +21,7 @@ from impact_rig.files.formats.text import write_text
 from impact_rig.files.formats.uff import read_uff, write_uff
 from impact_rig.files.formats.wav import read_wav
 from impact_rig.files.measurement import Measurement
-from impact_rig.recordings.new_file import write_new_file
+from impact_rig.recordings.new_file import open_regular, write_new_file
 from impact_rig.recordings.source import (
     POINTER,
     find_recordings,
@@ -167,10 +167,8 @@ def _make_suffix_error(path: Path, known: tuple[str, ...], suffix: str = "") -> 
 
 def _check_readable(path: Path) -> bytes:
     """Return the first bytes of a file; refuse one that is none, is empty or a pointer."""
-    if path.exists() and not path.is_file():  # a pipe would never end
-        raise FileError(f"{path} cannot be read: it is no file")
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             beginning = file.read(len(POINTER))
     except FileNotFoundError:
         raise FileError(f"there is no file {path}") from None

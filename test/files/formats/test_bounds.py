@@ -62,5 +62,5 @@ def test_what_would_fill_the_memory_is_refused_before_it_is_allocated(tmp_path, 
 
 def test_a_pipe_is_refused_without_waiting_for_its_end(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
-    with pytest.raises(FileError, match=r"pipe\.csv cannot be read: it is no file"):
+    with pytest.raises(FileError, match=r"pipe\.csv cannot be read: it is no regular file"):
         read_measurement(tmp_path / "pipe.csv")
