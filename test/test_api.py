@@ -56,6 +56,38 @@ def test_every_example_of_the_public_interface_is_true(module):
     assert not found.failed
 
 
+MISTYPED = """
+import impact_rig as ir
+
+run = ir.VirtualRig(plant="contact", seed=7).run(["steel small"], 3)
+steel = run.analyze(cutoff="20 kHz", pulse_factor=1.9)["steel small"]
+print(steel.contact_time, steel.contact_law.exponent, steel.free_decay.stiffness.budget)
+ir.Session({"steel": "56 g"}, hammer_mass="100 g", accelerometer_mass="3 g", cutoff=2e4)
+ir.read_files("a.csv", hammer_mass="100 g")
+
+ir.read_files("a.csv", hamer_mass="100 g")
+ir.estimate([], rate=1e6, hamer_mass="100 g")
+ir.Session({"steel": "56 g"}, acelerometer_mass="3 g")
+run.analyze(cut_off="20 kHz")
+ir.VirtualRig(plant="moon")
+print(steel.contact_tim)
+print(steel.contact_law.exponnt)
+"""
+CHECKERS = {"mypy": ["mypy", "--strict"], "basedpyright": ["basedpyright", "--level", "error"]}
+
+
+@pytest.mark.timeout(300)  # mypy reads the whole package, and numpy
+@pytest.mark.parametrize("checker", CHECKERS)
+def test_checkers_of_types_find_a_misspelt_name(checker, tmp_path):
+    pytest.importorskip(checker)
+    path = tmp_path / "mistyped.py"
+    path.write_text(MISTYPED)
+    command = [sys.executable, "-m", *CHECKERS[checker], str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    found = {int(line) for line in re.findall(r"mistyped\.py:(\d+)", done.stdout)}
+    assert found == set(range(10, 17)), done.stdout
+
+
 def test_what_is_public_is_listed_once_and_explained():
     assert ir.__all__ == sorted(ir.__all__)
     assert set(ir.__all__) <= set(dir(ir))

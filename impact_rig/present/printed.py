@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
 from numbers import Real
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from impact_rig.configuration.units import combine_units
 from impact_rig.core.estimates.uncertainty import compute_quantity
@@ -320,7 +320,9 @@ def show(value: Any, said: Description, name: str) -> Any:
     if isinstance(value, tuple):
         return tuple(show(item, said, name) for item in value)
     is_sentence = isinstance(value, Note | Finding)
-    return View(value, name) if is_dataclass(value) and not is_sentence else value
+    if not is_dataclass(value) or is_sentence:
+        return value
+    return View.kinds.get(type(value), View)(value, name)
 
 
 class View(Printed):
@@ -330,21 +332,31 @@ class View(Printed):
     behind it, at whose fields stands what they mean.
     """
 
+    kinds: ClassVar[dict[type, type["View"]]] = {}
+    """Classes that list the fields of a record's, by that record's."""
+
+    def __init_subclass__(cls, of: type | None = None) -> None:
+        """Show records of a class as this one."""
+        if of is not None:
+            View.kinds[of] = cls
+
     def __init__(self, record: Any, name: str) -> None:
         self.record = record
         self.name = name
 
-    def __getattr__(self, name: str) -> Any:
-        """Return a field of the record."""
-        if name in ("record", "name") or name.startswith("_"):
-            raise AttributeError(name)
-        items = list_items(self.record)
-        if name in items:
-            value, said = items[name]
-            return show(value, said, self.name)
-        if hasattr(self.record, name):
-            return show(getattr(self.record, name), Description(), self.name)
-        raise AttributeError(f"{self.name} has no {name!r}: it has {', '.join(items)}")
+    if not TYPE_CHECKING:  # which finds a name that is none, by what subclasses list
+
+        def __getattr__(self, name: str) -> Any:
+            """Return a field of the record."""
+            if name in ("record", "name") or name.startswith("_"):
+                raise AttributeError(name)
+            items = list_items(self.record)
+            if name in items:
+                value, said = items[name]
+                return show(value, said, self.name)
+            if hasattr(self.record, name):
+                return show(getattr(self.record, name), Description(), self.name)
+            raise AttributeError(f"{self.name} has no {name!r}: it has {', '.join(items)}")
 
     def __dir__(self) -> Iterable[str]:
         """Return the names of the fields as well, which shells complete."""

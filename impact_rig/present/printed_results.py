@@ -9,8 +9,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from impact_rig.core.estimates.checks import Checks
+from impact_rig.core.estimates.contact_law import ContactLaw
+from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.pulse_shape import PulseShapeEstimate
+from impact_rig.core.estimates.ringing import FreeDecayEstimate
 from impact_rig.core.estimates.uncertainty import compute_covariances
 from impact_rig.core.given.errors import ParameterError, RigError, SignalError, check_name
+from impact_rig.core.given.findings import Note
 from impact_rig.present.printed import Number, Printed, View, make_frame, tabulate_numbers
 from impact_rig.present.sample_figures import draw_into, draw_sample
 from impact_rig.results.campaign import HitResults
@@ -27,12 +33,78 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+class LawResults(View, of=ContactLaw):
+    """The contact law of one sample, F = k δⁿ + c δᵐ δ'."""
+
+    exponent: Number  # n [-]
+    stiffness: Number  # k [N/m^n]
+    damping: Number
+    impact_speed: Number  # v, by the law [m/s]
+    duration: Number  # from first touch to separation [s]
+    restitution: Number  # e [-]
+    peak_force: Number  # [N]
+    peak_indentation: Number  # [m]
+    impulse: Number  # [N s]
+    energy_loss: Number
+    equivalent_stiffness: Number  # [N/m]
+    form: str
+    loss: float
+    pull: float
+    residual_percent: float
+    notes: tuple[Note, ...]
+
+
+class DecayResults(View, of=FreeDecayEstimate):
+    """The free decay of one sample behind the contact."""
+
+    stiffness: Number  # [N/m]
+    damping_ratio: Number  # [-]
+    damping_coefficient: Number  # [N s/m]
+    frequency: float  # [Hz]
+    periods: float
+    r_squared: float
+    residual_over_noise: float
+    hold: str
+
+
+class ShapeResults(View, of=PulseShapeEstimate):
+    """The shape of one sample's pulse."""
+
+    best_shape: str
+    is_clear: bool
+    fall_over_rise: float
+    fits: tuple[Any, ...]
+
+
+class ChecksResults(View, of=Checks):
+    """What the momenta of one sample's hits say of sensors and masses."""
+
+    momentum_ratio: Number
+    impulse: Number  # [N s]
+    impact_speed: Number  # [m/s]
+    stated_restitution: Number
+    separation_restitution: Number
+    traced_mass: Number  # [kg]
+    stated_mass: float  # [kg]
+    persistence: float
+    hold: str
+
+
+class HammerResults(View, of=HammerEstimate):
+    """The hammer, from the control sample."""
+
+    stiffness: Number  # k1 [N/m]
+    damping_ratio: Number
+    damping_coefficient: Number  # c1 [N s/m]
+    log_decrement: float
+    notes: tuple[Note, ...]
+    control_sample: str
+
+
 class SampleResults(View):
     """Results of one sample.
 
-    Beside the quantities below it has all fields of the estimate: `contact_law`, `pulse_shape`,
-    `free_decay`, `checks`, `half_amplitude_width`, `warnings`, `notes` …; `numbers` lists those
-    that are determined.
+    It has all fields of the estimate; `numbers` lists those that are determined.
 
     Examples
     --------
@@ -51,8 +123,25 @@ class SampleResults(View):
     damping_ratio: Number  # zeta [-]
     equivalent_stiffness: Number  # k_eq [N/m]
     peak_force: Number  # [N]
+    half_amplitude_width: Number  # w50 [s]
+    base_width: Number  # [s]
     impacts_accepted: int
     impacts_rejected: int
+    contact_time_spread: float  # standard deviation from hit to hit [s]
+    width_ratio: float
+    rise_time: float  # [s]
+    log_decrement: float
+    hammer_peak: float  # of the mean traces [m/s^2]
+    specimen_peak: float
+    hammer_peak_spread_percent: float
+    mse_hammer_percent: float
+    mse_sample_percent: float
+    contact_law: LawResults
+    free_decay: DecayResults
+    pulse_shape: ShapeResults
+    checks: ChecksResults
+    warnings: tuple[Note, ...]
+    notes: tuple[Note, ...]
 
     def __init__(self, name: str, campaign: TracedCampaign) -> None:
         found = {item.name: item for item in campaign.results.samples}
@@ -165,9 +254,9 @@ class Results(Printed, Mapping[str, SampleResults]):
         return f"{samples}, {self.record.count_hits()}; {self.record.origin}"
 
     @property
-    def hammer(self) -> View:
+    def hammer(self) -> HammerResults:
         """The hammer, from the control sample: `stiffness` k1, `damping_coefficient` c1."""
-        return View(self.record.hammer, "hammer")
+        return HammerResults(self.record.hammer, "hammer")
 
     @property
     def warnings(self) -> list[str]:

@@ -44,6 +44,7 @@ class Collector:
 
     def __init__(self) -> None:
         self.messages: list[Any] = []
+        self.failure: Exception | None = None  # of a node: nothing may come any more
         self._arrived = threading.Condition()
 
     def take(self, message: Any) -> None:
@@ -52,12 +53,23 @@ class Collector:
             self.messages.append(message)
             self._arrived.notify_all()
 
+    def fail(self, error: Exception) -> None:
+        """Let who waits raise an error."""
+        with self._arrived:
+            self.failure = error
+            self._arrived.notify_all()
+
     def wait(self, condition: Callable[[list[Any]], bool]) -> list[Any]:
         """Wait until the messages, at least one, fulfil a condition; return all."""
+
+        def is_over() -> bool:
+            return self.failure is not None or (bool(self.messages) and condition(self.messages))
+
         with self._arrived:
-            if not self._arrived.wait_for(
-                lambda: bool(self.messages) and condition(self.messages), PATIENCE
-            ):
+            has_come = self._arrived.wait_for(is_over, PATIENCE)
+            if self.failure is not None:
+                raise self.failure
+            if not has_come:
                 raise AssertionError(f"only {len(self.messages)} messages came")
             return list(self.messages)
 
@@ -73,6 +85,8 @@ class Collector:
 
 class Harness(BackgroundNode):
     """Runs nodes in a thread of this process, with a node `peer` that talks to them.
+
+    What a callback of a node raises ends that thread, and is raised where the test waits.
 
     Parameters
     ----------
@@ -92,16 +106,40 @@ class Harness(BackgroundNode):
             harness.wait_until(lambda: mine.has_heard_that_it_is_armed)
     """
 
-    wait_until = staticmethod(wait_until)
-    make_collector = Collector
-
     def __init__(self, recording: Path, domain: int | None = None) -> None:
+        self.failure: Exception | None = None  # what a callback raised
+        self._collectors: list[Collector] = []
         super().__init__("peer", domain)
         self.peer = self.node
         self.recording = recording
         self.nodes: list[RigNode] = []  # of the rig
         self._guests: list[Node] = []
         self._clients: dict[str, Any] = {}
+
+    def _spin(self) -> None:
+        try:
+            super()._spin()
+        except Exception as error:  # noqa: BLE001 - raised where the test waits
+            self.failure = error
+            for collector in self._collectors:
+                collector.fail(error)
+
+    def check(self) -> None:
+        """Raise what a callback has raised."""
+        if self.failure is not None:
+            raise self.failure
+
+    def wait_until(self, condition: Callable[[], bool], patience: float = PATIENCE) -> None:
+        """Wait for what sends no event (the ROS graph), looking often."""
+        wait_until(lambda: self.failure is not None or condition(), patience)
+        self.check()
+
+    def make_collector(self) -> Collector:
+        """Return a collector of messages; see `listen` for those of a topic of the rig."""
+        collector = Collector()
+        collector.failure = self.failure
+        self._collectors.append(collector)
+        return collector
 
     def leave(self) -> None:
         """Close the nodes."""
@@ -159,7 +197,7 @@ class Harness(BackgroundNode):
 
     def listen(self, topic: Topic, namespace: str = "") -> Collector:
         """Collect the messages of a topic of the rig."""
-        collector = Collector()
+        collector = self.make_collector()
         name = str(PurePosixPath("/", namespace, topic.name))
         self.peer.create_subscription(topic.type, name, collector.take, topic.qos)
         return collector
@@ -181,11 +219,12 @@ class Harness(BackgroundNode):
         if name not in self._clients:
             self._clients[name] = self.run(lambda: self.peer.create_client(kind, name))
         client = self._clients[name]
-        wait_until(client.service_is_ready)
+        self.wait_until(client.service_is_ready)
         answers = Collector()
         for _ in range(round(PATIENCE / RESEND_PERIOD)):
             future = client.call_async(request or kind.Request())
             future.add_done_callback(lambda done: answers.take(done.result()))
+            self.check()
             if answers.has_come(RESEND_PERIOD):
                 return answers.messages[0]
         raise AssertionError(f"{name} does not answer")
@@ -198,7 +237,7 @@ class Harness(BackgroundNode):
             answers.append(self.call(kind, name, request))
             return not answers[-1].later
 
-        wait_until(is_final)
+        self.wait_until(is_final)
         return answers[-1]
 
     def settle(self) -> None:
@@ -221,11 +260,7 @@ class Harness(BackgroundNode):
         (result,) = self.call(SetParameters, f"{node}/set_parameters", request).results
         return None if result.successful else str(result.reason)
 
-    @staticmethod
-    def wait(future: Any) -> Any:
+    def wait(self, future: Any) -> Any:
         """Wait for what a future will hold."""
-        done = threading.Event()
-        future.add_done_callback(lambda _: done.set())
-        if not (future.done() or done.wait(PATIENCE)):
-            raise AssertionError("no answer came")
+        self.wait_until(future.done)
         return future.result()
