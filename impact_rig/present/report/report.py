@@ -28,6 +28,7 @@ from impact_rig.present.report.setup import (
     find_test_days,
     list_calibration_warnings,
     make_items_section,
+    make_sampling_section,
     make_setup_section,
 )
 from impact_rig.present.sample_figures import (
@@ -101,6 +102,7 @@ def make_run_sections(
         Section("Annex: samples", _explain_figures(run), tuple(samples)),
         _make_tables_section(run),
         _make_hits_section(run),
+        make_sampling_section(run),
         Section("Further remarks", (Remarks(others),) if others else ()),
     )
 

@@ -88,14 +88,15 @@ def _trace_to_si(setup: RigSetup, stated: Particulars) -> str:
 
 def make_setup_section(run: ReportedCampaign) -> Section:
     """Return the section on settings, recording and software."""
-    setup = run.campaign.results.setup
     parts: list[Part] = [] if run.campaign.hits else [Paragraph(WITHOUT_TRACES)]
-    parts += [
-        Facts(_list_facts(run)),
-        *_tabulate_calibrations(run.campaign),
-        Folded("Settings of judgement and evaluation", (_list_settings(setup.analysis),)),
-    ]
-    return Section("Set-up and recording", tuple(parts))
+    return Section("Set-up and recording", (*parts, Facts(_list_facts(run))))
+
+
+def make_sampling_section(run: ReportedCampaign) -> Section:
+    """Return the section on the channels' scales and the analysis, for the annex."""
+    settings = _list_settings(run.campaign.results.setup.analysis)
+    folded = Folded("Settings of judgement and evaluation", (settings,))
+    return Section("Sampling and settings", (*_tabulate_calibrations(run.campaign), folded))
 
 
 def find_test_days(provenance: Provenance | None) -> tuple[str, str]:
