@@ -32,7 +32,7 @@ class Motion:
     """Acceleration of what was struck, where it is no free body."""
 
 
-def _follow(slope: Slope, is_over: Slope) -> Any:
+def _follow(slope: Slope, is_over: Slope, start: tuple[float, ...] = (0.0, 1.0)) -> Any:
     """Integrate to where a number falls to zero."""
 
     def part(time: float, state: FloatArray) -> float:
@@ -40,7 +40,7 @@ def _follow(slope: Slope, is_over: Slope) -> Any:
 
     part.terminal, part.direction = True, -1  # type: ignore[attr-defined]
     return solve_ivp(
-        slope, (0.0, 60.0), (0.0, 1.0), method="DOP853", rtol=1e-10, atol=1e-12,
+        slope, (0.0, 60.0), start, method="DOP853", rtol=1e-10, atol=1e-12,
         events=part, dense_output=True, max_step=0.02,
     )  # fmt: skip
 
@@ -137,6 +137,26 @@ def strike_plate(restitution: float) -> Motion:
     if restitution == 1.0:
         return collide(0.0)
     return collide(brentq(lambda z: collide(z).restitution - restitution, 1e-3, 3.0, xtol=1e-6))
+
+
+@lru_cache(maxsize=16)
+def relax(exponent: float, share: float, time: float) -> Motion:
+    """Return F = x^n, of which a share is forgotten: for n = 1 a standard linear solid.
+
+    What is forgotten follows x^n within `time`, in units of T.
+    """
+
+    def press(state: FloatArray) -> float:
+        return float(max(state[0], 0.0) ** exponent - share * state[2])
+
+    def slope(_time: float, state: FloatArray) -> tuple[float, float, float]:
+        behind = max(state[0], 0.0) ** exponent - state[2]
+        return state[1], -press(state), behind / time
+
+    found = _follow(slope, lambda _time, s: 1.0 if s[1] > 0.0 else press(s), (0.0, 1.0, 0.0))
+    at = np.linspace(0.0, found.t[-1], 4001)
+    pressed = np.maximum([press(state) for state in found.sol(at).T], 0.0)
+    return Motion(at, pressed, -float(found.y[1, -1]))
 
 
 def make_adhesive(pull: float) -> Force:

@@ -22,9 +22,8 @@ from impact_rig.core.estimates.law_fit import (
     TIME,
     FittedLoss,
     evaluate_laws,
-    fit_forms,
     fit_hits,
-    list_losses,
+    fit_losses,
     weigh_losses,
 )
 from impact_rig.core.estimates.law_pulses import LossForm, compute_pulses, find_places
@@ -59,6 +58,8 @@ from impact_rig.core.mean.trends import check_hits, follow_series
 
 FEWEST_POINTS = 6
 """In w50 [-], our choice: a dozen in the contact for six parameters."""
+OPPOSED_POINTS = 100
+"""In w50 [-], our choice: from there on two losses of opposite sign are told apart."""
 MARGINS = (1.0, 1.5)
 """Before and behind a tenth of the peak [w50], our choice."""
 NEARER = 1.1
@@ -254,11 +255,13 @@ def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
     correlation = correlation[correlation.size // 2 :]
     noise = float(mean.compute_raw_noise()[0]) * math.sqrt(correlation[0]) / peak
     correlation = correlation / correlation[0]
-    losses = list_losses(fit_forms(window, exponent))
-    before = _guess(losses)
+    losses = fit_losses(window, exponent)
+    before = _guess(losses, width)
     left = np.array([loss.fit.fitted - window.measured for loss in losses])
     chances = weigh_losses(left, before, noise, correlation)
-    best = int(np.argmax(chances))
+    # One hit hardly tells how fast something relaxes: of two that are alike it is the other.
+    relaxes = np.array([loss.form is LossForm.MEMORY for loss in losses])
+    best = int(np.argmax(chances * np.where(relaxes, 0.5, 1.0)))
     hits, measured = _fit_hits(mean, window, pulse, losses[best], exponent)
     # Models differ of the mean as they do of each hit.
     pooled = np.mean([fit.fitted - trace for fit, trace in zip(hits, measured, strict=True)], 0)
@@ -278,7 +281,7 @@ def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
     )
 
 
-def _guess(losses: Sequence[FittedLoss]) -> FloatArray:
+def _guess(losses: Sequence[FittedLoss], width: float) -> FloatArray:
     """Return how probable each model of the loss is before what it leaves is looked at."""
     exponent, loss, pull = np.array([item.fit.parameters for item in losses])[
         :, [EXPONENT, LOSS, PULL]
@@ -287,6 +290,8 @@ def _guess(losses: Sequence[FittedLoss]) -> FloatArray:
     is_mixed = np.array([item.is_mixed for item in losses])
     # Each of two losses may be negative, as one that stands for a form between them.
     takes = (pulses.restitution <= 1.0 + GAIN) & (pulses.is_passive | ~is_mixed)
+    # Of few points two that are opposed mend the corner at touch and release, and tell nothing.
+    takes &= (np.minimum(loss, pull) >= 0.0) | (width >= OPPOSED_POINTS) | ~is_mixed
     takes &= [item.fit.is_inside for item in losses]
     # Others only where there is none.
     return np.where(takes, np.where(is_mixed, TERM, 1.0), 1e-30)
@@ -401,8 +406,8 @@ def _check_rest(fits: _LawFits, help_needed: str) -> tuple[Note, ...]:
         return ()
     warning = (
         f"the contact law leaves {100.0 * fits.residual:.2g} % of the peak, where noise is"
-        f" {100.0 * fits.noise:.2g} %: the contact is not quite of this law, and duration, e,"
-        f" impact speed and energy may be farther off than their ±{help_needed}"
+        f" {100.0 * fits.noise:.2g} %: the contact is not quite of this law, and every ± is"
+        f" as wide as that makes it{help_needed}"
     )
     return (Note(Subject.CONTACT_LAW, warning),)
 
@@ -583,7 +588,7 @@ def _describe_laws(points: FloatArray, losses: Sequence[FittedLoss]) -> FloatArr
         [
             exponent,
             np.log(both / (time ** (exponent + 1.0) * speed ** (exponent - 1.0))),
-            np.where(is_proportional, pulses.proportional[:, 0] / speed, math.nan),
+            np.where(is_proportional, pulses.losses.proportional / speed, math.nan),
             speed,
             duration,
             restitution,

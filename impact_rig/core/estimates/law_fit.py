@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from impact_rig.core.estimates.law_pulses import (
     EXPONENTS,
-    FORMS,
     LOSSES,
     LossForm,
     compute_pulses,
@@ -22,8 +21,18 @@ from impact_rig.core.given.records import FloatArray, make_read_only
 COUNT = 7
 START, TIME, HEIGHT, OFFSET, LOSS, PULL, EXPONENT = range(COUNT)
 """Places of the parameters; the last one is not varied where it is given."""
-ALONE = (LossForm.PROPORTIONAL, LossForm.PLATE)
-"""Forms of one term; the others are fitted beside a loss δⁿ δ'."""
+MODELS: tuple[tuple[LossForm, int | None], ...] = (
+    (LossForm.PROPORTIONAL, PULL),
+    (LossForm.PLATE, PULL),
+    (LossForm.LINEAR, None),
+    (LossForm.ROOT, None),
+    (LossForm.FOURTH_ROOT, None),
+    (LossForm.DASHPOT, None),
+    *4 * ((LossForm.MEMORY, PULL),),
+)
+"""What is fitted to the mean pulse: forms, and the place of the loss that is not varied."""
+FIRST_RATES = (0.05, 0.3, 0.6, 0.85)
+"""Second losses at which a part that relaxes is looked for [-]."""
 
 
 STEP = 1e-4
@@ -38,16 +47,24 @@ _SHAPE_TIMES = np.linspace(-1.2, 1.5, 55)
 
 @lru_cache(maxsize=4)
 def _tabulate_starts(exponents: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-    """Return parameters of pulses of all forms, and their shapes at `_SHAPE_TIMES`.
+    """Return parameters of pulses and their shapes at `_SHAPE_TIMES`, shape (models, starts, ...).
 
-    Each is of the window's width, middle and peak; shapes (forms, starts, ...).
+    Each pulse is of the window's width, middle and peak.
     """
-    places = np.arange(len(FORMS))
-    grid = np.meshgrid(
-        places, exponents, (0.01, 0.05, 0.15, 0.35, 0.7), (0.1, 0.25, 0.5), indexing="ij"
+    pulls = np.zeros((len(MODELS), 3))
+    pulls[[held is None for _, held in MODELS]] = (0.1, 0.25, 0.5)
+    pulls[-len(FIRST_RATES) :] = np.array(FIRST_RATES)[:, np.newaxis]
+    model, exponent, loss, number = (
+        axis.ravel()
+        for axis in np.meshgrid(
+            np.arange(len(MODELS)),
+            exponents,
+            (0.01, 0.05, 0.15, 0.35, 0.7),
+            np.arange(pulls.shape[1]),
+            indexing="ij",
+        )
     )
-    forms, exponent, loss, pull = (axis.ravel() for axis in grid)
-    pull = np.where(np.isin(forms, find_places(ALONE)), 0.0, pull)
+    forms, pull = find_places(form for form, _ in MODELS)[model], pulls[model, number]
     pulses = compute_pulses(exponent, loss, pull, forms)
     time = pulses.duration[:, np.newaxis] * np.linspace(0.0, 1.0, 257)
     force = pulses.compute_force(time)
@@ -63,17 +80,19 @@ def _tabulate_starts(exponents: tuple[float, ...]) -> tuple[FloatArray, FloatArr
     )
     shapes = pulses.compute_force(middle[:, np.newaxis] + width[:, np.newaxis] * _SHAPE_TIMES)
     shapes /= peak[:, np.newaxis]
-    split = len(FORMS), len(forms) // len(FORMS), -1
-    return make_read_only(starts.reshape(split)), make_read_only(shapes.reshape(split))
+    split = len(MODELS), -1
+    return make_read_only(starts.reshape(*split, COUNT)), make_read_only(
+        shapes.reshape(*split, _SHAPE_TIMES.size)
+    )
 
 
 def _find_starts(window: PulseWindow, exponent: float | None) -> FloatArray:
-    """Return where to begin with each form: at the nearest of some pulses, shape (forms, 7).
+    """Return where to begin with each of `MODELS`: at the nearest of its pulses.
 
     From a loss that is far off, some searches end at a pulse without loss.
     """
-    exponents = (0.9, 1.2, 1.5, 1.8, 2.2, 2.8) if exponent is None else (exponent,)
-    starts, shapes = _tabulate_starts(exponents)
+    exponents = (0.9, 1.05, 1.2, 1.5, 1.8, 2.2, 2.8)
+    starts, shapes = _tabulate_starts(exponents if exponent is None else (exponent,))
     measured = np.interp(_SHAPE_TIMES, window.time, window.measured)
     nearest = np.argmin(np.sum((shapes - measured) ** 2, axis=-1), axis=1)
     return np.asarray(starts[np.arange(len(starts)), nearest])
@@ -94,28 +113,25 @@ def evaluate_laws(
     parameters, forms : ndarray, shape (k, 7) and (k,)
         Of k models; forms by `find_places`.
     """
-    start, time, height, offset, *shape = parameters.T[..., np.newaxis]
-    # Of each the pulse itself, and with a little more of both losses and n.
-    more, moved = STEP, np.eye(4)[1:] * STEP
-    loss, pull, exponent = ((one + more).ravel() for one, more in zip(shape, moved, strict=True))
-    pulses = compute_pulses(exponent, loss, pull, np.repeat(forms, 4))
+    start, time, height, offset, *_ = parameters.T[..., np.newaxis]
+    loss, pull, exponent = parameters[:, LOSS:].T
+    pulses = compute_pulses(exponent, loss, pull, forms)
     spacing = window.model_time[1] - window.model_time[0]
     reach = min(spacing, FINEST) / 2.0
-    ends = start + time * pulses.duration.reshape(-1, 4)
+    ends = start[:, 0] + time[:, 0] * pulses.duration
     part = window.find_part(float(start.min()) - reach, float(ends.max()) + reach)
     shown_time = window.model_time[part]
     # Fine points have their edges in common.
     last = shown_time[-1:] if spacing <= FINEST else shown_time
     edges = np.concatenate((shown_time - reach, last + reach))
-    impulse = pulses.compute_impulse(np.repeat((edges - start) / time, 4, axis=0))
-    impulse = impulse.reshape(len(parameters), 4, -1)
+    impulse = pulses.compute_impulse((edges - start) / time)
     force = impulse[..., -shown_time.size :] - impulse[..., : shown_time.size]
-    force *= (time / (2.0 * reach))[..., np.newaxis]
+    force *= time / (2.0 * reach)
     rows = np.zeros((len(parameters), COUNT, shown_time.size))
-    rows[:, START] = -height * np.gradient(force[:, 0], spacing, axis=1)
+    rows[:, START] = -height * np.gradient(force[0], spacing, axis=1)
     rows[:, TIME] = rows[:, START] * (shown_time - start) / time
-    rows[:, HEIGHT] = force[:, 0]
-    rows[:, LOSS:] = (height / more)[..., np.newaxis] * (force[:, 1:] - force[:, :1])
+    rows[:, HEIGHT] = force[0]
+    rows[:, LOSS:] = (height * force[1:]).swapaxes(0, 1)
     shown = window.show(rows, part)
     shown[:, OFFSET] = 1.0
     return height * shown[:, HEIGHT] + offset - measured, shown
@@ -129,21 +145,8 @@ def _find_bounds(forms: Sequence[LossForm], exponent: float | None) -> FloatArra
     bounds[0, :, TIME] = 0.05
     for place in (LOSS, PULL):
         bounds[..., place] = np.array(LOSSES)[:, np.newaxis]
-    bounds[:, [form in ALONE for form in forms], PULL] = 0.0
     bounds[..., EXPONENT] = [[limit] for limit in EXPONENTS] if exponent is None else exponent
     return bounds
-
-
-def fit_forms(window: PulseWindow, exponent: float | None) -> list[WindowFit]:
-    """Fit every form to the window's pulse; n [-] is given, or found."""
-    return fit_window(
-        window.measured,
-        lambda parameters, which: evaluate_laws(window, window.measured, parameters, which),
-        _find_starts(window, exponent),
-        _find_bounds(FORMS, exponent),
-        # A form that leaves ten times as much as the best is of no use.
-        most=10.0,
-    )
 
 
 @dataclass(frozen=True)
@@ -151,8 +154,13 @@ class FittedLoss:
     """One model of the loss, fitted to the mean pulse."""
 
     form: LossForm
-    is_mixed: bool  # a loss δⁿ δ' stands beside it
+    held: int | None  # place of the loss that is not varied; None: both are
     fit: WindowFit
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether a loss δⁿ δ' stands beside the form's own."""
+        return self.held is None and self.form is not LossForm.MEMORY
 
     @property
     def name(self) -> str:
@@ -160,22 +168,38 @@ class FittedLoss:
         alone = self.form.value
         return f"{LossForm.PROPORTIONAL.value} + {alone}" if self.is_mixed else alone
 
-    @property
-    def held(self) -> int | None:
-        """Place of the parameter that is 0; None: all are varied."""
-        if self.is_mixed:
-            return None
-        return PULL if self.form in ALONE else LOSS
 
+def fit_losses(window: PulseWindow, exponent: float | None) -> list[FittedLoss]:
+    """Fit all models of the loss to the window's pulse; n [-] is given, or found."""
 
-def list_losses(fits: Sequence[WindowFit]) -> list[FittedLoss]:
-    """Return all models of the loss by the fits of `fit_forms`: of one term, and of two."""
-    found = [
-        FittedLoss(form, form not in ALONE, fit) for form, fit in zip(FORMS, fits, strict=True)
-    ]
-    mixed = [item for item in found if item.is_mixed]
-    named = [item for item in mixed if item.form is not LossForm.LINEAR]
-    return found + [replace(it, is_mixed=False, fit=_hold(it.fit, LOSS)) for it in named]
+    def fit(models: Sequence[tuple[LossForm, int | None]], starts: FloatArray) -> list[FittedLoss]:
+        forms = [form for form, _ in models]
+        places, bounds = find_places(forms), _find_bounds(forms, exponent)
+        for row, (_, held) in enumerate(models):
+            if held is not None:
+                bounds[:, row, held] = starts[row, held]
+        fits = fit_window(
+            window.measured,
+            lambda parameters, which: evaluate_laws(
+                window, window.measured, parameters, places[which]
+            ),
+            starts,
+            bounds,
+            # A form that leaves ten times as much as the best is of no use.
+            most=10.0,
+        )
+        return [FittedLoss(*model, found) for model, found in zip(models, fits, strict=True)]
+
+    found = fit(MODELS, _find_starts(window, exponent))
+    rates = len(FIRST_RATES)
+    # What relaxes fast and what relaxes slowly are two valleys: the search begins in the deeper.
+    first = min(found[-rates:], key=lambda item: item.fit.residual)
+    found[-rates:] = [first]
+    # What leaves three times as much as another is none, however fast it relaxes.
+    if first.fit.residual < 3.0 * min(item.fit.residual for item in found):
+        found[-1:] = fit([(LossForm.MEMORY, None)], first.fit.parameters[np.newaxis])
+    named = [item for item in found if item.is_mixed and item.form is not LossForm.LINEAR]
+    return found + [FittedLoss(item.form, LOSS, _hold(item.fit, LOSS)) for item in named]
 
 
 def _hold(fit: WindowFit, place: int) -> WindowFit:

@@ -1,7 +1,7 @@
 """The pulses of contact laws F = k δⁿ + c δᵐ δ', as tables of the scaled equation."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, lru_cache
@@ -14,15 +14,16 @@ from impact_rig.core.given.records import FloatArray, make_read_only
 
 
 class LossForm(Enum):
-    """Forms of loss: the term beside k δⁿ."""
+    """Forms of loss: what stands beside k δⁿ."""
 
     PROPORTIONAL = "δⁿ δ'"  # Hunt and Crossley 1975
-    # The others may stand beside it; all pull at the end of the contact but the plate's.
+    # The next four may stand beside it; all pull at the end of the contact.
     LINEAR = "δ δ'"  # of no published law, but between the others
     ROOT = "√δ δ'"  # Kuwabara and Kono 1987
     FOURTH_ROOT = "δ^¼ δ'"  # Tsuji, Tanaka and Ishida 1992
     DASHPOT = "δ'"  # Kelvin and Voigt
     PLATE = "waves in a plate"  # Zener 1941: the plate yields at the speed F / Z
+    MEMORY = "a part of k that relaxes"  # a standard linear solid, where n is 1
 
 
 EXPONENTS = (0.75, 3.25)
@@ -31,45 +32,74 @@ LOSSES = (-0.1, 1.0)
 """The same of both losses, see `find_losses`: from e above 1 to 0.3 [-]."""
 NODES = 65
 """Points of a pulse [-], our choice: the force is good to 1e-5 of its peak."""
-DEGREES = (8, 14, 7)
-"""Degrees of Chebyshev's polynomials in n and both losses [-], our choice: good to 1e-5."""
 FORMS = tuple(LossForm)
-PLATE = FORMS.index(LossForm.PLATE)
+PLATE, MEMORY = FORMS.index(LossForm.PLATE), FORMS.index(LossForm.MEMORY)
+DEGREES = ((14, 0, 8), (14, 9, 8), *3 * [(14, 7, 8)], (14, 0, 8), (8, 11, 8))
+"""Degrees of each form's polynomials in both losses and n [-], our choice: good to 1e-5."""
+SMALLEST_TERM = 3e-6
+"""Of a polynomial's term at any node [-], our choice: half of them are smaller, and left out."""
 LARGEST = 4.0
 """B of the loss δⁿ δ' alone where e is 0.25 [-]."""
 SECOND = np.array(
     [
-        (0.0, 0.0, 0.0),
+        (1.0, 0.0, 0.0),
         (1.0, 3.0, 0.85),
         (0.5, 1.75, 0.5),
         (0.25, 1.25, 0.42),
         (0.0, 0.82, 0.34),
-        (0.0, 0.0, 0.0),
+        (1.0, 0.0, 0.0),
+        (1.0, 0.0, 0.0),
     ]
 )
 """m, B n^s and s of each form's other loss alone where e is about 0.3 [-]; rows by `FORMS`."""
 LARGEST_YIELD = 0.8
 """The same of a plate by δ'' = -F / m - F' / Z [-]."""
+LARGEST_LAG = 0.32
+"""Tangent of the loss angle at 1 / T of what relaxes where the first loss is 1 [-]: more would
+hold the bodies together."""
+
+
+@dataclass(frozen=True)
+class Losses:
+    """The losses of pulses, in units of the scaled equation; arrays of one shape."""
+
+    proportional: FloatArray  # B of a loss B xⁿ x'
+    pulling: FloatArray  # C of a loss C xᵐ x'
+    power: FloatArray  # m
+    yielding: FloatArray  # T F / (Z x'), by which a plate yields
+    lag: FloatArray  # tangent of the loss angle at the frequency 1 / (2 pi T)
+    rate: FloatArray  # of the relaxation, of the stiffness lag (1 / rate + rate)
+
+    def relax(self, spring: FloatArray, held: FloatArray) -> FloatArray:
+        """Return the force of what relaxes, from xⁿ and what of it is past; 1 / T finds xⁿ."""
+        rate = self.rate
+        return np.asarray(self.lag * (rate * spring - (rate + 1.0 / rate) * held))
 
 
 def find_losses(
     exponent: FloatArray, loss: FloatArray, pull: FloatArray, forms: NDArray[np.intp]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return B of δⁿ δ', B of the other loss, and that of a plate's motion [-].
+) -> Losses:
+    """Return the losses of the scaled equation.
 
     Parameters
     ----------
     loss, pull : ndarray
-        Of both losses, 0 to 1, where e is about 0.3: `loss` is a part of what `pull` leaves room
-        for.
+        0 to 1, where e is about 0.3: `loss` is a part of what `pull` leaves room for. Of a form
+        with memory they say how much of k relaxes, and how fast.
     """
-    _, largest, slope = SECOND[forms].T
-    is_plate = forms == PLATE
-    proportional = np.where(is_plate, 0.0, LARGEST * loss * (1.0 - 0.85 * pull))
-    return (
-        proportional,
-        largest * pull * exponent**-slope,
-        np.where(is_plate, LARGEST_YIELD * loss, 0.0),
+    power, largest, slope = SECOND[forms].T
+    is_plate, is_memory = forms == PLATE, forms == MEMORY
+    alone = LARGEST * loss * (1.0 - 0.85 * pull)
+    lag = np.where(is_memory, LARGEST_LAG * loss, 0.0)
+    # Our choice: slower and faster it is as a loss by δ', and more would hold the bodies together.
+    slowest, fastest = 0.1 + 1.2 * lag, 10.0 / (1.0 + 5.0 * lag)
+    return Losses(
+        proportional=np.where(is_plate | is_memory, 0.0, alone),
+        pulling=largest * pull * exponent**-slope,
+        power=power,
+        yielding=np.where(is_plate, LARGEST_YIELD * loss, 0.0),
+        lag=lag,
+        rate=slowest * (fastest / slowest) ** ((pull + 0.1) / 1.1),
     )
 
 
@@ -82,139 +112,144 @@ def _find_angle(phase: FloatArray | float) -> FloatArray:
     return np.asarray(math.pi * phase**3 * (10.0 - 15.0 * phase + 6.0 * phase**2))
 
 
-_ANGLE = _find_angle(np.linspace(0.0, 1.0, NODES))
+@dataclass(frozen=True)
+class _Motion:
+    """The motion of many contacts as a function of the angle: see `_tabulate`."""
+
+    exponent: FloatArray  # n of each, shape (k,)
+    losses: Losses
+
+    def find_state(self, phase: float, state: FloatArray) -> tuple[FloatArray, ...]:
+        """Return x, x', the deceleration beside xⁿ, and the angle's rate."""
+        angle, (log_radius, _, held) = float(_find_angle(phase)), state
+        sine, cosine = max(math.sin(angle), 0.0), math.cos(angle)
+        half, losses = (self.exponent + 1.0) / 2.0, self.losses
+        # At the top x' comes to zero.
+        bend = np.sqrt(half)
+        if abs(cosine) > SMALLEST_COSINE:
+            left = -np.expm1(2.0 * half * math.log(max(sine, 1e-300)))
+            bend = np.sqrt(left) / abs(cosine)
+        reach = (half * np.exp(2.0 * log_radius)) ** (0.5 / half)
+        x, speed = reach * sine, np.exp(log_radius) * cosine * bend
+        drag = losses.proportional * x**self.exponent + losses.pulling * x**losses.power
+        if sine:
+            drag += losses.yielding * self.exponent * x ** (self.exponent - 1.0)
+        drag = drag * speed + losses.relax(x**self.exponent, held)
+        rate = np.sqrt(half) * reach ** (half - 1.0) + sine * drag * np.exp(-log_radius)
+        return x, speed, drag, bend * rate / half
+
+    def differentiate(self, phase: float, state: FloatArray) -> FloatArray:
+        """Return the derivatives of ln r, of time and of what is remembered in the phase."""
+        slope = math.pi * 30.0 * (phase * (1.0 - phase)) ** 2
+        if not slope:
+            return np.zeros_like(state)
+        x, speed, drag, rate = self.find_state(phase, state)
+        time = slope / rate
+        relaxed = self.losses.rate * (x**self.exponent - state[2])
+        return (
+            np.stack((-drag * speed * np.exp(-2.0 * state[0]), np.ones_like(time), relaxed)) * time
+        )
+
+    def describe(self, phase: float, state: FloatArray) -> FloatArray:
+        """Return time, what is left of the momentum, and the force."""
+        x, speed, *_ = self.find_state(phase, state)
+        spring, losses = x**self.exponent, self.losses
+        force = spring + (losses.proportional * spring + losses.pulling * x**losses.power) * speed
+        force += losses.relax(spring, state[2])
+        return np.stack((state[1], speed + losses.yielding * spring, force))
 
 
-def _find_motion(
-    angle: FloatArray, log_radius: FloatArray, exponent: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return x and x' from the energy left, r^2 / 2 = x'^2 / 2 + x^(n+1) / (n+1)."""
-    power = exponent + 1.0
-    sine, cosine = np.sin(angle), np.cos(angle)
-    with np.errstate(invalid="ignore"):  # a search that leaves the family finds nothing there
-        x = (power / 2.0 * np.exp(2.0 * log_radius)) ** (1.0 / power) * np.maximum(sine, 0.0)
-        left = -np.expm1(power * np.log(np.maximum(sine, 1e-300)))
-        return np.maximum(x, 1e-30), np.exp(log_radius) * np.sign(cosine) * np.sqrt(left)
+@lru_cache(maxsize=len(FORMS))
+def _tabulate(form: int) -> tuple[NDArray[np.intp], FloatArray]:
+    """Return the table of one form: degrees, shape (3, terms), coefficients (terms, 3 nodes).
 
-
-def _differentiate(
-    phase: float,
-    log_radius: FloatArray,
-    exponent: FloatArray,
-    terms: Sequence[tuple[FloatArray, FloatArray]],
-) -> FloatArray:
-    """Return the derivatives of ln r and of time in the phase; losses by power and factor."""
-    angle = float(_find_angle(phase))
-    sine, cosine = max(math.sin(angle), 0.0), math.cos(angle)
-    slope = math.pi * 30.0 * (phase * (1.0 - phase)) ** 2
-    if not (slope and sine):
-        return np.zeros((2, *log_radius.shape))
-    half = (exponent + 1.0) / 2.0
-    # At the top x' comes to zero.
-    bend = np.sqrt(half)
-    if abs(cosine) > SMALLEST_COSINE:
-        bend = np.sqrt(-np.expm1(2.0 * half * math.log(sine)) / cosine**2)
-    log_reach = (np.log(half) / 2.0 + log_radius) / half
-    log_depth = log_reach + math.log(sine)
-    loss = sum(factor * np.exp(power * log_depth) for power, factor in terms)
-    rate = np.sqrt(half) * np.exp((half - 1.0) * log_reach) + loss * (sine * cosine * bend)
-    time = slope * half / bend / rate
-    return np.stack((-loss * (cosine * bend) ** 2 * time, time))
-
-
-@lru_cache(maxsize=1)
-def _tabulate() -> FloatArray:
-    """Return Chebyshev's coefficients of ln r and time, shape (forms, degrees, 2 nodes)."""
-    points = [chebyshev.chebpts1(degree + 1) for degree in DEGREES]
-    axes = zip(points, (EXPONENTS, LOSSES, LOSSES), strict=True)
-    stretched = [_stretch(point, limits) for point, limits in axes]
-    grid = np.meshgrid(*stretched, indexing="ij")
-    each, loss, pull = (np.tile(axis.ravel(), len(FORMS)) for axis in grid)
-    form = np.repeat(np.arange(len(FORMS)), grid[0].size)
-    shape = len(FORMS), points[0].size, -1
-    proportional, other, motion = (
-        factor.reshape(shape) for factor in find_losses(each, loss, pull, form)
-    )
-    exponent = stretched[0][:, np.newaxis]
-    is_plate = (np.arange(len(FORMS)) == PLATE)[:, np.newaxis, np.newaxis]
-    terms = [
-        (exponent - is_plate, proportional + exponent * motion),
-        (SECOND[:, :1, np.newaxis], other),
-    ]
-    state = np.zeros((2, *proportional.shape))
-    found = [state]
-    # Two steps of Runge-Kutta's method between two nodes: good to 1e-7.
-    steps = 2 * (NODES - 1)
-    step = 1.0 / steps
-    for count in range(steps):
-        phase, log_radius = count * step, state[0]
-        first = _differentiate(phase, log_radius, exponent, terms)
+    A pulse is found by its angle in the plane of compression and speed, which grows from 0 at
+    touch to pi where x is 0 again: with that as the clock every pulse of the table has its nodes
+    at like places, and what stands there is smooth in n and both losses. An example is Hertz
+    without loss, n = 3/2: node 0 is touch, with time 0, momentum 1 and force 0; node 32 the top,
+    at 1.609 T, with momentum 0 and force 1.143 m v / T; node 64 the end, at 3.218 T, with
+    momentum -1 and force 0. The first numbers of each degree stand for the middle of the table,
+    the others say how a node moves with n and the losses.
+    """
+    points = [chebyshev.chebpts1(degree + 1) for degree in DEGREES[form]]
+    axes = zip(points, (LOSSES, LOSSES, EXPONENTS), strict=True)
+    grid = np.meshgrid(*(_stretch(point, limits) for point, limits in axes), indexing="ij")
+    loss, pull, exponent = (axis.ravel() for axis in grid)
+    pull = pull if DEGREES[form][1] else 0.0 * pull
+    motion = _Motion(exponent, find_losses(exponent, loss, pull, np.full(exponent.size, form)))
+    state = np.zeros((3, exponent.size))
+    found = [motion.describe(0.0, state)]
+    # Runge-Kutta's method from node to node: good to 2e-6.
+    step = 1.0 / (NODES - 1)
+    for count in range(NODES - 1):
+        phase = count * step
+        first = motion.differentiate(phase, state)
         middle = phase + step / 2.0
-        second = _differentiate(middle, log_radius + step / 2.0 * first[0], exponent, terms)
-        third = _differentiate(middle, log_radius + step / 2.0 * second[0], exponent, terms)
-        fourth = _differentiate(phase + step, log_radius + step * third[0], exponent, terms)
+        second = motion.differentiate(middle, state + step / 2.0 * first)
+        third = motion.differentiate(middle, state + step / 2.0 * second)
+        fourth = motion.differentiate(phase + step, state + step * third)
         state = state + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
-        if count % 2:
-            found.append(state)
-    # Of each form, n and losses: ln r at all nodes, and time at all nodes.
-    values = np.stack(found).reshape(NODES, 2, -1).transpose(2, 1, 0)
-    values = values.reshape(len(FORMS), *(point.size for point in points), -1)
-    for axis, (point, degree) in enumerate(zip(points, DEGREES, strict=True), start=1):
+        found.append(motion.describe(phase + step, state))
+    values = np.stack(found, axis=1).reshape(3 * NODES, *grid[0].shape)
+    for axis, (point, degree) in enumerate(zip(points, DEGREES[form], strict=True), start=1):
         into = np.linalg.inv(chebyshev.chebvander(point, degree))
         values = np.moveaxis(np.tensordot(into, values, (1, axis)), 0, axis)
-    return make_read_only(np.ascontiguousarray(values.reshape(len(FORMS), -1, 2 * NODES)))
+    degrees = np.argwhere(np.abs(values).max(axis=0) > SMALLEST_TERM).T
+    return degrees, make_read_only(np.ascontiguousarray(values[:, *degrees].T))
 
 
 def _stretch(point: FloatArray, limits: tuple[float, float]) -> FloatArray:
     return np.asarray((limits[0] + limits[1] + point * (limits[1] - limits[0])) / 2.0)
 
 
+LEAST_PULL = 1e-4
+"""Pull between the bodies that is one [m v / T], our choice: the tables may be off by less."""
 FINE = np.linspace(0.0, 1.0, 65)
 """Where a crossing or a peak between two nodes is looked for."""
 
 
 @dataclass(frozen=True)
 class ScaledPulses:
-    """Pulses x'' = -(xⁿ + B xⁿ x' + C xᵐ x'), in scaled units: time in T, x in v T.
+    """Pulses in scaled units: time in T, momentum in m v.
 
-    Arrays of shape (pulses, nodes) reach from first touch to x = 0. The contact ends where the
-    force comes back to zero: bodies that do not stick do not pull at each other.
+    The contact ends where the force comes back to zero: bodies that do not stick do not pull at
+    each other.
     """
 
-    exponent: FloatArray  # n [-], shape (pulses, 1)
-    power: FloatArray  # m [-], the same
-    proportional: FloatArray  # B [-], the same
-    pulling: FloatArray  # C [-], the same
-    yielding: FloatArray  # loss that is motion of a plate [-], the same
-    time: FloatArray
-    compression: FloatArray
-    speed: FloatArray
+    exponent: FloatArray  # n [-], shape (pulses,)
+    losses: Losses
+    time: FloatArray  # of each node, shape (pulses, nodes)
+    momentum: FloatArray  # that is left: 1 at first touch, -e at the end
+    force: FloatArray
+    changes: FloatArray  # of these three by both losses and n, shape (pulses, 3, 3, nodes)
 
     @cached_property
     def _end(self) -> tuple[FloatArray, FloatArray]:
-        """Time and speed where the contact ends, shape (pulses,)."""
+        """Time and momentum where the contact ends, shape (pulses,)."""
         rows, top = np.arange(len(self.time)), NODES // 2
-        pull = self._find_pull(self.compression, self.speed)
-        if np.all(pull[:, top:] >= 0.0):
-            return self.time[:, -1], self.speed[:, -1]
-        last = top + _find_last(pull[:, top:])
+        pulls = self.force.min(axis=1, keepdims=True) < -LEAST_PULL
+        last = top + _find_first((self.force[:, top:] < 0.0) & pulls)
         start, stop = self.time[rows, last - 1, None], self.time[rows, last, None]
         fine = start + FINE * (stop - start)
-        x, speed = self._interpolate(fine)
-        pull = self._find_pull(x, speed)
-        last = _find_last(pull)
-        before, after = pull[rows, last - 1], np.minimum(pull[rows, last], 0.0)
-        part = before / (before - after)
-        duration, slowest = (
-            values[rows, last - 1] + part * (values[rows, last] - values[rows, last - 1])
-            for values in (fine, speed)
-        )
-        return duration, slowest
+        force = _interpolate(self._lever, self._lever_rate, *self._place(fine))
+        last = _find_first(force < 0.0)
+        before = np.maximum(force[rows, last - 1], 0.0)
+        after = np.minimum(force[rows, last], 0.0)
+        part = np.divide(before, before - after, out=np.ones_like(before), where=after < 0.0)
+        duration = fine[rows, last - 1] + part * (fine[rows, last] - fine[rows, last - 1])
+        place = self._place(duration[:, np.newaxis])
+        return duration, _interpolate(self.momentum, -self.force, *place)[:, 0]
 
-    def _find_pull(self, x: FloatArray, speed: FloatArray) -> FloatArray:
-        """Return the force over xᵐ, which is nearly straight where it comes to zero."""
-        spring = x ** (self.exponent - self.power) * (1.0 + self.proportional * speed)
-        return np.asarray(spring + self.pulling * speed)
+    @cached_property
+    def _lever(self) -> FloatArray:
+        """Force over xᵐ at each node: nearly straight where the force is steep, or comes to 0."""
+        depth = np.maximum(self.compression[:, 1:-1], 1e-30)
+        inner = depth ** self.losses.power[:, np.newaxis]
+        return np.pad(self.force[:, 1:-1] / inner, ((0, 0), (1, 1)), "edge")
+
+    @cached_property
+    def _lever_rate(self) -> FloatArray:
+        return _differentiate(self._lever, self.time)
 
     @property
     def duration(self) -> FloatArray:
@@ -226,22 +261,32 @@ class ScaledPulses:
         """Speed of separation over impact speed e, shape (pulses,)."""
         return -self._end[1]
 
+    @cached_property
+    def compression(self) -> FloatArray:
+        """Approach since first touch at each node, in v T, shape (pulses, nodes)."""
+        step = np.diff(self.time)
+        parts = step / 2.0 * (self.momentum[:, 1:] + self.momentum[:, :-1])
+        parts += step**2 / 12.0 * np.diff(self.force)
+        return np.concatenate((np.zeros((len(step), 1)), np.cumsum(parts, axis=1)), axis=1)
+
     @property
     def largest_compression(self) -> FloatArray:
-        """Where the speed is zero, shape (pulses,)."""
-        return np.asarray(self.compression[:, NODES // 2])
+        """Where the bodies approach no more, shape (pulses,)."""
+        rows, top = np.arange(len(self.time)), np.argmax(self.compression, axis=1)
+        beyond = self.momentum[rows, top] ** 2 / (2.0 * self.force[rows, top])
+        return np.asarray(self.compression[rows, top] + beyond)
 
     @property
     def is_passive(self) -> NDArray[np.bool_]:
         """Whether both losses together take energy at every depth, shape (pulses,)."""
-        x = self.compression[:, 1 : NODES // 2 + 1]
-        loss = self.proportional * x**self.exponent + self.pulling * x**self.power
-        return np.asarray(loss.min(axis=1) >= 0.0)
+        losses = self.losses
+        reach = self.largest_compression ** (self.exponent - losses.power)
+        takes = (losses.pulling >= 0.0) & (losses.proportional * reach + losses.pulling >= 0.0)
+        return np.asarray(takes & (losses.lag >= 0.0))
 
     def compute_peak_force(self) -> FloatArray:
         """Return the largest force, shape (pulses,)."""
-        rows = np.arange(len(self.time))
-        top = np.argmax(self._find_force(self.compression, self.speed), axis=1)
+        rows, top = np.arange(len(self.time)), np.argmax(self.force, axis=1)
         start = self.time[rows, np.maximum(top - 1, 0), None]
         stop = self.time[rows, np.minimum(top + 1, NODES - 1), None]
         return np.asarray(self.compute_force(start + FINE * (stop - start)).max(axis=1))
@@ -255,29 +300,34 @@ class ScaledPulses:
             In T of each pulse.
         """
         time = np.broadcast_to(time, (len(self.time), time.shape[-1]))
-        force = self._find_force(*self._interpolate(time))
-        inside = (time >= 0.0) & (time < self.duration[:, None])
+        place = self._place(time)
+        depth = np.maximum(_interpolate(self.compression, self.momentum, *place), 0.0)
+        force = _interpolate(self._lever, self._lever_rate, *place)
+        force *= depth ** self.losses.power[:, np.newaxis]
+        inside = (time >= 0.0) & (time < self.duration[:, np.newaxis])
         return np.where(inside, np.maximum(force, 0.0), 0.0)
 
     def compute_impulse(self, time: FloatArray) -> FloatArray:
-        """Return the integral of the force up to each time, shape (pulses, n)."""
-        time = np.broadcast_to(time, (len(self.time), time.shape[-1]))
-        place = self._place(np.minimum(time, self.duration[:, None]))
-        impulse = 1.0 - _interpolate(self.speed, self._deceleration, *place)
-        if np.any(self.yielding):
-            x = np.maximum(_interpolate(self.compression, self.speed, *place), 1e-30)
-            impulse -= self.yielding * x**self.exponent
-        return impulse
+        """Return the integral of the force up to each time, and its derivatives.
 
-    def _find_force(self, x: FloatArray, speed: FloatArray) -> FloatArray:
-        spring = x**self.exponent * (1.0 + self.proportional * speed)
-        return np.asarray(spring + self.pulling * x**self.power * speed)
+        Parameters
+        ----------
+        time : ndarray, shape (pulses, n)
+            In T of each pulse.
 
-    def _interpolate(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return x and x' by cubic polynomials between the nodes, from their known slopes."""
-        place = self._place(time)
-        x = np.maximum(_interpolate(self.compression, self.speed, *place), 1e-30)
-        return x, _interpolate(self.speed, self._deceleration, *place)
+        Returns
+        -------
+        ndarray, shape (4, pulses, n)
+            The impulse; by both losses and n.
+        """
+        place = self._place(np.minimum(time, self.duration[:, np.newaxis]))
+        # At one and the same time, where a node comes later.
+        rate = _differentiate(self.force, self.time)
+        later, slower, stronger = self.changes.transpose(2, 1, 0, 3)
+        impulses = np.concatenate((1.0 - self.momentum[np.newaxis], -slower - self.force * later))
+        forces = np.concatenate((self.force[np.newaxis], stronger - rate * later))
+        each = zip(impulses, forces, strict=True)
+        return np.stack([_interpolate(values, slopes, *place) for values, slopes in each])
 
     def _place(self, time: FloatArray) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
         """Return the node before each time, the step behind it, and what part of it has passed."""
@@ -291,19 +341,20 @@ class ScaledPulses:
         step = nodes[place + 1] - start
         return place, step, np.minimum(np.maximum((time - start) / step, 0.0), 1.0)
 
-    @cached_property
-    def _deceleration(self) -> FloatArray:
-        x, speed = self.compression, self.speed
-        # A plate yields by the rate of the force.
-        yielding = self.exponent * self.yielding * x ** (self.exponent - 1.0) * speed
-        return np.asarray(-self._find_force(x, speed) - yielding)
+
+def _find_first(marks: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the first marked place in each row but 0, or else its end."""
+    marks[:, -1] = True
+    return np.asarray(1 + np.argmax(marks[:, 1:], axis=1))
 
 
-def _find_last(pull: FloatArray) -> NDArray[np.intp]:
-    """Return the first place in each row where bodies pull, or else its end."""
-    pulls = pull < 0.0
-    pulls[:, -1] = True
-    return np.asarray(np.argmax(pulls, axis=1))
+def _differentiate(values: FloatArray, time: FloatArray) -> FloatArray:
+    """Return derivatives, by the parabola through each point and its neighbours."""
+    step = np.diff(time)
+    slope = np.diff(values) / step
+    before, behind = step[:, :-1], step[:, 1:]
+    inner = (slope[:, :-1] * behind + slope[:, 1:] * before) / (before + behind)
+    return np.concatenate((slope[:, :1], inner, slope[:, -1:]), axis=1)
 
 
 def _interpolate(
@@ -340,33 +391,35 @@ def compute_pulses(
     forms : ndarray, shape (pulses,)
         Number of the form of each, see `find_places`.
     """
-    weights = _compute_polynomials(exponent, EXPONENTS, DEGREES[0])
-    for part, degree in ((loss, DEGREES[1]), (pull, DEGREES[2])):
-        more = _compute_polynomials(part, LOSSES, degree)
-        weights = (weights[:, :, None] * more[:, None, :]).reshape(exponent.size, -1)
-    found = np.empty((exponent.size, 2 * NODES))
+    found = np.empty((exponent.size, 4, 3, NODES))
+    most = np.max(DEGREES, axis=0).tolist()
+    axes = [
+        _compute_polynomials(values, limits, degree)
+        for values, limits, degree in zip(
+            (loss, pull, exponent), (LOSSES, LOSSES, EXPONENTS), most, strict=True
+        )
+    ]
     for form in set(forms.tolist()):
-        rows = forms == form
-        found[rows] = weights[rows] @ _tabulate()[form]
-    log_radius, time = found[:, :NODES], found[:, NODES:]
-    x, speed = _find_motion(_ANGLE, log_radius, exponent[:, None])
-    proportional, pulling, yielding = find_losses(exponent, loss, pull, forms)
-    return ScaledPulses(
-        exponent=exponent[:, None],
-        power=SECOND[forms, :1],
-        proportional=proportional[:, None],
-        pulling=pulling[:, None],
-        yielding=yielding[:, None],
-        time=time,
-        compression=x,
-        speed=speed,
-    )
+        rows = np.flatnonzero(forms == form)
+        degrees, coefficients = _tabulate(form)
+        # Of each pulse the terms, and their derivatives along the three axes.
+        terms = np.ones((rows.size, 4, len(coefficients)))
+        for number, (polynomials, degree) in enumerate(zip(axes, degrees, strict=True)):
+            values, slopes = polynomials[rows].transpose(1, 0, 2)[..., degree]
+            terms[:, np.arange(4) != number + 1] *= values[:, np.newaxis]
+            terms[:, number + 1] *= slopes
+        found[rows] = (terms @ coefficients).reshape(-1, 4, 3, NODES)
+    time, momentum, force = found[:, 0].transpose(1, 0, 2)
+    losses = find_losses(exponent, loss, pull, forms)
+    return ScaledPulses(exponent, losses, time, momentum, force, found[:, 1:])
 
 
 def _compute_polynomials(
     value: FloatArray, limits: tuple[float, float], degree: int
 ) -> FloatArray:
-    """Return Chebyshev's polynomials of values between limits, shape (pulses, degree + 1)."""
+    """Return Chebyshev's polynomials between limits, and derivatives, (pulses, 2, degree + 1)."""
     least, most = limits
-    point = np.minimum(np.maximum((2.0 * value - least - most) / (most - least), -1.0), 1.0)
-    return np.asarray(np.cos(np.arange(degree + 1) * np.arccos(point)[..., None]))
+    point = np.clip((2.0 * value - least - most) / (most - least), -1.0 + 1e-12, 1.0 - 1e-12)
+    angle, numbers = np.arccos(point)[:, np.newaxis], np.arange(degree + 1)
+    slopes = 2.0 / (most - least) * numbers * np.sin(numbers * angle) / np.sin(angle)
+    return np.stack((np.cos(numbers * angle), slopes), axis=1)

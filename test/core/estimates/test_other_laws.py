@@ -9,8 +9,8 @@ import pytest
 from impact_rig.core.estimates.law_pulses import LossForm
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.findings import Subject
-from impact_rig.core.given.records import HitLabel
-from impact_rig.core.given.setup import RigSetup, Sample, SampleSet
+from impact_rig.core.given.records import Block, ChannelBlock, HitLabel
+from impact_rig.core.given.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.core.session import Session
 
 from ..contacts import (
@@ -20,6 +20,7 @@ from ..contacts import (
     integrate,
     make_adhesive,
     make_viscous,
+    relax,
     strike_plate,
 )
 from ..struck import DURATION, HAMMER, SPEED, Impact
@@ -98,6 +99,36 @@ def check(found, struck):
 def test_a_loss_between_two_forms_is_within_the_uncertainty(restitution):
     struck = strike(Law("between", restitution, make_viscous(1.5, 1.0)).motion)
     check(estimate(struck).contact_law, struck)
+
+
+@pytest.mark.parametrize(
+    ("exponent", "share", "time"),
+    [(1.0, 0.2, 0.25), (1.0, 0.3, 0.96), (1.0, 0.45, 0.96), (1.5, 0.1, 0.96), (1.5, 0.45, 3.2)],
+)
+def test_a_contact_of_which_a_part_relaxes_is_within_the_uncertainty(exponent, share, time):
+    struck = strike(relax(exponent, share, time))
+    found = estimate(struck).contact_law
+    assert found.form == LossForm.MEMORY.value
+    check(found, struck)
+
+
+@pytest.mark.parametrize("seed", [1, 15, 28])
+def test_of_few_points_two_opposed_losses_are_no_law(seed):
+    random, rate, duration = np.random.default_rng((seed, 1)), 51.2e3, 1e-3
+    time = np.arange(600) / rate - 3e-3 - random.uniform() / rate
+    inside = (time > 0.0) & (time < duration)
+    traces = np.where(inside, np.sin(np.pi * time / duration), 0.0) * [[500.0], [-475.0]]
+    traces += 500.0 * 2e-4 * random.standard_normal(traces.shape)
+    channels = [ChannelBlock(trace, 1.0, 0.0, 0.0) for trace in traces]
+    analysis = AnalysisSettings(
+        cutoff_frequency=0.4 * rate, pre_trigger=2.5e-3, record_duration=9e-3
+    )
+    samples = SampleSet((Sample("struck", HAMMER / 0.95),), "struck")
+    session = Session(RigSetup(samples, HAMMER, math.nan, analysis))
+    session.feed(Block(0, rate, *channels, HitLabel("struck", 1, 1), last=True))
+    found = session.estimate_sample("struck").contact_law
+    for quantity, true in ((found.duration, duration), (found.restitution, 1.0)):
+        assert abs(quantity.value - true) < 1.5 * quantity.expanded
 
 
 def test_forms_that_describe_the_pulse_as_well_are_a_line_of_the_budget():

@@ -16,7 +16,7 @@ from impact_rig.core.hit.pulses import (
     compute_pulse,
 )
 
-from ..contacts import integrate, strike_body, strike_plate
+from ..contacts import integrate, relax, strike_body, strike_plate
 
 every_shape = pytest.mark.parametrize("shape", PULSE_SHAPES, ids=lambda shape: shape.name)
 
@@ -82,7 +82,8 @@ POWERS = {
 @pytest.mark.parametrize(("loss", "pull"), [(0.0, 0.0), (0.2, 0.0), (0.0, 0.3), (0.1, 0.5)])
 def test_a_pulse_is_that_of_the_differential_equation(form, exponent, loss, pull):
     one = [np.array([number]) for number in (exponent, loss, pull)]
-    proportional, other, _ = (item[0] for item in find_losses(*one, find_places([form])))
+    losses = find_losses(*one, find_places([form]))
+    proportional, other = float(losses.proportional[0]), float(losses.pulling[0])
 
     def force(x: float, v: float) -> float:
         x = max(x, 0.0)
@@ -93,9 +94,13 @@ def test_a_pulse_is_that_of_the_differential_equation(form, exponent, loss, pull
     pulse = compute_pulses(*one, find_places([form]))
     assert pulse.duration[0] == pytest.approx(motion.time[-1], rel=3e-4)
     assert pulse.restitution[0] == pytest.approx(motion.restitution, abs=5e-5)
+    # What is fitted is the impulse.
+    steps = np.diff(motion.time) * (motion.force[1:] + motion.force[:-1]) / 2.0
+    impulse = pulse.compute_impulse(motion.time[np.newaxis])[0, 0]
+    assert impulse[1:] == pytest.approx(np.cumsum(steps), abs=3e-5)
     inside = slice(1, -1)
     force_found = pulse.compute_force(motion.time[inside])[0]
-    assert force_found == pytest.approx(motion.force[inside], abs=1e-4)
+    assert force_found == pytest.approx(motion.force[inside], abs=3e-4)
     assert pulse.compute_peak_force()[0] == pytest.approx(motion.force.max(), rel=5e-5)
 
 
@@ -107,6 +112,33 @@ def test_the_largest_losses_leave_less_than_a_third_of_the_speed(form):
         found = compute_pulses(exponent, loss * whole, pull * whole, places).restitution
         assert np.all(found < 0.4)
         assert np.all(found > 0.2)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0])
+@pytest.mark.parametrize(("loss", "pull"), [(0.2, 0.05), (0.9, 0.05), (0.9, 0.5), (0.4, 0.9)])
+def test_a_part_of_the_stiffness_relaxes(exponent, loss, pull):
+    one = [np.array([number]) for number in (exponent, loss, pull)]
+    pulse = compute_pulses(*one, find_places([LossForm.MEMORY]))
+    lag, rate = float(pulse.losses.lag[0]), float(pulse.losses.rate[0])
+    # In units of the stiffness at once, which is 1 + lag * rate.
+    at_once = 1.0 + lag * rate
+    unit = at_once ** (-1.0 / (exponent + 1.0))
+    motion = relax(exponent, lag * (rate + 1.0 / rate) / at_once, 1.0 / (rate * unit))
+    assert pulse.duration[0] == pytest.approx(unit * motion.time[-1], rel=3e-4)
+    assert pulse.restitution[0] == pytest.approx(motion.restitution, abs=5e-5)
+    assert pulse.compute_peak_force()[0] == pytest.approx(motion.force.max() / unit, rel=1e-4)
+
+
+def test_the_nodes_of_a_hertz_pulse_are_those_of_the_example():
+    one = [np.array([number]) for number in (1.5, 0.0, 0.0)]
+    pulse = compute_pulses(*one, find_places([LossForm.PROPORTIONAL]))
+    for node, numbers in (
+        (0, (0.0, 1.0, 0.0)),
+        (32, (1.609, 0.0, 1.143)),
+        (64, (3.218, -1.0, 0.0)),
+    ):
+        found = pulse.time[0, node], pulse.momentum[0, node], pulse.force[0, node]
+        assert found == pytest.approx(numbers, abs=5e-4)
 
 
 @pytest.mark.parametrize("restitution", [0.9, 0.525])
