@@ -80,11 +80,18 @@ def ask_for(page, sample="steel small"):
 
 def test_rule_1_six_acts_under_way_delay_no_stop(page, rig):
     ask_for(page)
+    # A browser has six connections to a server, for all of its tabs.
+    tabs = [page, *(page.context.new_page() for _ in range(5))]
+    for tab in tabs[1:]:
+        tab.goto(rig.link)
+        say(tab, "MOUNT")
     with frozen(rig.numbers["campaign"]):
-        pause = page.locator("form[action=pause] button")
-        for _ in range(6):
-            pause.evaluate("button => button.click()")
-        expect(pause).to_be_disabled()
+        for tab in tabs:
+            pause = tab.locator("form[action=pause] button")
+            for _ in range(6):
+                pause.evaluate("button => button.click()")
+            expect(pause).to_be_disabled()
+        page.bring_to_front()
         begin = time.monotonic()
         page.keyboard.press("Escape")
         say(page, "STOPPED")
