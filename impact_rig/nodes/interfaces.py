@@ -138,92 +138,78 @@ _LATEST = make_qos(1, latched=True)
 _CAMPAIGN, _HAMMER, _RECORDER = ("campaign",), ("hammer",), ("recorder",)
 _ACCELEROMETER, _ESTIMATOR = ("accelerometer",), ("estimator",)
 
-SETUP = Topic("setup", RigSetup, _LATEST, _recorded("setup_from_msg"), owners=_CAMPAIGN)
+SETUP = Topic("setup", RigSetup, _LATEST, _recorded("setup_from_msg"), _CAMPAIGN)
 ACCELERATION = Topic(
     "acceleration",
     AccelerationBlock,
     make_qos(200, latched=False),
     _BLOCK,
-    owners=(*_ACCELEROMETER, *_ESTIMATOR),
+    (*_ACCELEROMETER, *_ESTIMATOR),
 )
 STREAM = Topic(
     "acceleration/stream",
     StreamBlock,
     make_qos(STREAM_DEPTH, latched=False),
     _BLOCK,
-    owners=_ACCELEROMETER,
+    _ACCELEROMETER,
 )
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
-RELEASE = Topic("release", HammerRelease, _RESULT, _inward("check_release"), owners=_HAMMER)
+RELEASE = Topic("release", HammerRelease, _RESULT, _inward("check_release"), _HAMMER)
 VIRTUAL_IMPACT = Topic(
-    "virtual_impact", VirtualImpact, _RESULT, _recorded("truth_from_msg"), owners=_ACCELEROMETER
+    "virtual_impact", VirtualImpact, _RESULT, _recorded("truth_from_msg"), _ACCELEROMETER
 )
-IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"), owners=_ESTIMATOR)
+IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"), _ESTIMATOR)
 OVERRULE = Topic(
-    "overrule",
-    Overrule,
-    _RESULT,
-    _by("recordings.messages", "overrule_from_msg"),
-    owners=_ESTIMATOR,
+    "overrule", Overrule, _RESULT, _by("recordings.messages", "overrule_from_msg"), _ESTIMATOR
 )
 """Persons' verdicts on hits; the newest of a hit counts."""
-OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False), owners=_RECORDER)
+OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False), _RECORDER)
 """The overrule of this stamp is on the recorder's disk."""
 IMPACT_TRACE = Topic(
     "impact/trace",
     ImpactTrace,
     make_qos(64, latched=True),
     _finding("judged_traces_from_msg"),
-    owners=_ESTIMATOR,
+    _ESTIMATOR,
 )
 """Traces as judged, 60 kB each, while somebody listens."""
 ESTIMATE = Topic(
-    "estimate",
-    SampleEstimate,
-    _RESULT,
-    _by("core.estimates.sample", "SampleEstimate"),
-    owners=_ESTIMATOR,
+    "estimate", SampleEstimate, _RESULT, _by("core.estimates.sample", "SampleEstimate"), _ESTIMATOR
 )
 HAMMER_ESTIMATE = Topic(
     "hammer_estimate",
     HammerEstimate,
     _LATEST,
     _by("core.estimates.paper_method", "HammerEstimate"),
-    owners=_ESTIMATOR,
+    _ESTIMATOR,
 )
 COMPARISON = Topic(
     "comparison",
     ModelComparison,
     make_qos(64, latched=True),
     _finding("traces_from_msg"),
-    owners=_ESTIMATOR,
+    _ESTIMATOR,
 )
 """Measured and model traces, 80 kB each."""
-HAMMER_STATE = Topic(
-    "hammer/state", HammerState, _LATEST, _inward("hammer_from_msg"), owners=_HAMMER
-)
+HAMMER_STATE = Topic("hammer/state", HammerState, _LATEST, _inward("hammer_from_msg"), _HAMMER)
 ACQUISITION_STATE = Topic(
-    "accelerometer/state",
-    AcquisitionState,
-    _LATEST,
-    _state("AcquisitionStatus"),
-    owners=_ACCELEROMETER,
+    "accelerometer/state", AcquisitionState, _LATEST, _state("AcquisitionStatus"), _ACCELEROMETER
 )
 INPUT_LEVELS = Topic(
     "accelerometer/levels",
     InputLevels,
     make_qos(10, latched=False),
     _by("status.levels", "InputLevels"),
-    owners=_ACCELEROMETER,
+    _ACCELEROMETER,
 )
 """Levels of the input monitor, and of a running stream."""
 RECORDER_STATE = Topic(
-    "recorder/state", RecorderState, _LATEST, _state("RecorderStatus"), owners=_RECORDER
+    "recorder/state", RecorderState, _LATEST, _state("RecorderStatus"), _RECORDER
 )
 CAMPAIGN_STATE = Topic(
-    "campaign/state", CampaignState, _LATEST, _inward("campaign_from_msg"), owners=_CAMPAIGN
+    "campaign/state", CampaignState, _LATEST, _inward("campaign_from_msg"), _CAMPAIGN
 )
-RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT, owners=_RECORDER)
+RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT, _RECORDER)
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
 NOTE = Topic("note", String, make_qos(10, latched=False))
 """Notes of an operator while the rig runs."""

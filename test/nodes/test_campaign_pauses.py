@@ -24,7 +24,6 @@ from impact_rig.status.states import Step
 from .campaigns import Onlooker, begin, cancel, start_rig
 
 STRIKING, PAUSED = CampaignState.STRIKING, CampaignState.PAUSED
-WAITING_FOR_HAMMER = CampaignState.WAITING_FOR_HAMMER
 START_PATIENCE = 60.0
 MANY = 100_000
 """Impacts that no test waits for."""
@@ -225,15 +224,6 @@ def test_a_person_pauses_a_campaign_and_resumes_it(harness):
     assert resume(harness).success
     wait_for_more_hits(feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
-
-
-def test_a_hammer_that_is_put_back_by_hand_is_waited_for(harness):
-    client = start_rig(harness, hammer={"confirm_return": True})
-    handle, feedback = begin(harness, client, samples=["steel small"], impacts=2)
-    assert "say that it is back" in wait_for_state(feedback, WAITING_FOR_HAMMER)
-    assert feedback.messages[-1].impact == 1
-    harness.call(Act, interfaces.CONFIRM_HELD)
-    assert harness.wait(handle.get_result_async()).result.success
 
 
 def test_a_pause_that_takes_too_long_ends_the_campaign_with_its_reason(harness):

@@ -3,7 +3,6 @@
 import os
 
 import pytest
-from impact_rig_msgs.msg import HammerState
 from impact_rig_msgs.srv import Act
 from rclpy.serialization import serialize_message
 
@@ -59,19 +58,6 @@ def test_a_live_campaign_and_its_recording_hold_its_own_hits_alone(harness, offe
     judged = sorted([*result.accepted, *result.rejected], key=lambda hit: hit.impact)
     assert [hit.impact for hit in judged] == [*range(1, len(judged) + 1)]
     assert not played & {bytes(raw.data) for raw in Scan(harness.recording).read_messages()}
-
-
-def test_a_second_publisher_of_the_hammer_state_disarms(harness):
-    client = start_rig(harness)
-    handle, feedback = begin(harness, client, samples=["steel small"], impacts=1000)
-    feedback.wait(lambda messages: messages[-1].impact > 2)
-    states = harness.listen(interfaces.HAMMER_STATE)
-    topic = interfaces.HAMMER_STATE
-    harness.peer.create_publisher(topic.type, topic.name, topic.qos).publish(HammerState())
-    told = "/peer speaks on hammer/state beside its hammer"
-    states.wait(lambda got: any(told in state.message for state in got))
-    feedback.wait(lambda got: "/peer speaks on hammer/state" in got[-1].message)
-    harness.wait(handle.cancel_goal_async())
 
 
 def test_a_replay_into_a_rig_of_this_computer_is_refused(harness):
