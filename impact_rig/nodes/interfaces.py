@@ -163,7 +163,7 @@ OVERRULE = Topic(
     "overrule", Overrule, _RESULT, _by("recordings.messages", "overrule_from_msg"), _ESTIMATOR
 )
 """Persons' verdicts on hits; the newest of a hit counts."""
-OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False), _RECORDER)
+OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False), owners=_RECORDER)
 """The overrule of this stamp is on the recorder's disk."""
 IMPACT_TRACE = Topic(
     "impact/trace",
@@ -209,7 +209,7 @@ RECORDER_STATE = Topic(
 CAMPAIGN_STATE = Topic(
     "campaign/state", CampaignState, _LATEST, _inward("campaign_from_msg"), _CAMPAIGN
 )
-RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT, _RECORDER)
+RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT, owners=_RECORDER)
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
 NOTE = Topic("note", String, make_qos(10, latched=False))
 """Notes of an operator while the rig runs."""

@@ -1,5 +1,7 @@
 """Another node of the rig, as a node sees it: alive, silent, or gone."""
 
+import math
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -41,6 +43,7 @@ class RigMember:
         self.name = name
         self.state: Any = None  # newest state of the node; None: none yet
         self.campaign_id = NO_ID  # of that
+        self.came = -math.inf  # when that did [s], by the monotonic clock
         self._is_single = is_single
         self._on_change = on_change
         self._was_there = False
@@ -76,7 +79,7 @@ class RigMember:
         return None
 
     def _keep_state(self, received: Received[Any]) -> None:
-        self._was_there = True
+        self._was_there, self.came = True, time.monotonic()
         self.state, self.campaign_id = received.value, received.identity.campaign_id
         self._on_change()
 

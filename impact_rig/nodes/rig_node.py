@@ -220,12 +220,16 @@ class RigNode(ManagedNode):
 
     @property
     def _is_bound(self) -> bool:
-        """Whether the campaign that this node takes part in goes on, and its node lives."""
+        """Whether the campaign that this node takes part in goes on, and its node lives.
+
+        Who stood still at its end has not heard of that: one that goes on says so twice a second.
+        """
         campaign = self.campaign
         return (
             campaign.state is not None
             and campaign.campaign_id == self.membership.identity.campaign_id
             and campaign.state.is_running
+            and time.monotonic() - campaign.came < interfaces.LEASE
             and not campaign.is_gone
         )
 
