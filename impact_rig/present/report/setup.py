@@ -96,7 +96,9 @@ def make_sampling_section(run: ReportedCampaign) -> Section:
     """Return the section on the channels' scales and the analysis, for the annex."""
     settings = _list_settings(run.campaign.results.setup.analysis)
     folded = Folded("Settings of judgement and evaluation", (settings,))
-    return Section("Sampling and settings", (*_tabulate_calibrations(run.campaign), folded))
+    recorder = () if run.provenance is None else (Facts(_list_recorder_facts(run.provenance)),)
+    parts = (*recorder, *_tabulate_calibrations(run.campaign), folded)
+    return Section("Sampling and settings", parts)
 
 
 def find_test_days(provenance: Provenance | None) -> tuple[str, str]:
@@ -122,23 +124,29 @@ def _list_facts(run: ReportedCampaign) -> tuple[tuple[str, str], ...]:
 
 def _list_recording_facts(provenance: Provenance) -> list[tuple[str, str]]:
     is_sound = "sound: every checksum is right and nothing is missing"
-    duration = (provenance.end_time - provenance.start_time) * 1e-9
-    facts = [
-        ("Duration", f"{duration:.1f} s" if is_dated(provenance.start_time) else ""),
+    return [
         *(
             ("File", f"{file.name}, {file.size / 1e6:.4g} MB, SHA-256 {file.sha256}")
             for file in provenance.files
         ),
         ("Condition", "; ".join(provenance.problems) or is_sound),
+        *(
+            (f"Note, {format_time(time)}" if time else "Notes", text)
+            for time, text in provenance.notes
+        ),
+    ]
+
+
+def _list_recorder_facts(provenance: Provenance) -> tuple[tuple[str, str], ...]:
+    duration = (provenance.end_time - provenance.start_time) * 1e-9
+    facts = [
+        ("Duration", f"{duration:.1f} s" if is_dated(provenance.start_time) else ""),
         # Only a recorder that was there knows.
         ("Lost while recorded", provenance.losses or ("nothing" if provenance.ended else "")),
         ("Ended", provenance.ended or ""),
         ("Recorded by", ", ".join(f"{name} {number}" for name, number in provenance.versions)),
     ]
-    return facts + [
-        (f"Note, {format_time(time)}" if time else "Notes", text)
-        for time, text in provenance.notes
-    ]
+    return tuple((name, text) for name, text in facts if text)
 
 
 def _format_value(value: float, scale: float = 1.0) -> str:
