@@ -201,12 +201,12 @@ def _list_marks(status: RigStatus) -> dict[str, list[str]]:
 
 def list_numbers(status: RigStatus, hit: HitResults) -> tuple[tuple[str, str], ...]:
     """Return the figures of a hit: names and texts."""
-    mass = status.setup.hammer_mass if status.setup else math.nan
+    load = status.setup.hammer_load if status.setup else math.nan
     stated = status.setup.samples.get_moving_mass(hit.sample) if status.setup else math.nan
     numbers = (
         ("hammer", with_unit(hit.hammer_peak, 1, "m/s²")),
         ("sample", with_unit(hit.specimen_peak, 1, "m/s²")),
-        ("force", with_unit(mass * hit.hammer_peak, 1, "N")),
+        ("force", with_unit(load * hit.hammer_peak, 1, "N")),
         ("τp", with_unit(hit.contact_time * MICRO, 2, "µs")),
         ("momenta", format_number(stated / hit.sample_mass, 3)),
         ("impact speed", with_unit(1e3 * _compute_speed(status, hit), 1, "mm/s")),

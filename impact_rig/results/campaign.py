@@ -177,20 +177,23 @@ def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) ->
 def drop_scale(results: Results) -> Results:
     """Return results without what depends on the gain of the hammer's channel.
 
-    Widths do not depend on it: a channel of unknown gain is good for contact times.
+    Widths do not depend on it: a channel of unknown gain is good for contact times. A force whose
+    mass is not known makes no acceleration, but is a force.
     """
-    samples = (
-        replace(
-            sample,
-            paper=replace(_drop_peaks(sample.paper), peak_force=UNKNOWN),
-            contact_law=_drop_scale_of_law(sample.contact_law),
-            checks=NO_CHECKS,
+    samples = tuple(replace(sample, paper=_drop_peaks(sample.paper)) for sample in results.samples)
+    if not results.setup.measures_force:
+        samples = tuple(
+            replace(
+                sample,
+                paper=replace(sample.paper, peak_force=UNKNOWN),
+                contact_law=_drop_scale_of_law(sample.contact_law),
+                checks=NO_CHECKS,
+            )
+            for sample in samples
         )
-        for sample in results.samples
-    )
     return replace(
         results,
-        samples=tuple(samples),
+        samples=samples,
         hits=tuple(map(_drop_peaks, results.hits)),
         files=tuple(map(_drop_peaks, results.files)),
     )

@@ -149,7 +149,7 @@ def _mark(rows: Sequence[_Row], quantity: Measurand) -> list[int]:
 def tabulate_contact_times(results: Results) -> Table:
     """Return Table 2, with the pulse's width ratio, hits and spread."""
     samples, rejected = results.samples, [item.impacts_rejected for item in results.samples]
-    force = "Fmax: largest force on the hammer, its mass times its peak."
+    force = "Fmax: largest force on the hammer: measured, or its mass times its peak."
     peaks = "Peaks: scatter of the hammer's peaks."
     rise = "Rise: of the hammer's pulse, from a tenth to nine tenths."
     base = "Above 1 %: time that the hammer's pulse is above a hundredth of its peak."

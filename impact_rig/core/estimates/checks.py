@@ -142,12 +142,13 @@ class _Reading:
         hammer, ratio, mass, number = self._make_numbers(whole, each, zeros)
         stated = self.setup.samples.get_moving_mass(self.sample)
         m1, m2 = rig.hammer_mass, rig.moving_mass
-        hammer_speed = hammer * rig.clock * rig.gains[0]
+        read = hammer * rig.clock * rig.gains[0]
+        hammer_speed = rig.find_speed(read)
         is_free = whole.hold is not Hold.SPRING
-        balance = ratio * m2 / m1
+        balance = ratio * m2 / rig.load
         gained = ratio * hammer * rig.clock * rig.gains[1]
         found = Checks(
-            impulse=self._state(m1 * hammer_speed),
+            impulse=self._state(rig.load * read),
             impact_speed=self._state(number),
             stated_restitution=self._state(hammer_speed * (m1 + m2) / (m2 * number) - 1.0)
             if is_free
@@ -158,7 +159,7 @@ class _Reading:
         )
         if math.isnan(whole.sample_change):
             return found
-        traced = self._state(m1 * mass * rig.gains[0] / rig.gains[1])
+        traced = self._state(rig.load * mass * rig.gains[0] / rig.gains[1])
         checked = replace(found, traced_mass=traced)
         if is_free:
             checked = replace(
@@ -229,7 +230,7 @@ def ask_for_mass(hit: JudgedHit, setup: RigSetup) -> JudgedHit:
     if hit.filtered is None:
         return hit
     ratio = weigh_sample(hit.filtered, setup.find_chains(hit.filtered.sampling_rate))
-    mass, stated = ratio * setup.hammer_mass, setup.samples.get_moving_mass(hit.label.sample)
+    mass, stated = ratio * setup.hammer_load, setup.samples.get_moving_mass(hit.label.sample)
     hit = replace(hit, sample_mass=mass)
     if hit.label.sample == setup.samples.check_sample:
         found = check_chain(mass, stated)

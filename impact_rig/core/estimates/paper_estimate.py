@@ -145,12 +145,12 @@ def _compute_peak_spread(mean: MeanHit) -> float:
 def _estimate_peak_force(name: str, mean: MeanHit, setup: RigSetup) -> Quantity:
     peak = float(np.abs(mean.traces[0]).max())
     if len(mean.hits) < LEAST_HITS:
-        return Quantity(setup.hammer_mass * peak, notes=(ONE_HIT,))
+        return Quantity(setup.hammer_load * peak, notes=(ONE_HIT,))
     peaks = [hit.pulse.peak for hit in mean.hits]
     number = make_scatter(f"scatter of the peaks on {name}", peak, peaks, mean.count)
     rig = make_rig_numbers(setup, name).follow(follow_series(mean))
-    force = rig.hammer_mass * rig.gains[0] * number
-    return compute_quantity(setup.hammer_mass * peak, force)
+    force = rig.load * rig.gains[0] * number
+    return compute_quantity(setup.hammer_load * peak, force)
 
 
 def _find_time(mean: MeanHit, index: int) -> float:

@@ -209,6 +209,8 @@ class RigNumbers:
 
     hammer_mass: UncertainNumber  # m1 [kg]
     moving_mass: UncertainNumber  # m2, sample and accelerometer [kg]
+    # Force on the hammer over its trace [kg]: m1, exact where force is what was measured.
+    load: UncertainNumber
     # Factor on every measured time [-], 1 with the uncertainty of the sampling rate: times go
     # with it, rates against it.
     clock: UncertainNumber
@@ -217,6 +219,10 @@ class RigNumbers:
     low_pass: UncertainNumber  # 0 ± 1 [-]: the error by the low-pass, alike on all samples
     pulse_shape: UncertainNumber  # 0 ± 1 [-]: the error by the pulse's shape, alike on all samples
     notes: tuple[Note, ...]  # what is assumed, since nothing states it
+
+    def find_speed(self, change: UncertainNumber) -> UncertainNumber:
+        """Return the hammer's change of velocity by that of its trace [m/s]."""
+        return change if self.load is self.hammer_mass else change * self.load / self.hammer_mass
 
     def follow(self, course: Course) -> "RigNumbers":
         """Return them for a series whose peaks or widths change from hit to hit."""
@@ -240,6 +246,9 @@ class RigInputs:
         self._accelerometer = _make_mass(
             "the accelerometer", samples.accelerometer_mass, samples.accelerometer_mass_uncertainty
         )
+        self._load = self._hammer
+        if setup.measures_force:
+            self._load = make_input("force", setup.hammer_load, 0.0)
         self._bodies: dict[tuple[str, float, float], UncertainNumber] = {}
         self._clock = make_input("sampling clock", 1.0, setup.clock_uncertainty)
         self._low_pass = make_input("low-pass", 0.0, 1.0)
@@ -299,6 +308,7 @@ class RigInputs:
         return RigNumbers(
             hammer_mass=self._hammer,
             moving_mass=body + self._accelerometer,
+            load=self._load,
             clock=self._clock,
             gains=self._gains,
             low_pass=self._low_pass,

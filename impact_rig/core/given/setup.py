@@ -322,9 +322,20 @@ class RigSetup(Comparable):
     @property
     def hammer_reading(self) -> tuple[float, str]:
         """Reading of the hammer's sensor at 1 m/s^2, with its unit: N of a force hammer."""
-        if self.find_sensor("hammer").quantity != "force":
-            return ACCELERATION
-        return (1.0 if math.isnan(self.hammer_mass) else self.hammer_mass), "N"
+        return (self.hammer_load, "N") if self.measures_force else ACCELERATION
+
+    @property
+    def measures_force(self) -> bool:
+        """Whether the hammer's sensor is one of force."""
+        return self.find_sensor("hammer").quantity == "force"
+
+    @property
+    def hammer_load(self) -> float:
+        """Force on the hammer over what its trace shows as acceleration [kg].
+
+        m1, or 1 of a force whose mass is not known, which stays in N.
+        """
+        return 1.0 if self.measures_force and math.isnan(self.hammer_mass) else self.hammer_mass
 
     def find_unknown_masses(self, name: str) -> tuple[str, ...]:
         """Return whose mass, of hammer and sample called `name`, is not known."""
