@@ -514,7 +514,7 @@ def estimate(
     >>> hit = VirtualRig(seed=7).strike("steel small")
     >>> found = estimate(hit.hammer, hit.specimen, rate="2.5 MHz", hammer_mass="100 g")
     >>> print(found.contact_time)
-    169.7... µs
+    169.7... µs, one hit
     """
     session = Session(
         {sample: sample_mass},

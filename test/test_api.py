@@ -504,7 +504,31 @@ def test_arrays_of_several_hits_are_averaged(run):
     assert not alone.stiffness.is_known
     force = ir.estimate(0.1 * hammer[0], specimen[0], rate=2.5e6, unit="N", sample_mass="102 g")
     assert force.contact_time.value == alone.contact_time.value
-    assert not {"stiffness", "peak_force"} & force.numbers.keys()
+    assert not force.stiffness.is_known
+    # A force is one without any mass, which cancels where it is stated; acceleration needs it.
+    bare, massive = (
+        ir.estimate([0.1 * trace for trace in hammer], specimen, rate=2.5e6, unit="N", **known)
+        for known in ({}, {"hammer_mass": "100 g"})
+    )
+    for one, other in zip(
+        (bare.peak_force, bare.checks.impulse), (massive.peak_force, massive.checks.impulse),
+        strict=True,
+    ):  # fmt: skip
+        assert one.value == pytest.approx(other.value, rel=1e-6)
+        assert one.expanded == pytest.approx(other.expanded, rel=1e-6)
+        assert "mass of the hammer, assumed" not in [line.source for line in other.budget]
+    assert (bare.record.paper.hammer_peak > 0.0, massive.record.paper.hammer_peak > 0.0) == (
+        False, True,
+    )  # fmt: skip
+
+
+def test_a_number_of_one_hit_says_so_wherever_it_is_printed():
+    lone, two = (ir.VirtualRig(seed=7).run([CONTROL], count).analyze() for count in (1, 2))
+    assert str(lone[CONTROL].contact_time).endswith(" µs, one hit")
+    assert f"{lone[CONTROL].contact_time:.1f}".endswith(" µs, one hit")
+    assert ", one hit" in str(lone)
+    assert "strike 4 times or more" in lone[CONTROL].remarks[0]
+    assert "one hit" not in str(two) + str(two[CONTROL].contact_time)
 
 
 def test_units_and_times_that_arrays_carry_are_taken():

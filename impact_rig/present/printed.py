@@ -164,6 +164,7 @@ class Number(Quantity):
     """
 
     said: Description = field(default=Description(), metadata=INTERNAL)
+    told: str = field(default="", metadata=INTERNAL)  # in print behind the unit
 
     @property
     def unit(self) -> str:
@@ -195,7 +196,7 @@ class Number(Quantity):
         above, below = (format(width, spec) for width in widths)
         text = f" ± {above}" if self.is_even else f" +{above} -{below}"
         text = format(self.value * self.scale, spec) + text * math.isfinite(self.expanded)
-        return f"{text} {self.unit}".rstrip()
+        return f"{text} {self.unit}".rstrip() + self.told
 
     def __str__(self) -> str:
         """Return ``169.68 ± 0.13 µs``."""
@@ -205,9 +206,10 @@ class Number(Quantity):
         power = math.floor(math.log10(abs(value))) if value else 0
         if SMALL <= abs(value) < LARGE or not value:
             text = format_quantity(self, max(DIGITS - 1 - power, 0), self.scale)
-            return f"{text} {self.unit}".rstrip()
-        text = format_quantity(self, DIGITS - 1, self.scale / 10.0**power)
-        return f"({text})e{power} {self.unit}".rstrip()
+        else:
+            text = format_quantity(self, DIGITS - 1, self.scale / 10.0**power)
+            text = f"({text})e{power}"
+        return f"{text} {self.unit}".rstrip() + self.told
 
     __repr__ = __str__
 
@@ -291,11 +293,11 @@ def find_unit(formula: Callable[[Any, Any], Any], first: Any, second: Any) -> st
     return combine_units(formula, units[0], units[1], second)
 
 
-def make_number(quantity: Quantity, said: Description, name: str) -> Number:
+def make_number(quantity: Quantity, said: Description, name: str, told: str = "") -> Number:
     """Return a quantity as it prints itself, by the description of its field."""
     budget = Budget(quantity.budget)
     found = {item.name: getattr(quantity, item.name) for item in fields(Quantity)}
-    number = Number(**{**found, "budget": budget}, said=said)
+    number = Number(**{**found, "budget": budget}, said=said, told=told)
     caption = f"{name}: {said.symbol or said.label} = {number}"
     budget.table = tabulate_budget(caption, budget, number.unit, number.scale)
     return number
@@ -313,16 +315,16 @@ def list_items(record: Any) -> dict[str, tuple[Any, Description]]:
     return items
 
 
-def show(value: Any, said: Description, name: str) -> Any:
+def show(value: Any, said: Description, name: str, told: str = "") -> Any:
     """Return a value as it prints itself: quantities, records, and those within tuples."""
     if isinstance(value, Quantity):
-        return make_number(value, said, name)
+        return make_number(value, said, name, told)
     if isinstance(value, tuple):
-        return tuple(show(item, said, name) for item in value)
+        return tuple(show(item, said, name, told) for item in value)
     is_sentence = isinstance(value, Note | Finding)
     if not is_dataclass(value) or is_sentence:
         return value
-    return View.kinds.get(type(value), View)(value, name)
+    return View.kinds.get(type(value), View)(value, name, told)
 
 
 class View(Printed):
@@ -340,9 +342,10 @@ class View(Printed):
         if of is not None:
             View.kinds[of] = cls
 
-    def __init__(self, record: Any, name: str) -> None:
+    def __init__(self, record: Any, name: str, told: str = "") -> None:
         self.record = record
         self.name = name
+        self._told = told  # behind each number
 
     if not TYPE_CHECKING:  # which finds a name that is none, by what subclasses list
 
@@ -353,9 +356,9 @@ class View(Printed):
             items = list_items(self.record)
             if name in items:
                 value, said = items[name]
-                return show(value, said, self.name)
+                return show(value, said, self.name, self._told)
             if hasattr(self.record, name):
-                return show(getattr(self.record, name), Description(), self.name)
+                return show(getattr(self.record, name), Description(), self.name, self._told)
             raise AttributeError(f"{self.name} has no {name!r}: it has {', '.join(items)}")
 
     def __dir__(self) -> Iterable[str]:
@@ -366,7 +369,7 @@ class View(Printed):
     def numbers(self) -> dict[str, Number]:
         """All quantities that are determined, by the names of their fields."""
         return {
-            key: make_number(value, said, self.name)
+            key: make_number(value, said, self.name, self._told)
             for key, (value, said) in list_items(self.record).items()
             if isinstance(value, Quantity) and value.is_known
         }

@@ -21,7 +21,7 @@ from impact_rig.present.printed import Number, Printed, View, make_frame, tabula
 from impact_rig.present.sample_figures import draw_into, draw_sample
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.campaign import Results as CampaignResults
-from impact_rig.results.numbers import format_count
+from impact_rig.results.numbers import ONE_HIT, format_count
 from impact_rig.results.remarks import NO_RESULT, gather_remarks, gather_sample_remarks
 from impact_rig.results.results_file import format_results_table, read_path, write_results
 from impact_rig.results.table import Table
@@ -146,7 +146,7 @@ class SampleResults(View):
     def __init__(self, name: str, campaign: TracedCampaign) -> None:
         found = {item.name: item for item in campaign.results.samples}
         check_name("sample", name, found)
-        super().__init__(found[name], name)
+        super().__init__(found[name], name, ONE_HIT * (found[name].impacts_accepted == 1))
         self._campaign = campaign
 
     @property

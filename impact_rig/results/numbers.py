@@ -154,6 +154,8 @@ def format_count(count: int, thing: str) -> str:
     return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
 
 
+ONE_HIT = ", one hit"
+"""Follows a number by one hit: its ± is that of this hit."""
 HAMMER_NAME = "hammer"
 """Stands where a sample's name stands."""
 

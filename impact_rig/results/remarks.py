@@ -197,8 +197,11 @@ Common = Collection[Note | Check]
 def gather_sample_remarks(sample: SampleEstimate, left_out: Common = ()) -> list[Remark]:
     """Return the remarks on one sample's own numbers, without those on all samples."""
     notes = dict.fromkeys(_list_own(sample))
-    checked = [replace(remark, about="") for remark in _check([sample], left_out)]
-    return checked + [Remark(str(note)) for note in notes if note not in left_out]
+    struck = [sample] if sample.impacts_accepted else []
+    found = _check(struck, left_out) + _list_samples_of_few_hits(struck)
+    return [replace(remark, about="") for remark in found] + [
+        Remark(str(note)) for note in notes if note not in left_out
+    ]
 
 
 def find_common(results: Results) -> set[Note | Check]:

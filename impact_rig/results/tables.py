@@ -26,6 +26,7 @@ from impact_rig.results.numbers import (
     HAMMER_MEASURANDS,
     HAMMER_NAME,
     MEGA,
+    ONE_HIT,
     SAMPLE_MEASURANDS,
     SCALES,
     STIFFNESS,
@@ -107,7 +108,9 @@ class _Row:
 
     def format(self, quantity: Measurand) -> str:
         """Return what was found, with a mark where it is apart from what is expected."""
-        text = quantity.format(self.read(quantity))
+        found = self.read(quantity)
+        is_lone = found.is_known and getattr(self.body, "impacts_accepted", 0) == 1
+        text = quantity.format(found) + ONE_HIT * is_lone
         return f"{text} {APART}" if self.is_apart(quantity) else text
 
 

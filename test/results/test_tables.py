@@ -285,7 +285,8 @@ def test_of_few_hits_or_by_few_on_the_control_sample_no_deviation_is_stated():
     results = Results(PAPER_SETUP, HammerEstimate(), tuple(bodies), ())
     table = tables.tabulate_contact_times(results)
     assert [row[3] for row in table.rows] == ["3.4", "-", "-"]
-    assert [row[2][-1] for row in table.rows] == ["!", "0", "0"]
+    assert [row[2].endswith(", one hit") for row in table.rows] == [False, True, False]
+    assert [row[2][-1] for row in table.rows] == ["!", "t", "0"]
     told = "y fewer than 4 hits: how hits scatter is hardly known, so ± may be too small"
     told += " (JCGM 101, 6.4.9.4)."
     assert f"steel small, aluminium large: b{told}" in table.notes

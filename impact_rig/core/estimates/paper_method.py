@@ -120,9 +120,11 @@ def compute_shape_error(
         own = float(np.nan_to_num(law.duration.standard))
     near = max(nearest, key=abs, default=0.0)
     far = max(durations.values(), key=abs)
-    if abs(near) < abs(far):
-        near += (far - near) * min(unexplained / LARGE_RESIDUAL, 1.0)
-    return near / math.sqrt(3.0), own
+    # The side of the nearest stays, whichever side the farthest lies on.
+    part = min(unexplained / LARGE_RESIDUAL, 1.0)
+    size = abs(near) + (abs(far) - abs(near)) * part
+    side = near if abs(near) > 1e-6 * abs(far) else far
+    return math.copysign(size, side) / math.sqrt(3.0), own
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from impact_rig.core.estimates.contact_law import NO_LAW
+from impact_rig.core.estimates.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.estimates.paper_estimate import estimate_paper
 from impact_rig.core.estimates.paper_method import (
     BodyEstimate,
     HammerEstimate,
     HammerPulse,
     MeanReading,
+    compute_shape_error,
     estimate_body,
     estimate_hammer,
     look_at_pulse,
@@ -316,3 +317,13 @@ def test_without_a_line_of_its_budget_the_truth_falls_outside(spoil, number, sou
     away = abs(found.value - true.value)
     rest = math.sqrt(max(found.standard**2 - find_line(found, source) ** 2, 0.0))
     assert 2.0 * rest < away <= 2.0 * found.standard
+
+
+@pytest.mark.parametrize("duration", [90e-6, 95e-6, 105e-6, 110e-6])
+def test_the_error_by_the_shape_reaches_the_laws_duration_on_either_side(duration):
+    law = ContactLaw(duration=Quantity(duration, 1e-7, 2e-7), residual_percent=0.3)
+    spread, own = compute_shape_error(HammerPulse(NO_SHAPE, law), 1e-4, 50e-6, 100e-6)
+    # A rectangle from tau_p to the law's duration at least: half of it over the root of 3.
+    assert math.copysign(1.0, spread) == math.copysign(1.0, duration - 100e-6)
+    assert abs(spread) > abs(duration - 100e-6) / math.sqrt(3.0)
+    assert own == 1e-7
