@@ -543,7 +543,8 @@ class VirtualRig:
         In place of keys of [source], see `SourceKeys`: ``seed``; ``plant``, the physics:
         "published" (the paper's tables), "dynamics", "dynamics_printed" (the model with known
         truth), "contact" (metal on metal, Hertz with loss); ``faults``, the probability of each,
-        for each hit; ``noise``, ``bits``, ``restitution`` and others.
+        for each hit; ``draw``, true masses, gains and clock are drawn within their ±, once for a
+        seed; ``noise``, ``bits``, ``restitution`` and others.
 
     Raises
     ------

@@ -19,6 +19,7 @@ from impact_rig.core.estimates.paper_method import (
     estimate_hammer,
     read_mean_hit,
 )
+from impact_rig.core.estimates.ringing import NO_DECAY
 from impact_rig.core.estimates.sample import (
     SampleEstimate,
     SampleParts,
@@ -284,6 +285,7 @@ class Session:
             hammer=hammer,
             warnings=corrected + overruled,
             notes=notes,
+            decay=self._traces[name][1].free_decay if name in self._traces else NO_DECAY,
         )
 
     def _find_all_parts(self, name: str) -> SampleParts | None:
@@ -299,7 +301,8 @@ class Session:
         parts = self._find_parts(name)
         if parts is None:
             return None
-        return replace(parts, traces=self._traces[name][1])
+        traces = self._traces[name][1]
+        return replace(parts, traces=traces, decay=traces.free_decay)
 
     def _get_pulse(self, name: str) -> HammerPulse:
         """Return the newest fit of a sample's pulse: of this mean, or an older one."""

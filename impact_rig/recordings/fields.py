@@ -10,8 +10,7 @@ from functools import cache
 from typing import Any, TypeVar, get_args, get_origin
 
 from impact_rig.core.given.errors import ParameterError
-from impact_rig.core.given.findings import CODES, read_code
-from impact_rig.core.given.quantity import list_fields
+from impact_rig.core.given.quantity import CODES, list_fields, read_code
 
 _T = TypeVar("_T")
 

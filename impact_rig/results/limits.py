@@ -6,15 +6,11 @@ from dataclasses import dataclass
 from impact_rig.core.given.quantity import Conformity, Quantity
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import (
-    CONTACT_TIME,
-    DAMPING_COEFFICIENT,
     SAMPLE_MEASURANDS,
-    STIFFNESS,
     Measurand,
     format_number,
 )
 from impact_rig.results.references import SCATTER_HITS, shows_scatter
-from impact_rig.results.remarks import find_better_method
 from impact_rig.results.table import Column, Table, list_table, make_text_column
 
 Limits = Mapping[str, tuple[float, float]]
@@ -23,15 +19,8 @@ DECISION_RULE = (
     "Decision rule: non-binary statement with the guard band U (ILAC-G8:09/2019, 4.2.3). Passed:"
     " the interval of 95 % lies within the limits; failed: outside; each is wrong with a"
     " probability of 2.5 % at most for each limit. Undecided: a limit lies in it (conditional pass"
-    " or conditional fail), or the value is not known, of fewer than four hits, or by a method for"
-    " which a remark says to use another."
+    " or conditional fail), or the value is not known, or of fewer than four hits."
 )
-METHODS = {
-    CONTACT_TIME: "versed-sine",
-    STIFFNESS: "versed-sine",
-    DAMPING_COEFFICIENT: "log decrement",
-}
-"""By which the values are judged: the paper's."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +33,12 @@ class JudgedValue:
     low: float  # [SI unit]; infinite: there is none
     high: float
     has_scatter: bool = True  # of hits, in the uncertainty
-    better_method: str | None = None  # that a remark says to use instead
+    method: str = "versed-sine"  # that it is by
 
     @property
     def conformity(self) -> Conformity:
         """Statement of conformity, with the expanded uncertainty as guard band."""
-        if self.better_method or not self.has_scatter:
+        if not self.has_scatter:
             return Conformity.UNDECIDED
         return self.found.judge(self.low, self.high)
 
@@ -59,8 +48,6 @@ class JudgedValue:
         reason = ""
         if not self.found.is_known:
             reason = ": not determined"
-        elif self.better_method:
-            reason = f": use the {self.better_method}"
         elif not self.has_scatter:
             reason = f": fewer than {SCATTER_HITS} hits"
         return f"{self.conformity.value}{reason}"
@@ -75,7 +62,7 @@ def judge_values(results: Results, limits: Mapping[str, Limits]) -> list[JudgedV
             item.read(sample),
             *stated[item.field],
             shows_scatter(results, sample.name, item),
-            find_better_method(sample, item),
+            item.find_method(sample),
         )
         for sample in results.samples
         if (stated := limits.get(results.setup.samples.find(sample.name).body, {}))
@@ -92,7 +79,7 @@ def tabulate_conformity(values: Sequence[JudgedValue]) -> list[Table]:
             "Quantity",
             [f"{item.quantity.sample_symbol} [{item.quantity.unit}]" for item in values],
         ),
-        make_text_column("Method", [METHODS[item.quantity] for item in values]),
+        make_text_column("Method", [item.method for item in values]),
         Column("Minimum", [_format_limit(item, item.low) for item in values]),
         Column("Measured", [item.quantity.format(item.found) for item in values]),
         Column("Maximum", [_format_limit(item, item.high) for item in values]),

@@ -185,6 +185,10 @@ class Measurand:
         found: Quantity = getattr(getattr(body, "paper", body), self.field)
         return found
 
+    def find_method(self, sample: Any) -> str:
+        """Return the method that its value in a sample is by; empty: it is not determined."""
+        return sample.paper.damping_method if self is DAMPING_COEFFICIENT else "versed-sine"
+
     def read_reference(self, reference: Any) -> float:
         """Return its expected value [SI unit]."""
         return float(getattr(reference, self.field))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
+from impact_rig.core.estimates.agreement import BY_FREE_DECAY
 from impact_rig.core.estimates.paper_method import HammerEstimate
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.estimates.uncertainty import LEAST_HITS
@@ -18,15 +19,12 @@ from impact_rig.core.given.records import (
     Origin,
     join_origins,
 )
-from impact_rig.core.given.setup import PULSE_NAME, RigSetup
+from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.overrules import Overrule
+from impact_rig.core.hit.pulses import PULSE_NAME
 from impact_rig.results.campaign import FileResults, HitResults, Results
 from impact_rig.results.numbers import (
-    CONTACT_TIME,
-    DAMPING_COEFFICIENT,
     MISSING,
-    STIFFNESS,
-    Measurand,
     format_number,
     format_time,
     show_unit,
@@ -111,12 +109,13 @@ def _compare_with_law(sample: SampleEstimate) -> float:
 
 
 def _compare_dampings(sample: SampleEstimate) -> float:
-    """Return how much damping by the log decrement exceeds that of the free decay."""
+    """Return how much damping by the log decrement exceeds that of the free decay.
+
+    Both come from the same hits: the sum of both ± is more than that of the difference.
+    """
     ratio, decay = sample.paper.damping_ratio, sample.free_decay.damping_ratio
-    difference = ratio.value - decay.value
-    # Both come from the same hits: the sum is more than the uncertainty of the difference.
-    is_beyond = abs(difference) > ratio.expanded + decay.expanded
-    return difference / decay.value if is_beyond else math.nan
+    is_beyond = any(line.source == BY_FREE_DECAY for line in ratio.budget)
+    return ratio.value / decay.value - 1.0 if is_beyond else math.nan
 
 
 @dataclass(frozen=True)
@@ -125,35 +124,20 @@ class Check:
 
     compare: Callable[[SampleEstimate], float]  # its effect on a result [-]; NaN: none
     text: str  # with {change} for the effects on all samples
-    method: str  # to use instead
-    quantities: tuple[Measurand, ...]  # for these
 
 
 CHECKS = (
     Check(
         _compare_with_law,
-        "the pulse is no versed-sine: k_eq by the contact law is {change}.",
-        "contact law",
-        (CONTACT_TIME, STIFFNESS),
+        "the pulse is no versed-sine: k_eq by the contact law is {change}; the ± of τp and k hold"
+        " what the law says.",
     ),
     Check(
         _compare_dampings,
         "c by the log decrement is {change} than by the free decay, since the contact still drives"
-        " the body at its largest peak.",
-        "free decay",
-        (DAMPING_COEFFICIENT,),
+        " the body at its largest peak; the ± of c and ζ reach the free decay.",
     ),
 )
-
-
-def find_better_method(sample: SampleEstimate, quantity: Measurand) -> str | None:
-    """Return the method that a remark says to use for a quantity; None: the paper's stands."""
-    advised = (
-        check.method
-        for check in CHECKS
-        if quantity in check.quantities and math.isfinite(check.compare(sample))
-    )
-    return next(advised, None)
 
 
 def gather_remarks(results: Results, reading: Iterable[str] = ()) -> list[Remark]:
@@ -239,9 +223,9 @@ def _check(samples: Sequence[SampleEstimate], left_out: Common = ()) -> list[Rem
         found = {name: value for name, value in effects.items() if math.isfinite(value)}
         if found:
             about = _name_subjects([*found], len(samples))
-            said = f"{check.text.format(change=_span_changes(found.values()))} Use the"
+            said = check.text.format(change=_span_changes(found.values()))
             most = max(map(abs, found.values()))
-            remarks.append(Remark(f"{said} {check.method}.", about, most, is_opinion=True))
+            remarks.append(Remark(said, about, most, is_opinion=True))
     return remarks
 
 

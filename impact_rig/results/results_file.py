@@ -28,7 +28,7 @@ from impact_rig.results.wire import (
 )
 
 FORMAT_NAME = "impact-rig results"
-FORMAT_VERSION = 12
+FORMAT_VERSION = 13
 
 
 def results_to_json(results: Results) -> Json:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from impact_rig.core.estimates.contact_law import NO_LAW
-from impact_rig.core.estimates.paper_estimate import NO_NUMBERS
+from impact_rig.core.estimates.paper_estimate import FREE_DECAY, NO_NUMBERS
 from impact_rig.core.estimates.paper_method import HammerEstimate
 from impact_rig.core.estimates.pulse_shape import ShapeFit
 from impact_rig.core.estimates.sample import SampleEstimate
@@ -17,8 +17,8 @@ from impact_rig.core.estimates.speed_exponents import (
 )
 from impact_rig.core.given.findings import Note
 from impact_rig.core.given.quantity import UNKNOWN, BudgetLine, Quantity, list_fields
-from impact_rig.core.given.setup import PULSE_NAME
 from impact_rig.core.hit.momenta import Hold
+from impact_rig.core.hit.pulses import PULSE_NAME
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import (
     CONTACT_TIME,
@@ -95,7 +95,9 @@ class _Row:
         NaN: the uncertainty is not known, or not all of it.
         """
         found = self.read(quantity)
-        if quantity in self.unscattered:
+        # What is expected is by the paper's definition.
+        is_other = getattr(self.body, "paper", NO_NUMBERS).damping_method == FREE_DECAY
+        if quantity in self.unscattered or (is_other and quantity is DAMPING_COEFFICIENT):
             return math.nan
         expected = quantity.read_reference(self.reference)
         is_uncertain = is_beyond_rounding(found.expanded, found.value)
@@ -194,7 +196,7 @@ def tabulate_stiffness(results: Results) -> list[Table]:
 
 
 def tabulate_damping(results: Results) -> list[Table]:
-    """Return Table 4, by the logarithmic decrement, the hammer below the samples.
+    """Return Table 4, and by which method, the hammer below the samples.
 
     Nothing if no damping is known.
     """
@@ -204,6 +206,7 @@ def tabulate_damping(results: Results) -> list[Table]:
     columns = [
         read_optional("ζ", bodies, "damping_ratio", 3),
         read_optional("Δ", bodies, "log_decrement", 3),
+        make_optional("By", [*(item.paper.damping_method for item in results.samples), ""]),
         _make_hit_column(results),
     ]
     caption = "Table 4. Damping coefficient c"

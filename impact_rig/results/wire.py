@@ -18,12 +18,14 @@ from dataclasses import is_dataclass
 from typing import Any, TypeVar, get_args, get_origin
 
 from impact_rig.core.given.errors import ParameterError, RigError
-from impact_rig.core.given.findings import CODES, join_findings, read_code
+from impact_rig.core.given.findings import join_findings
 from impact_rig.core.given.quantity import (
+    CODES,
     BudgetLine,
     Quantity,
     StoredField,
     list_fields,
+    read_code,
 )
 from impact_rig.core.given.records import Origin
 

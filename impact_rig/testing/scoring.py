@@ -108,7 +108,8 @@ def score(
         Hits of each.
     **source
         As of `impact_rig.VirtualRig`; the plant is "contact" where nothing else is said. A faulty
-        hit is scored like all others.
+        hit is scored like all others. Each hit is of another seed, on from the given one, whose
+        masses, gains and clock are drawn within their ±.
 
     Raises
     ------
@@ -134,11 +135,15 @@ def score(
     if not callable(estimator):
         raise ParameterError(f"estimator is {estimator!r:.40}: it must be a function of a hit")
     source.setdefault("plant", "contact")
-    rig = VirtualRig(**source)
+    seed = source.get("seed") or 1
+    each: list[SourceKeys] = [
+        {**source, "seed": seed + number, "draw": True} for number in range(impacts)
+    ]
+    rigs = [VirtualRig(**keys) for keys in each]
     scores = []
     errors: list[str] = []
-    for name in list_items(samples) or rig.samples:
-        hits = [rig.strike(name) for _ in range(impacts)]
+    for name in list_items(samples) or rigs[0].samples:
+        hits = [rig.strike(name) for rig in rigs]
         found = [(_read_truth(hit.truth, quantity), *_ask(estimator, hit, errors)) for hit in hits]
         scores.append(_compute_score(name, found))
     _warn(scores, errors, "the estimator")

@@ -37,7 +37,6 @@ def test_the_guard_band_is_the_expanded_uncertainty(value, low, high, stated):
     assert judged.conformity is stated
     # How few hits scatter is hardly known, and so not in the guard band.
     assert replace(judged, has_scatter=False).conformity is UNDECIDED
-    assert replace(judged, better_method="free decay").conformity is UNDECIDED
 
 
 def test_what_no_limit_decides_has_its_reason():
@@ -45,7 +44,6 @@ def test_what_no_limit_decides_has_its_reason():
     for changes, statement in (
         ({}, "passed"),
         ({"has_scatter": False}, "undecided: fewer than 4 hits"),
-        ({"better_method": "free decay"}, "undecided: use the free decay"),
         ({"found": UNKNOWN}, "undecided: not determined"),
     ):
         assert replace(judged, **changes).statement == statement

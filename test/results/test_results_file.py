@@ -115,7 +115,7 @@ def test_the_file_has_the_promised_fields_and_nothing_of_this_host(tmp_path):
     path = tmp_path / "results.json"
     write_results(path, RESULTS)
     content = json.loads(path.read_text())
-    assert content["format"] == {"name": "impact-rig results", "version": 12}
+    assert content["format"] == {"name": "impact-rig results", "version": 13}
     assert (content["origin"], content["origin_source"]) == ("simulated", "virtual rig")
     assert {"stiffness_n_per_m", "damping_coefficient_n_s_per_m"} <= set(content["hammer"])
     assert {
@@ -179,7 +179,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypat
             "impacts_accepted is .three.: it must be a whole",
         ),
         (("samples", 0, "contact_time_u_s"), -1e-9, "u_s is -1e-09: it must be 0 or more"),
-        (("format", "version"), 7, "version 7; this program reads version 12"),
+        (("format", "version"), 7, "version 7; this program reads version 13"),
         (("format", "name"), "a cake recipe", "is not a results file"),
         (("hits",), "none", "hits must be a list"),
     ],

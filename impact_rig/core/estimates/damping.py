@@ -200,6 +200,7 @@ class FreeDecay:
     # Damping ratios of the first and the second half of what stands out of the noise, where they
     # differ by more than noise makes; empty: they do not, or are too short.
     halves: tuple[float, ...] = ()
+    has_many_modes: bool = False  # one damped oscillation does not explain the tail
 
     @property
     def frequency(self) -> float:
@@ -267,12 +268,9 @@ def estimate_free_decay(
     floor = 2.0 * max(noise, np.finfo(float).eps * fit.amplitude)
     lasting = math.log(max(fit.amplitude / floor, 1.0)) / decay
     periods = min(lasting, duration) * frequency / (2.0 * math.pi)
-    _check_decay(solution, covariance, periods)
-    if excess > 2.0 * MISFIT and r_squared < SMALLEST_R_SQUARED:
-        raise NotDeterminedError(
-            f"one damped oscillation explains only {100.0 * r_squared:.0f} % of the"
-            f" tail; it must explain {100.0 * SMALLEST_R_SQUARED:.0f} %"
-        )
+    has_many_modes = excess > 2.0 * MISFIT and r_squared < SMALLEST_R_SQUARED
+    if not has_many_modes:
+        _check_decay(solution, covariance, periods)
     hits = np.stack([hit[channel, tail] for hit in mean.cut_hits()])
     # Birge's ratio: what a fit leaves times the noise makes the covariance larger, at least.
     beyond = max(1.0 - 1.0 / max(excess, 1.0) ** 2, 0.0) if noise > 0.0 else 0.0
@@ -288,6 +286,7 @@ def estimate_free_decay(
         tail=tail,
         covariance=beyond * covariance * rate**2,
         halves=_fit_halves(measured[:count], solution, white),
+        has_many_modes=has_many_modes,
     )
 
 

@@ -44,6 +44,9 @@ OF_ONE_HIT = Note(
     Subject.UNCERTAINTY, "that of the one hit; what scatters from hit to hit is not in it"
 )
 
+LOG_DECREMENT, FREE_DECAY = "log decrement", "free decay"
+"""Methods that a sample's damping is by."""
+
 PEAK = describe("m/s^2", shown="m/s²")
 TIME = describe("s", shown="µs")
 MOMENT = describe("s", shown="µs", least=-LARGEST)
@@ -63,6 +66,7 @@ class PaperEstimate(Comparable):
     stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)  # k2
     damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
     damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
+    damping_method: str = ""  # that damping ratio and coefficient are by; empty: not determined
     log_decrement: float = NAN
     first_peak: float = field(default=NAN, metadata=PEAK)  # U1
     first_peak_time: float = field(default=NAN, metadata=MOMENT)  # from the middle of the pulse
@@ -79,7 +83,13 @@ class PaperEstimate(Comparable):
 
     def without_damping(self) -> "PaperEstimate":
         """Return it without what comes from the log decrement."""
-        return replace(self, damping_ratio=UNKNOWN, damping_coefficient=UNKNOWN, log_decrement=NAN)
+        return replace(
+            self,
+            damping_ratio=UNKNOWN,
+            damping_coefficient=UNKNOWN,
+            damping_method="",
+            log_decrement=NAN,
+        )
 
 
 NO_NUMBERS = PaperEstimate()
@@ -122,6 +132,7 @@ def estimate_paper(
         stiffness=body.stiffness,
         damping_ratio=body.damping_ratio,
         damping_coefficient=body.damping_coefficient,
+        damping_method=LOG_DECREMENT if body.damping_ratio.is_known else "",
         log_decrement=body.log_decrement,
         first_peak=peaks.first_peak if peaks else NAN,
         first_peak_time=_find_time(mean, peaks.first_index) if peaks else NAN,

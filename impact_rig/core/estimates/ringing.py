@@ -6,7 +6,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from impact_rig.core.estimates.damping import FreeDecay, estimate_free_decay, find_settled_velocity
+from impact_rig.core.estimates.damping import (
+    SMALLEST_R_SQUARED,
+    FreeDecay,
+    estimate_free_decay,
+    find_settled_velocity,
+)
 from impact_rig.core.estimates.paper_method import DAMPING_COEFFICIENT, NAN, STIFFNESS
 from impact_rig.core.estimates.uncertainty import make_rig_numbers, propagate_decay
 from impact_rig.core.given.errors import NotDeterminedError
@@ -70,6 +75,11 @@ class FreeDecayEstimate(Comparable):
         """Whether it is determined."""
         return self.damping_ratio.is_known
 
+    @property
+    def has_many_modes(self) -> bool:
+        """Whether one damped oscillation does not explain the tail."""
+        return self.r_squared < SMALLEST_R_SQUARED and not self.is_known
+
 
 NO_DECAY = FreeDecayEstimate()
 """Where it is not determined."""
@@ -89,6 +99,16 @@ def estimate_decay(
     decay = estimate_free_decay(mean, 1, contact_end, cutoff)
     if ringing := explain_ringing(decay.frequency, setup):
         raise NotDeterminedError(ringing)
+    if decay.has_many_modes:
+        note = (
+            f"one damped oscillation explains only {100.0 * decay.r_squared:.0f} % of the"
+            f" tail; it must explain {100.0 * SMALLEST_R_SQUARED:.0f} %"
+        )
+        return FreeDecayEstimate(
+            r_squared=decay.r_squared,
+            residual_over_noise=decay.residual_over_noise,
+            notes=(Note(Subject.FREE_DECAY, note),),
+        )
     hold, persistence = _find_hold(mean, setup, decay)
     body = propagate_decay(
         f"scatter of the hits on {sample}",

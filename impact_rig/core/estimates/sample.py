@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from impact_rig.core.estimates.agreement import settle_damping
 from impact_rig.core.estimates.checks import (
     NO_CHECKS,
     Checks,
@@ -151,6 +152,7 @@ class SampleParts:
     warnings: tuple[Note, ...] = ()  # of the series as a whole
     notes: tuple[Note, ...] = ()
     traces: TraceEstimates | None = None  # None: not looked at yet
+    decay: FreeDecayEstimate = NO_DECAY  # that is known of the sample, of these hits or of fewer
 
     def without_ringing(self, shared: float) -> "SampleParts":
         """Return it without what comes from a sensor that rings at a frequency [Hz]."""
@@ -166,11 +168,11 @@ class SampleParts:
             paper = paper.without_damping()
         notes = (*self.traces.notes, Note(Subject.SENSOR, told))
         traces = replace(self.traces, free_decay=NO_DECAY, notes=notes)
-        return replace(self, paper=paper, traces=traces)
+        return replace(self, paper=paper, traces=traces, decay=NO_DECAY)
 
     def assemble(self, setup: RigSetup) -> SampleEstimate:
         """Return the estimate, with every part's warnings and notes."""
-        paper, traces = self.paper, self.traces
+        paper, traces = settle_damping(self.paper, self.decay), self.traces
         counts = self.mean.count, self.impacts_rejected
         if traces is None:
             return SampleEstimate(
@@ -229,7 +231,7 @@ def compare_models(
     name: str, paper: PaperEstimate, mean: MeanHit, hammer: BodyEstimate, setup: RigSetup
 ) -> tuple[ModelComparison, ...]:
     """Lay the model by the paper's numbers onto the mean traces: driven, then as printed."""
-    if not paper.damping_coefficient.is_known:
+    if not (paper.stiffness.is_known and paper.damping_coefficient.is_known):
         return ()
     variants = [ModelVariant.DRIVEN]
     if hammer.damping_coefficient.is_known and math.isfinite(setup.impact_speed):

@@ -3,9 +3,6 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, get_args
-
-from impact_rig.core.given.errors import ParameterError
 
 
 class Reason(Enum):
@@ -90,18 +87,6 @@ class Note:
     def __repr__(self) -> str:
         """Return ``code: sentence``."""
         return f"{self.about.value}: {self.explanation}"
-
-
-CODES = (Reason, Reason | Subject)
-"""Types of the codes."""
-
-
-def read_code(hint: Any, text: str) -> Any:
-    """Return a code, of one of `CODES`, of a file or message; raises `ParameterError`."""
-    known = {item.value: item for kind in get_args(hint) or (hint,) for item in kind}
-    if text not in known:
-        raise ParameterError(f"is {text!r:.80}: it must be a code, such as {next(iter(known))!r}")
-    return known[text]
 
 
 def join_findings(findings: Iterable[Finding | Note]) -> str:

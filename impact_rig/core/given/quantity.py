@@ -5,9 +5,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from functools import cache
-from typing import Any, NamedTuple, TypeVar, get_type_hints
+from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 
-from impact_rig.core.given.findings import Note
+from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.findings import Note, Reason, Subject
 
 Record = TypeVar("Record")
 _KEY = "impact_rig"
@@ -192,7 +193,9 @@ class Quantity(Comparable):
     @property
     def is_even(self) -> bool:
         """Whether the interval reaches as far to both sides, or is not known."""
-        return math.isnan(self.lower) or self.upper == self.value + self.expanded
+        return math.isnan(self.lower) or (
+            self.lower == self.value - self.expanded and self.upper == self.value + self.expanded
+        )
 
     def find_impossible(self) -> tuple[str, str] | None:
         """Return a number that cannot be meant, by its name, and why; None: all can."""
@@ -251,3 +254,15 @@ def make_result(record: Record) -> Record:
         elif said.explain(value) is not None:
             changes[item.name] = math.nan
     return replace(record, **changes) if changes else record  # type: ignore[type-var]
+
+
+CODES = (Reason, Reason | Subject)
+"""Types of the codes."""
+
+
+def read_code(hint: Any, text: str) -> Any:
+    """Return a code, of one of `CODES`, of a file or message; raises `ParameterError`."""
+    known = {item.value: item for kind in get_args(hint) or (hint,) for item in kind}
+    if text not in known:
+        raise ParameterError(f"is {text!r:.80}: it must be a code, such as {next(iter(known))!r}")
+    return known[text]

@@ -399,8 +399,6 @@ HAMMER_STIFFNESS = 22.54e6
 """k1, Table 3 [N/m]."""
 HAMMER_DAMPING_COEFFICIENT = 1909.0
 """c1, Table 4 [N s/m]."""
-PULSE_NAME = "versed-sine"
-"""Name of the shape of equation (4)."""
 CONTROL_SAMPLE = "aluminium large"
 MISPRINTS = {"brass medium": 288.1e-6}
 """Contact times of Table 2 that contradict Table 3 [s]: this one would give 11.7 MN/m."""

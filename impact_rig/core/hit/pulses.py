@@ -9,8 +9,9 @@ import scipy
 
 from impact_rig.core.given.errors import check_between, check_positive
 from impact_rig.core.given.records import FloatArray
-from impact_rig.core.given.setup import PULSE_NAME
 
+PULSE_NAME = "versed-sine"
+"""Name of the shape of equation (4)."""
 LARGEST_ASYMMETRY = 0.9
 """Either way [-], our choice: a twentieth of the duration is left for the shorter side."""
 

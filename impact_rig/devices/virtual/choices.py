@@ -24,6 +24,7 @@ class SourceKeys(TypedDict, total=False):
 
     seed: int | None
     plant: PlantName | None
+    draw: bool  # true masses, gains and clock are drawn within their ±, once for a seed
     faults: float | None  # probability of each, for each hit: `fault_probability` of the table
     contact_exponent: float  # n of the plant "contact" [-]
     restitution: float  # e of the plant "contact" [-]

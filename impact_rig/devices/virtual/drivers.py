@@ -42,8 +42,8 @@ QUANTITIES = {
 }
 NUMBERS = ("contact_time_scatter", "amplitude_scatter", "contact_exponent", "restitution")
 KEYS = (
-    *QUANTITIES, *NUMBERS, "noise", "bits", "plant", "seed", "fault_probability", "faults",
-    "scheduled_faults",
+    *QUANTITIES, *NUMBERS, "noise", "bits", "plant", "seed", "draw", "fault_probability",
+    "faults", "scheduled_faults",
 )  # fmt: skip
 """Keys of the table [source]."""
 TRIGGER_LEVEL = 0.02  # part of the hammer's full scale
@@ -176,7 +176,14 @@ def read_virtual_rig(table: TomlTable) -> VirtualRigSettings:
     }
     digitizer = read_digitizer(table)
     with table.locating():
-        return VirtualRigSettings(plant, seed, **numbers, digitizer=digitizer, faults=faults)
+        return VirtualRigSettings(
+            plant,
+            seed,
+            **numbers,
+            digitizer=digitizer,
+            faults=faults,
+            draws=table.take_boolean("draw"),
+        )
 
 
 def read_digitizer(table: TomlTable) -> DigitizerSettings:

@@ -24,6 +24,7 @@ from impact_rig.core.given.setup import RigSetup
 from impact_rig.devices.speed_gate import SpeedGate
 from impact_rig.devices.virtual.choices import IDENTITY, Fault, Plant
 from impact_rig.devices.virtual.contact import HERTZ_EXPONENT, Contact, make_nominal_contact
+from impact_rig.devices.virtual.draws import Drawn, draw_truth
 from impact_rig.devices.virtual.plants import (
     HitPhysics,
     make_nominal_model,
@@ -218,6 +219,8 @@ class VirtualRigSettings:
     digitizer: DigitizerSettings = field(default_factory=DigitizerSettings)
     faults: FaultPlan = field(default_factory=FaultPlan)
     gate: SpeedGate | None = None  # the light barrier; None: the speed is not measured
+    # True masses, gains and clock are drawn within their ±, once for a seed.
+    draws: bool = False
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
@@ -339,7 +342,8 @@ class VirtualRig:
     def __init__(
         self, setup: RigSetup, settings: VirtualRigSettings, *, is_ranged: bool = True
     ) -> None:
-        self.setup = setup
+        self._truth = draw_truth(setup, settings.seed) if settings.draws else Drawn(setup)
+        self.setup = self._truth.setup
         self.settings = settings
         self._is_ranged = is_ranged
         self._nominal: dict[str, HitPhysics] = {}  # by sample: it is the same for each hit
@@ -379,7 +383,10 @@ class VirtualRig:
         speed = nominal.model.impact_speed * force * (duration if physics.contact is None else 1.0)
         faults = settings.faults.draw(label, fault_source)
         digitizer = self._choose_range(label.sample)
-        hammer, specimen = self._simulate(physics, digitizer, faults, physics_source, fault_source)
+        traces = self._simulate(physics, digitizer, faults, physics_source, fault_source)
+        hammer, specimen = (
+            gain * trace for gain, trace in zip(self._truth.gains, traces, strict=True)
+        )
         return VirtualHit(
             label=label,
             faults=faults,
@@ -434,10 +441,9 @@ class VirtualRig:
         )
 
         def simulate(first: float, physics: HitPhysics = physics) -> FloatArray:
+            rate = digitizer.sampling_rate * self._truth.clock
             return np.stack(
-                simulate_plant(
-                    self.settings.plant, physics, digitizer.sampling_rate, digitizer.count, first
-                )
+                simulate_plant(self.settings.plant, physics, rate, digitizer.count, first)
             )
 
         traces = simulate(start)

@@ -178,8 +178,8 @@ def test_over_critical_damping_is_never_given_a_ratio(ratio, noise):
 
 def test_two_modes_are_not_called_one():
     specimen = swing(Oscillation(0.02)) + swing(Oscillation(0.02, natural=2.7 * NATURAL))
-    with pytest.raises(NotDeterminedError, match=r"one damped oscillation explains only \d+ %"):
-        fit(make_mean(specimen, noise=1.0))
+    assert fit(make_mean(specimen, noise=1.0)).has_many_modes
+    assert not fit(make_mean(swing(Oscillation(0.02)), noise=1.0)).has_many_modes
 
 
 def make_decay(ratio: float, frequency: float = 5e3, count: int = 6000) -> np.ndarray:

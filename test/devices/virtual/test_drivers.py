@@ -86,6 +86,7 @@ seed = 3
 contact_time_scatter = 0.01
 amplitude_scatter = 0.05
 contact_exponent = 2.0
+draw = true
 restitution = 0.5
 fault_probability = 0.25
 faults = "overload, weak_hit"
@@ -108,6 +109,7 @@ def test_all_that_a_rig_file_says_of_it_is_taken():
         contact_time_scatter=0.01,
         amplitude_scatter=0.05,
         contact_exponent=2.0,
+        draws=True,
         restitution=0.5,
         digitizer=DigitizerSettings(1e6, 4e-3, 5e-4, 16, 1000.0, 2000.0, 0.002),
         faults=FaultPlan(

@@ -16,6 +16,7 @@ from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.session import Session, SessionResults
 from impact_rig.devices.virtual.choices import Fault
+from impact_rig.devices.virtual.draws import draw_truth
 from impact_rig.devices.virtual.rig import (
     DigitizerSettings,
     FaultPlan,
@@ -243,3 +244,28 @@ def test_a_campaign_gives_the_papers_tables_back():
             for block in rig.strike(HitLabel(name, impact, impact)).split(BLOCK_SIZE, stamp=0):
                 assert all(judged.accepted for judged in session.feed(block))
     check_tables(session.estimate_all())
+
+
+def test_masses_gains_and_clock_are_drawn_once_for_a_seed_by_their_uncertainties():
+    drawn = [draw_truth(PAPER_SETUP, seed) for seed in range(2000)]
+    for found, standard in (
+        ([item.setup.hammer_mass for item in drawn], PAPER_SETUP.hammer_mass_uncertainty),
+        ([item.clock for item in drawn], PAPER_SETUP.clock_uncertainty),
+        # Nothing states the gains of the paper: they are as they are assumed.
+        ([item.gains[1] for item in drawn], 0.03),
+    ):
+        # 2000 draws know their scatter to 1.6 %: four of those.
+        assert np.std(found) == pytest.approx(standard, rel=0.064)
+    label = HitLabel("steel small", 1, 1)
+    plain, moved, again = (
+        VirtualRig(PAPER_SETUP, VirtualRigSettings(seed=4, draws=draws)).strike(label)
+        for draws in (False, True, True)
+    )
+    np.testing.assert_array_equal(moved.hammer.output, again.hammer.output)
+    assert moved.sampling_rate == plain.sampling_rate
+    truth = draw_truth(PAPER_SETUP, 4)
+    assert moved.model.hammer.mass == truth.setup.hammer_mass != plain.model.hammer.mass
+    # The published pulses are alike but for gain, clock and the force of other masses.
+    peaks = [np.ptp(hit.hammer.output) / hit.model.peak_force * hit.model.hammer.mass
+             for hit in (moved, plain)]  # fmt: skip
+    assert peaks[0] / peaks[1] == pytest.approx(truth.gains[0], rel=2e-3)
