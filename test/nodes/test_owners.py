@@ -38,7 +38,7 @@ def speak(harness, topic, *, is_leased=False):
 
 
 def test_who_speaks_beside_an_owner_is_named_on_every_topic_and_nothing_is_armed(harness):
-    client = start_rig(harness)
+    client = start_rig(harness, campaign={"verdict_timeout": 1.0})
     handle, feedback = begin(harness, client, samples=["steel small"], impacts=100_000)
     feedback.wait(lambda got: got[-1].impact >= 1)
     states = harness.listen(interfaces.HAMMER_STATE)
