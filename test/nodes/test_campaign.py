@@ -44,6 +44,10 @@ def test_every_sample_gets_its_hits_and_its_numbers_and_rejected_ones_are_repeat
     assert by_name["steel small"].stiffness.value == pytest.approx(29.18e6, rel=0.05)
     assert answer.result.hammer.stiffness.value == pytest.approx(22.54e6, rel=0.02)
     steps = dict.fromkeys((item.sample, item.impact) for item in feedback.messages if item.impact)
+    # Once for each strike, with the verdict on the one before.
+    strikes = [item for item in feedback.messages if item.state == CampaignState.STRIKING]
+    assert [item.last.record for item in strikes] == list(range(10))
+    assert CampaignState.COUNTING not in {item.state for item in feedback.messages}
     # Of the hit that completes a sample the next sample's first feedback speaks.
     assert list(steps) == [
         (names[0], 1),
