@@ -9,8 +9,8 @@ from terminal import run_program
 
 from impact_rig.testing import run_rig
 
-EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
-README = EXAMPLES.parent / "README.md"
+EXAMPLES = Path(__file__).resolve().parent.parent / "launch_scripts" / "examples"
+README = EXAMPLES.parent.parent / "README.md"
 
 
 @pytest.fixture(scope="module")

@@ -143,7 +143,7 @@ def _read_quantity(field: StoredField, content: Mapping[str, Any], place: str) -
     found = Quantity(**numbers, budget=budget)
     if (problem := field.description.explain(found)) is not None:
         raise WireError(f"{_join(place, _make_key(field))} {problem}")
-    if (impossible := found.find_impossible()) is not None:
+    if (impossible := found.find_impossible(field.description)) is not None:
         name, problem = impossible
         kind = next(kind for kind, each in NUMBERS.items() if each == name)
         raise WireError(f"{_join(place, _make_key(field, kind))} {problem}")

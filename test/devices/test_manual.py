@@ -6,7 +6,7 @@ from impact_rig.configuration.toml_table import parse_toml_table
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.devices.drivers import HOLDERS
 from impact_rig.devices.manual import ManualHolder
-from impact_rig.devices.protocols import HolderState
+from impact_rig.devices.protocols import HammerHolder, HolderState
 from impact_rig.devices.virtual.drivers import VirtualHolder
 from impact_rig.testing import DriverContract, HolderBench
 
@@ -32,7 +32,7 @@ def test_a_patience_that_cannot_be_meant_is_named_with_its_line():
 
 
 class TestHoldersWithoutADevice(DriverContract):
-    group = HOLDERS
+    group, protocol = HOLDERS, HammerHolder
 
     @pytest.fixture(params=[ManualHolder, VirtualHolder])
     def bench(self, request):

@@ -26,7 +26,7 @@ def test_laws_of_mixed_losses_are_given_and_within_their_uncertainty():
     ("number", "name", "source"),
     [
         (97, "exponent", "what the contact law leaves"),
-        (124, "restitution", "scatter of the hits on struck"),
+        (100, "impact_speed", "scatter of the hits on struck"),
         (129, "restitution", "form of the loss"),
         (44, "exponent", "zero after the impact"),
     ],

@@ -197,19 +197,26 @@ class Quantity(Comparable):
             self.lower == self.value - self.expanded and self.upper == self.value + self.expanded
         )
 
-    def find_impossible(self) -> tuple[str, str] | None:
-        """Return a number that cannot be meant, by its name, and why; None: all can."""
+    def find_impossible(self, said: Description) -> tuple[str, str] | None:
+        """Return a number that cannot be meant, by its name, and why; None: all can.
+
+        The ends are held against the value and, unless the uncertainty itself reaches beyond them,
+        against the limits of what the quantity is.
+        """
         for item in fields(self):
             problem = read_description(item).explain(getattr(self, item.name))
             if problem is not None:
                 return item.name, problem
+        is_within = said.explain(self.value - self.expanded) is None
+        for name, end in (("lower", self.lower), ("upper", self.upper)):
+            if math.isnan(self.value) and not math.isnan(end):
+                return name, f"is {end:.6g}: there is no value"
+            if is_within and (problem := said.explain(end)) is not None:
+                return name, problem
         if self.lower > self.value:
             return "lower", f"is {self.lower:.6g}: it must not be above the value"
         if self.upper < self.value:
             return "upper", f"is {self.upper:.6g}: it must not be below the value"
-        least = self.value - self.expanded
-        if self.is_even and not math.isnan(self.lower) and self.lower != least:
-            return "lower", f"is {self.lower:.6g}: it must be {least:.6g}, as far as the upper end"
         return None
 
     def compute_half_width(self, other: float) -> float:
@@ -245,7 +252,7 @@ def make_result(record: Record) -> Record:
             if item.default is not MISSING:
                 changes[item.name] = item.default
         elif isinstance(value, Quantity):
-            is_possible = said.explain(value) is None and value.find_impossible() is None
+            is_possible = said.explain(value) is None and value.find_impossible(said) is None
             changes[item.name] = make_result(value) if is_possible else UNKNOWN
         elif is_dataclass(value):
             changes[item.name] = make_result(value)

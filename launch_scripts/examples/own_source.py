@@ -6,7 +6,7 @@ from pathlib import Path
 
 from impact_rig.testing import run_rig
 
-BENCH = Path(__file__).parent.parent / "test/ros2/outside/bench_accelerometer"
+BENCH = Path(__file__).parents[2] / "test/ros2/outside/bench_accelerometer"
 NODE = [sys.executable, "-c", "from samples import main; main()"]
 
 with (
