@@ -36,11 +36,12 @@ def count_blocks(node):
 
 @pytest.fixture
 def stream(harness):
-    """Return a publisher of a stream that an estimator with a set-up listens to, and that node."""
+    """Return publishers of set-ups and of a stream, the estimator that has both, and a number."""
     node = harness.add(EstimatorNode)
     setup = setup_to_msg(PAPER_SETUP, stamp_to_msg(1))
     IDENTITY.fill(setup)
-    harness.advertise(interfaces.SETUP).publish(setup)
+    setups = harness.advertise(interfaces.SETUP)
+    setups.publish(setup)
     publisher = harness.advertise(interfaces.STREAM)
     harness.wait_until(lambda: publisher.get_subscription_count() == 1)
     # Until the set-up has come, what comes is not searched.
@@ -53,22 +54,22 @@ def stream(harness):
     harness.wait_until(has_begun)
     last = next(numbers)
     publisher.publish(make_block(last))
-    return publisher, node, last
+    return setups, publisher, node, last
 
 
 def test_a_stream_that_cannot_be_searched_is_a_fault_of_the_estimator(harness, stream):
-    publisher, node, last = stream
+    _, publisher, node, last = stream
     publisher.publish(make_block(last + 1, full_scale=0.0))
     harness.wait_until(lambda: "does not say the hammer's full scale" in (node.fault or ""))
     assert node.fault.startswith("acceleration/stream: ")
 
 
 def test_other_settings_go_on_with_the_stream_from_where_it_is(harness, stream):
-    publisher, node, last = stream
+    setups, publisher, node, last = stream
     hits = harness.listen(interfaces.ACCELERATION)
     settings = AnalysisSettings(record_duration=1e-3)
     setup = setup_to_msg(replace(PAPER_SETUP, analysis=settings), stamp_to_msg(2))
-    harness.advertise(interfaces.SETUP).publish(setup)
+    setups.publish(setup)
     numbers = itertools.count(last + 7)
 
     def is_found():
