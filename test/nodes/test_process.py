@@ -3,7 +3,6 @@
 import itertools
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -56,11 +55,10 @@ def test_a_node_without_the_rig_s_messages_says_how_to_build_them():
 
 
 def test_a_node_that_cannot_be_configured_ends_and_says_why_once(ros_domain):
-    with socket.create_server(("127.0.0.1", 0)) as other:
-        words = ["--ros-args", "-p", f"port:={other.getsockname()[1]}"]
-        done = run_program([sys.executable, "-m", "impact_rig.nodes", "page", *words])
+    words = ["--ros-args", "-p", "certificate:=missing.pem", "-p", "key:=missing.pem"]
+    done = run_program([sys.executable, "-m", "impact_rig.nodes", "page", *words])
     assert done.returncode == 2
-    assert done.stderr.count("the page cannot listen at 127.0.0.1:") == 1
+    assert done.stderr.count("missing.pem cannot be used") == 1
     assert "Traceback" not in done.stderr
 
 
