@@ -75,7 +75,7 @@ class EstimatorNode(RigNode):
         self._impact = self.advertise(interfaces.IMPACT)
         self._trace = self.advertise(interfaces.IMPACT_TRACE)
         self._full_scale: tuple[float, ...] = ()  # of the channels of the newest block [m/s^2]
-        # Made when a person decides: in a replay it would be a second one, and neither be believed.
+        # Made when a person decides: beside that of a replay, neither would be believed.
         self._overrule: Any = None
         self._estimate = self.advertise(interfaces.ESTIMATE)
         self._hammer_estimate = self.advertise(interfaces.HAMMER_ESTIMATE)
