@@ -82,8 +82,8 @@ class RigClient:
         self._context.try_shutdown()
 
     def advertise(self, topic: interfaces.Topic) -> Any:
-        """Create a publisher of a topic, without a lease."""
-        return self._node.create_publisher(topic.type, topic.name, topic.qos)
+        """Create a publisher of what is replayed on a topic."""
+        return self._node.create_publisher(topic.type, topic.name, topic.replayed_qos)
 
     def listen(
         self,

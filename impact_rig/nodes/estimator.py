@@ -75,8 +75,7 @@ class EstimatorNode(RigNode):
         self._impact = self.advertise(interfaces.IMPACT)
         self._trace = self.advertise(interfaces.IMPACT_TRACE)
         self._full_scale: tuple[float, ...] = ()  # of the channels of the newest block [m/s^2]
-        # Made when a person decides: beside that of a replay, neither would be believed.
-        self._overrule: Any = None
+        self._overrule = self.advertise(interfaces.OVERRULE)
         self._estimate = self.advertise(interfaces.ESTIMATE)
         self._hammer_estimate = self.advertise(interfaces.HAMMER_ESTIMATE)
         self._comparison = self.advertise(interfaces.COMPARISON)
@@ -250,8 +249,6 @@ class EstimatorNode(RigNode):
         message = overrule_to_msg(
             overrule, self.membership.identity, self.get_clock().now().to_msg()
         )
-        if self._overrule is None:
-            self._overrule = self.advertise(interfaces.OVERRULE)  # latched: none is lost
         self._overrule.publish(message)
         if hit is not None:
             self._publish_verdict(ledger.session, hit)

@@ -117,6 +117,11 @@ class Topic:
         return leased
 
     @property
+    def replayed_qos(self) -> QoSProfile:
+        """The QoS of a replay, without a lease: a rig ignores it, but where it is an owner."""
+        return self.leased_qos if set(REPLAYS) & set(self.owners) else self.qos
+
+    @property
     def unread(self) -> "Topic":
         """The topic without its conversion, for nodes that only pass messages on."""
         return replace(self, convert=keep)
@@ -128,6 +133,8 @@ class Topic:
         return replace(self, qos=qos)
 
 
+REPLAYS = ("replayer", "replay_client")
+"""The nodes that publish what was recorded."""
 _inward = partial(_by, "nodes.messages")
 _finding = partial(_by, "nodes.result_messages")
 _recorded = partial(_by, "recordings.messages")
@@ -160,9 +167,13 @@ VIRTUAL_IMPACT = Topic(
 )
 IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"), _ESTIMATOR)
 OVERRULE = Topic(
-    "overrule", Overrule, _RESULT, _by("recordings.messages", "overrule_from_msg"), _ESTIMATOR
+    "overrule",
+    Overrule,
+    _RESULT,
+    _by("recordings.messages", "overrule_from_msg"),
+    (*_ESTIMATOR, *REPLAYS),
 )
-"""Persons' verdicts on hits; the newest of a hit counts."""
+"""Persons' verdicts on hits; the newest of a hit counts. In a replay persons may decide, too."""
 OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False), owners=_RECORDER)
 """The overrule of this stamp is on the recorder's disk."""
 IMPACT_TRACE = Topic(

@@ -92,6 +92,7 @@ class RecorderNode(RigNode):
         self._forget()
         self._publish = self.advertise_state(interfaces.RECORDER_STATE)
         self._stored = self.advertise(interfaces.RECORD_STORED)
+        self._newest_stored: RecordStored | None = None
         self._stored_overrule = self.advertise(interfaces.OVERRULE_STORED)
         self._on_written: dict[str, Callable[[RecordingWriter, Any], None]] = {
             self.resolve_topic_name(interfaces.ACCELERATION.name): self._on_block,
@@ -167,6 +168,9 @@ class RecorderNode(RigNode):
         """Record the messages of one campaign, and of no other."""
         if self._writer is not None and not self._writer.closed:
             response.recording = str(self._writer.path)
+            newest = self._newest_stored
+            if newest is not None and not self.membership.is_foreign(newest):
+                self._stored.publish(newest)  # an estimator that missed it waits for it
         else:
             # What has ended, as where the disk was full, no command starts again.
             advice = (
@@ -425,7 +429,8 @@ class RecorderNode(RigNode):
             missing_points=count.missing_points,
         )
         identity = Identity(self.membership.identity.campaign_id, count.stream_id)
-        self._stored.publish(identity.fill(message, stamp_to_msg(count.stamp)))
+        self._newest_stored = identity.fill(message, stamp_to_msg(count.stamp))
+        self._stored.publish(self._newest_stored)
 
     def _on_overrule(self, writer: RecordingWriter, message: Overrule) -> None:
         """Put a person's verdict on the disk before it is answered."""

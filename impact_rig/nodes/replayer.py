@@ -124,8 +124,7 @@ class ReplayerNode(RigNode):
         for warning in recording.run.warnings:
             self.get_logger().warning(warning)
         self._outputs = {
-            # Without a lease: a rig ignores what is replayed.
-            name: self.create_publisher(topic.type, name, topic.qos)
+            name: self.create_publisher(topic.type, name, topic.replayed_qos)
             for name, topic in recording.topics.items()
         }
         self._position = 0
