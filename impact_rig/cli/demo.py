@@ -36,9 +36,9 @@ from impact_rig.devices.drivers import VIRTUAL, read_driver_name
 
 SHOWN_LOG_LINES = 15  # the last ones, when the rig ends unexpectedly
 START_TIMEOUT = 90.0  # [s] in which the processes start: seconds, more on a busy computer
-# A tenth of the paper's swing, and a short wait for missed triggers.
+# A hundredth of the swing by the paper, and a short wait for missed triggers.
 SETTINGS: dict[str, dict[str, Any]] = {
-    "hammer": {"swing_time": 0.02},
+    "hammer": {"swing_time": 0.002},
     "accelerometer": {"trigger_timeout": 0.1},
 }
 ATTEMPTS = 50  # rejected hits in a row that end the demo: with --faults 0.1 half the hits are bad

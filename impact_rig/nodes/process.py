@@ -53,7 +53,6 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
         # rclpy keeps what a lifecycle node has of the middleware until nothing knows the node any
         # more. If the process ended before, Fast DDS would take it to pieces among its threads,
         # and wait for ever if a message came just then.
-        gc.unfreeze()
         gc.collect()
         rclpy.try_shutdown()
         faulthandler.cancel_dump_traceback_later()
@@ -71,14 +70,14 @@ def _run(make_node: Callable[[], RigNode], argv: Sequence[str] | None) -> int:
             # still in the queues could be recorded, and no last state published.
             rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
             executor = make_executor()
+            # What was imported stays: looking through all of it for garbage, now and then, would
+            # hold a verdict up for 20 ms, and the end for 200 ms.
+            gc.freeze()
             node = make_node()
         claim = claim_node(node.get_fully_qualified_name())
         executor.add_node(node)
         _stop_on_signals(node)
         node.autostart()
-        # What was imported stays: looking through all of it for garbage, now and then, would hold
-        # a verdict up for 20 ms.
-        gc.freeze()
         spin_until(executor, node.stop_requested)
         node.stop_requested.result()
         node.wake_waiters()
