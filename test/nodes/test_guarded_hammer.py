@@ -64,6 +64,7 @@ class Interlock(RuleBasedStateMachine):
         self.stopped_by = ""
         self.needs_person = False
         self.is_in_holder = True
+        self.lost_for = ""
 
     def attempt(self, action, *arguments, **options):
         """Do something as the node does: what the holder refuses costs the holder."""
@@ -77,6 +78,7 @@ class Interlock(RuleBasedStateMachine):
         self.hammer.lose(reason)
         self.hammer.drop()
         self.holder, self.is_enabled, self.is_in_holder = None, False, False
+        self.lost_for = reason
 
     @precondition(lambda self: self.holder is None)
     @rule(confirm=CONFIRMED)
@@ -85,7 +87,7 @@ class Interlock(RuleBasedStateMachine):
         self.holders.append(self.holder)
         self.hammer.take(self.holder, confirm_return=confirm)
         self.is_in_holder = self.is_in_holder or not confirm
-        self.is_enabled = False
+        self.is_enabled, self.lost_for = False, ""
 
     @rule()
     def break_holder(self):
@@ -186,6 +188,8 @@ class Interlock(RuleBasedStateMachine):
         assert condition.needs_person == self.needs_person
         assert condition.stopped_by == self.stopped_by
         assert condition.message
+        assert self.lost_for in condition.message
+        assert self.holder is None or (condition.state is HammerPlace.HELD) == self.is_in_holder
 
 
 TestInterlock = Interlock.TestCase
