@@ -231,6 +231,7 @@ def list_rig_processes(
             raise ParameterError(f"a viewer ({', '.join(viewers)}) needs the visualizer")
     if page:
         stated["page"] = {}
+        only = (*only, "page") if only else ()
     nodes = {
         name: {key: value for key, value in parameters.items() if value}
         for name, parameters in stated.items()

@@ -5,6 +5,7 @@ The computers are network namespaces with a cable between them, each with its ow
 
 import contextlib
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -71,6 +72,50 @@ def test_a_campaign_outlasts_a_cable_that_is_pulled_and_loses_no_hit(hosts, envi
     stored = inspect_run(Run(run / "session.mcap")).hits
     whole = {hit.record for hit in stored if hit.state is HitState.SAVED}
     assert {hit["record"] for hit in results["hits"] if hit["accepted"]} <= whole
+
+
+BROWSE = """
+import sys, urllib.request
+link, act = sys.argv[1:]
+if act:
+    form = urllib.request.Request(link + act, b"", {"Origin": link.rstrip("/")})
+    urllib.request.urlopen(form, timeout=30).read()
+print(urllib.request.urlopen(link, timeout=30).read().decode())
+"""
+"""As a browser without a script: does an act, and shows the page."""
+
+
+def test_a_stop_at_the_page_while_the_cable_is_out_stops_the_hammer_once_it_is_back(
+    hosts, environment, tmp_path
+):
+    devices, desk = hosts
+    with (
+        start_nodes(devices, environment, AT_THE_DEVICES),
+        start_nodes(desk, environment, AT_THE_DESK, "--page", "--set", "page.port=0",
+                    "--output", tmp_path / "run") as rig,
+        start(desk, environment, "campaign", "--sample", "steel small", "--impacts", "10000"
+              ) as campaign,
+    ):  # fmt: skip
+
+        def browse(act=""):
+            words = [*desk.prefix, sys.executable, "-c", BROWSE, link, act]
+            return run_program(words, env=environment).stdout
+
+        def wait_until_shown(sentence, act=""):
+            for _ in range(TRIES):
+                if sentence in (shown := browse(act)):
+                    return
+            raise AssertionError(shown)
+
+        rig.wait_for("the page is at http")
+        link = re.search(r"the page is at (http://\S+)", rig.text)[1]
+        campaign.wait_for("sample 1 of 1")
+        pull_cable(devices)
+        campaign.wait_for("paused: ")
+        wait_until_shown("THE HAMMER DOES NOT ANSWER", "stop")
+        plug_in_cable(devices)
+        wait_until_shown("STOPPED", "stop")  # as a browser sends it until it is confirmed
+        assert "emergency stop lasts" in arm_from(desk, environment)[1]
 
 
 PROFILES_THAT_OPEN = """\
