@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
-from impact_rig.core.estimates.paper_method import read_hit
+from impact_rig.core.estimates.mean_reading import read_hit
 from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.core.given.filtering import check_cutoff
 from impact_rig.core.given.findings import Reason

@@ -15,7 +15,7 @@ from impact_rig.configuration.rig_file import (
 )
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.estimates.checks import advise_check
-from impact_rig.core.estimates.paper_estimate import check_control
+from impact_rig.core.estimates.paper_method import check_control
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.filtering import HIGHEST_RELATIVE_CUTOFF
 from impact_rig.core.given.sensors import CHANNELS, STANDARD_GRAVITY

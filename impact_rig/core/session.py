@@ -10,15 +10,8 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 from impact_rig.core.estimates.checks import ask_for_mass
-from impact_rig.core.estimates.paper_estimate import estimate_paper
-from impact_rig.core.estimates.paper_method import (
-    UNSEEN,
-    HammerEstimate,
-    HammerPulse,
-    MeanReading,
-    estimate_hammer,
-    read_mean_hit,
-)
+from impact_rig.core.estimates.mean_reading import UNSEEN, HammerPulse, MeanReading, read_mean_hit
+from impact_rig.core.estimates.paper_method import HammerEstimate, estimate_hammer, estimate_paper
 from impact_rig.core.estimates.ringing import NO_DECAY
 from impact_rig.core.estimates.sample import (
     SampleEstimate,

@@ -12,8 +12,15 @@ from typing import Any, TypeVar
 
 from impact_rig.core.estimates.checks import NO_CHECKS
 from impact_rig.core.estimates.contact_law import ContactLaw
-from impact_rig.core.estimates.paper_estimate import PEAK, TIME, PaperEstimate
-from impact_rig.core.estimates.paper_method import BASE_WIDTH, CONTACT_TIME, WIDTH, HammerEstimate
+from impact_rig.core.estimates.paper_method import (
+    BASE_WIDTH,
+    CONTACT_TIME,
+    PEAK,
+    TIME,
+    WIDTH,
+    HammerEstimate,
+    PaperEstimate,
+)
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.estimates.speed_exponents import SpeedExponents
 from impact_rig.core.given.findings import Finding, Reason

@@ -6,8 +6,8 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
-from impact_rig.core.estimates.agreement import BY_FREE_DECAY
 from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.ringing import BY_FREE_DECAY
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.estimates.uncertainty import LEAST_HITS
 from impact_rig.core.given.findings import Note, Reason, Subject

@@ -5,8 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from impact_rig.core.estimates.contact_law import NO_LAW
-from impact_rig.core.estimates.paper_estimate import FREE_DECAY, NO_NUMBERS
-from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.paper_method import FREE_DECAY, NO_NUMBERS, HammerEstimate
 from impact_rig.core.estimates.pulse_shape import ShapeFit
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.estimates.speed_exponents import (

@@ -7,8 +7,7 @@ from dataclasses import fields, replace
 import pytest
 from rich.console import Console
 
-from impact_rig.core.estimates.paper_estimate import PaperEstimate
-from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate, PaperEstimate
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.findings import Finding, Note, Reason, Subject
 from impact_rig.core.given.quantity import Quantity

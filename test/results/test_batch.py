@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from impact_rig.core.estimates.paper_estimate import PaperEstimate
-from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate, PaperEstimate
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.quantity import Quantity
 from impact_rig.core.given.setup import PAPER_SETUP

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.core.estimates.paper_estimate import PaperEstimate
-from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate, PaperEstimate
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.quantity import UNKNOWN, Quantity
 from impact_rig.core.given.setup import PAPER_SETUP

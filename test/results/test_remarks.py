@@ -4,12 +4,10 @@ from dataclasses import fields, replace
 
 import pytest
 
-from impact_rig.core.estimates.agreement import BY_FREE_DECAY, reach
 from impact_rig.core.estimates.contact_law import ContactLaw
-from impact_rig.core.estimates.paper_estimate import PaperEstimate
-from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate, PaperEstimate
 from impact_rig.core.estimates.pulse_shape import PulseShapeEstimate, ShapeFit
-from impact_rig.core.estimates.ringing import FreeDecayEstimate
+from impact_rig.core.estimates.ringing import BY_FREE_DECAY, FreeDecayEstimate, reach
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.findings import Finding, Note, Reason, Subject
 from impact_rig.core.given.quantity import Quantity

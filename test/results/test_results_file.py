@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from impact_rig.core.estimates.paper_estimate import PaperEstimate
-from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate, PaperEstimate
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.errors import FileError
 from impact_rig.core.given.findings import Finding, Note, Reason, Subject

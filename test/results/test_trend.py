@@ -9,8 +9,7 @@ import pytest
 from scipy.special import stdtrit
 
 from impact_rig.core.estimates.checks import Checks
-from impact_rig.core.estimates.paper_estimate import PaperEstimate
-from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate, PaperEstimate
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.quantity import Quantity
 from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP, Sample

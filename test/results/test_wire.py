@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.core.estimates.paper_estimate import PaperEstimate
-from impact_rig.core.estimates.paper_method import HammerEstimate
+from impact_rig.core.estimates.paper_method import HammerEstimate, PaperEstimate
 from impact_rig.core.estimates.pulse_shape import PulseShapeEstimate, ShapeFit
 from impact_rig.core.estimates.ringing import FreeDecayEstimate
 from impact_rig.core.estimates.sample import SampleEstimate

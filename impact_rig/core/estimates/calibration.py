@@ -19,6 +19,7 @@ from impact_rig.core.given.errors import (
     NotDeterminedError,
     ParameterError,
     check_between,
+    check_choice,
     check_mass_uncertainty,
     check_positive,
 )
@@ -84,11 +85,7 @@ def fit_hit(hit: JudgedHit, channel: str, factor: float) -> HitFit:
     if size_x and size_y:
         ratio = float(x @ y) / size_x
         left = y - ratio * x
-        found = replace(
-            found,
-            ratio=ratio,
-            misfit=math.sqrt(float(left @ left) / size_y),
-        )
+        found = replace(found, ratio=ratio, misfit=math.sqrt(float(left @ left) / size_y))
     if found.misfit <= LARGEST_MISFIT:
         return found
     flaw = (
@@ -123,10 +120,7 @@ class CalibrationMethod(Comparable):
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""
-        if self.channel not in CHANNELS:
-            raise ParameterError(
-                f"sensor under test is {self.channel!r}: it must be one of {', '.join(CHANNELS)}"
-            )
+        check_choice("sensor under test", self.channel, CHANNELS)
         if self.has_known_mass:
             check_positive("known mass", self.known_mass, "kg")
             check_mass_uncertainty(

@@ -25,6 +25,7 @@ from impact_rig.core.given.quantity import (
     Conformity,
     Quantity,
     describe,
+    quantity_field,
 )
 from impact_rig.core.given.sensors import CHANNELS
 from impact_rig.core.given.setup import RigSetup
@@ -49,29 +50,21 @@ class Checks(Comparable):
     """Momenta, mass and restitution of one sample without a contact law; NaN: not determined."""
 
     # m2 dv2 / (m1 dv1) [-]: 1 for two free bodies, right masses and right gains
-    momentum_ratio: Quantity = field(
-        default=UNKNOWN, metadata=describe("", "m2Δv2/m1Δv1", "momentum ratio")
-    )
+    momentum_ratio: Quantity = quantity_field("", "m2Δv2/m1Δv1", "momentum ratio")
     # m1 dv1 [N s]
-    impulse: Quantity = field(
-        default=UNKNOWN, metadata=describe("N s", "J", "impulse", shown="mN s")
-    )
+    impulse: Quantity = quantity_field("N s", "J", "impulse", shown="mN s")
     # v1 [m/s]: the mean of what was measured, else as stated
-    impact_speed: Quantity = field(
-        default=UNKNOWN, metadata=describe("m/s", "v1", "impact speed", shown="cm/s")
-    )
+    impact_speed: Quantity = quantity_field("m/s", "v1", "impact speed", shown="cm/s")
     # J / (m_eq v1) - 1 by that speed [-]
-    stated_restitution: Quantity = field(
-        default=UNKNOWN, metadata=describe("", "J/(m v1) - 1", "restitution by the impact speed")
+    stated_restitution: Quantity = quantity_field(
+        "", "J/(m v1) - 1", "restitution by the impact speed"
     )
     # (dv1 + dv2) / v1 - 1 by the same speed [-]: of both bodies, without their masses
-    separation_restitution: Quantity = field(
-        default=UNKNOWN, metadata=describe("", "(Δv1+Δv2)/v1 - 1", "restitution by both bodies")
+    separation_restitution: Quantity = quantity_field(
+        "", "(Δv1+Δv2)/v1 - 1", "restitution by both bodies"
     )
     # m2 with its accelerometer, by the traces [kg]
-    traced_mass: Quantity = field(
-        default=UNKNOWN, metadata=describe("kg", "m2", "mass by the traces", shown="g")
-    )
+    traced_mass: Quantity = quantity_field("kg", "m2", "mass by the traces", shown="g")
     stated_mass: float = field(default=math.nan, metadata=describe("kg"))  # the same, stated
     # Mean velocity of the sample after the contact over J / m2 [-]: 0 on a spring, 1 where free
     persistence: float = math.nan
@@ -144,34 +137,34 @@ class _Reading:
         m1, m2 = rig.hammer_mass, rig.moving_mass
         read = hammer * rig.clock * rig.gains[0]
         hammer_speed = rig.find_speed(read)
-        is_free = whole.hold is not Hold.SPRING
         balance = ratio * m2 / rig.load
         gained = ratio * hammer * rig.clock * rig.gains[1]
-        found = Checks(
-            impulse=self._state(rig.load * read),
-            impact_speed=self._state(number),
-            stated_restitution=self._state(hammer_speed * (m1 + m2) / (m2 * number) - 1.0)
-            if is_free
-            else UNKNOWN,
-            stated_mass=stated,
-            persistence=whole.persistence,
-            hold=whole.hold.value,
-        )
-        if math.isnan(whole.sample_change):
-            return found
         traced = self._state(rig.load * mass * rig.gains[0] / rig.gains[1])
-        checked = replace(found, traced_mass=traced)
-        if is_free:
-            checked = replace(
-                checked,
-                momentum_ratio=self._state(balance * rig.gains[1] / rig.gains[0]),
-                separation_restitution=self._state((hammer_speed + gained) / number - 1.0),
+        # What is on a spring does not move on as free bodies do.
+        free = [
+            UNKNOWN if whole.hold is Hold.SPRING else self._state(each)
+            for each in (
+                balance * rig.gains[1] / rig.gains[0],
+                hammer_speed * (m1 + m2) / (m2 * number) - 1.0,
+                (hammer_speed + gained) / number - 1.0,
             )
+        ]
         asked = ask_for_sample(traced.value, stated, float(np.nan_to_num(traced.expanded)))
         question = Note(Subject.MASS, asked) if asked else None
         if question is None and whole.hold in {Hold.FREE, Hold.UNKNOWN}:
             question = self._check_balance(balance)
-        return replace(checked, warnings=(question,) if question else ())
+        return Checks(
+            momentum_ratio=free[0],
+            impulse=self._state(rig.load * read),
+            impact_speed=self._state(number),
+            stated_restitution=free[1],
+            separation_restitution=free[2],
+            traced_mass=traced,
+            stated_mass=stated,
+            persistence=whole.persistence,
+            hold=whole.hold.value,
+            warnings=(question,) if question else (),
+        )
 
     def _make_numbers(
         self, whole: Passage, each: Sequence[Passage], zeros: tuple[float, ...]

@@ -45,7 +45,7 @@ from impact_rig.core.estimates.uncertainty import (
 from impact_rig.core.given.errors import NotDeterminedError, RigError
 from impact_rig.core.given.filtering import Chain
 from impact_rig.core.given.findings import Note, Subject
-from impact_rig.core.given.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
+from impact_rig.core.given.quantity import INTERNAL, Comparable, Quantity, quantity_field
 from impact_rig.core.given.records import FloatArray
 from impact_rig.core.given.sensors import Sensor
 from impact_rig.core.given.setup import RigSetup
@@ -75,38 +75,28 @@ class ContactLaw(Comparable):
     """The law of one contact and what follows from it; not known: see the notes."""
 
     # n [-]: 3/2 is Hertz, 1 a linear spring
-    exponent: Quantity = field(default=UNKNOWN, metadata=describe("", "n", "exponent"))
+    exponent: Quantity = quantity_field("", "n", "exponent")
     # N/m^n, the k of k δⁿ
-    stiffness: Quantity = field(default=UNKNOWN, metadata=describe("N/m^n", "k", "stiffness"))
+    stiffness: Quantity = quantity_field("N/m^n", "k", "stiffness")
     # alpha [s/m] of a loss k alpha δⁿ δ'
-    damping: Quantity = field(default=UNKNOWN, metadata=describe("s/m", "alpha", "damping"))
+    damping: Quantity = quantity_field("s/m", "alpha", "damping")
     # of the bodies towards each other at first touch, v [m/s]
-    impact_speed: Quantity = field(
-        default=UNKNOWN, metadata=describe("m/s", "v", "impact speed", shown="cm/s")
-    )
+    impact_speed: Quantity = quantity_field("m/s", "v", "impact speed", shown="cm/s")
     # from first touch to separation [s]
-    duration: Quantity = field(
-        default=UNKNOWN, metadata=describe("s", "τ", "contact duration", shown="µs")
-    )
+    duration: Quantity = quantity_field("s", "τ", "contact duration", shown="µs")
     # speed of separation over impact speed, e [-]
-    restitution: Quantity = field(default=UNKNOWN, metadata=describe("", "e", "restitution"))
+    restitution: Quantity = quantity_field("", "e", "restitution")
     # largest, N
-    peak_force: Quantity = field(default=UNKNOWN, metadata=describe("N", "F", "peak force"))
+    peak_force: Quantity = quantity_field("N", "F", "peak force")
     # largest approach of the bodies after first touch [m]
-    peak_indentation: Quantity = field(
-        default=UNKNOWN, metadata=describe("m", "δ", "peak indentation", shown="µm")
-    )
+    peak_indentation: Quantity = quantity_field("m", "δ", "peak indentation", shown="µm")
     # [N s]
-    impulse: Quantity = field(
-        default=UNKNOWN, metadata=describe("N s", "J", "impulse", shown="mN s")
-    )
+    impulse: Quantity = quantity_field("N s", "J", "impulse", shown="mN s")
     # in J
-    energy_loss: Quantity = field(
-        default=UNKNOWN, metadata=describe("J", "ΔE", "energy lost", shown="µJ")
-    )
+    energy_loss: Quantity = quantity_field("J", "ΔE", "energy lost", shown="µJ")
     # of the linear spring with this duration between these masses [N/m]
-    equivalent_stiffness: Quantity = field(
-        default=UNKNOWN, metadata=describe("N/m", "k_eq", "linear stiffness", shown="MN/m")
+    equivalent_stiffness: Quantity = quantity_field(
+        "N/m", "k_eq", "linear stiffness", shown="MN/m"
     )
     form: str = ""  # of the loss, of `LossForm`
     loss: float = math.nan  # [-] of `impact_rig.core.estimates.law_pulses`, as `pull`

@@ -128,7 +128,11 @@ def fit_decay(measured: FloatArray, relative_cutoff: float) -> tuple[FloatArray,
     """
     candidates = _search_spectrum(measured, relative_cutoff or 0.5)
     fits = [fit_amplitudes(measured, candidate).residual for candidate in candidates]
-    scale = candidates[int(np.argmin([float(left @ left) for left in fits]))]
+    return _refine_decay(measured, candidates[int(np.argmin([left @ left for left in fits]))])
+
+
+def _refine_decay(measured: FloatArray, scale: FloatArray) -> tuple[FloatArray, DecayFit]:
+    """Return the same from a decay rate and an angular frequency that are nearly right."""
     # Of the model [-], our choice: a decay needs fewer than ten, noise never comes to rest.
     found = scipy.optimize.least_squares(
         lambda factors: fit_amplitudes(measured, factors * scale).residual,
@@ -329,14 +333,8 @@ def _fit_halves(measured: FloatArray, solution: FloatArray, white: float) -> tup
         return ()
     ratios, errors = [], []
     for part in (measured[:half], measured[half:]):
-        found = scipy.optimize.least_squares(
-            lambda factors, part=part: fit_amplitudes(part, factors * solution).residual,
-            np.ones(2),
-            method="lm",
-            max_nfev=50,
-        ).x
-        decay, frequency = (found * solution).tolist()
-        fit = fit_amplitudes(part, found * solution)
+        found, fit = _refine_decay(part, solution)
+        decay, frequency = found.tolist()
         left = max(white, float(np.sqrt(fit.residual @ fit.residual / (part.size - FITTED))))
         inverse = np.linalg.pinv(fit.jacobian @ fit.jacobian.T)
         errors.append(left * math.sqrt(float(inverse[0, 0])) / frequency)

@@ -173,21 +173,9 @@ def fit_losses(window: PulseWindow, exponent: float | None) -> list[FittedLoss]:
     """Fit all models of the loss to the window's pulse; n [-] is given, or found."""
 
     def fit(models: Sequence[tuple[LossForm, int | None]], starts: FloatArray) -> list[FittedLoss]:
-        forms = [form for form, _ in models]
-        places, bounds = find_places(forms), _find_bounds(forms, exponent)
-        for row, (_, held) in enumerate(models):
-            if held is not None:
-                bounds[:, row, held] = starts[row, held]
-        fits = fit_window(
-            window.measured,
-            lambda parameters, which: evaluate_laws(
-                window, window.measured, parameters, places[which]
-            ),
-            starts,
-            bounds,
-            # A form that leaves ten times as much as the best is of no use.
-            most=10.0,
-        )
+        measured = np.broadcast_to(window.measured, (len(models), window.measured.size))
+        # A form that leaves ten times as much as the best is of no use.
+        fits = _fit_models(window, measured, models, starts, exponent, most=10.0)
         return [FittedLoss(*model, found) for model, found in zip(models, fits, strict=True)]
 
     found = fit(MODELS, _find_starts(window, exponent))
@@ -200,6 +188,27 @@ def fit_losses(window: PulseWindow, exponent: float | None) -> list[FittedLoss]:
         found[-1:] = fit([(LossForm.MEMORY, None)], first.fit.parameters[np.newaxis])
     named = [item for item in found if item.is_mixed and item.form is not LossForm.LINEAR]
     return found + [FittedLoss(item.form, LOSS, _hold(item.fit, LOSS)) for item in named]
+
+
+def _fit_models(
+    window: PulseWindow,
+    measured: FloatArray,
+    models: Sequence[tuple[LossForm, int | None]],
+    starts: FloatArray,
+    exponent: float | None,
+    most: float = math.inf,
+) -> list[WindowFit]:
+    """Fit one model to each pulse, shape (k, n); a loss that is held stays where it starts."""
+    forms = [form for form, _ in models]
+    places, bounds = find_places(forms), _find_bounds(forms, exponent)
+    for row, (_, held) in enumerate(models):
+        if held is not None:
+            bounds[:, row, held] = starts[row, held]
+
+    def evaluate(parameters: FloatArray, which: NDArray[np.intp]) -> Evaluation:
+        return evaluate_laws(window, measured[which], parameters, places[which])
+
+    return fit_window(measured, evaluate, starts, bounds, most)
 
 
 def _hold(fit: WindowFit, place: int) -> WindowFit:
@@ -228,18 +237,7 @@ def fit_hits(
     start : ndarray, shape (hits, 7)
         Where to begin.
     """
-    (place,) = find_places([loss.form])
-    bounds = np.repeat(_find_bounds([loss.form], exponent), len(start), axis=1)
-    if loss.held is not None:
-        bounds[..., loss.held] = 0.0
-    return fit_window(
-        measured,
-        lambda parameters, which: evaluate_laws(
-            window, measured[which], parameters, np.full(which.size, place)
-        ),
-        start,
-        bounds,
-    )
+    return _fit_models(window, measured, [(loss.form, loss.held)] * len(start), start, exponent)
 
 
 SMALL_PART = 0.15

@@ -1,15 +1,12 @@
-"""Contact time, stiffness and damping by the paper's procedure."""
+"""Contact time, stiffness and damping by the paper's equations."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from impact_rig.core.estimates.contact_law import NO_LAW, ContactLaw, look_at_law
-from impact_rig.core.estimates.damping import LogDecrement, check_window, estimate_log_decrement
+from impact_rig.core.estimates.damping import LogDecrement
 from impact_rig.core.estimates.equations import (
-    UncertainNumber,
     estimate_damping_coefficient,
     estimate_damping_ratio,
     estimate_equivalent_mass,
@@ -17,345 +14,33 @@ from impact_rig.core.estimates.equations import (
     estimate_hammer_stiffness,
     estimate_sample_stiffness,
 )
-from impact_rig.core.estimates.pulse_shape import (
-    LARGE_RESIDUAL,
-    NO_SHAPE,
-    PulseShapeEstimate,
-    compute_unexplained,
-    estimate_pulse_shape,
-)
+from impact_rig.core.estimates.mean_reading import MeanReading
 from impact_rig.core.estimates.uncertainty import (
     LEAST_HITS,
     ONE_HIT,
-    PULSE_SHAPE,
     Known,
-    RigNumbers,
+    compute_quantity,
     derive,
-    make_ensemble,
     make_input,
     make_rig_numbers,
+    make_scatter,
 )
-from impact_rig.core.given.errors import NotDeterminedError, RigError
+from impact_rig.core.given.errors import NotDeterminedError
 from impact_rig.core.given.findings import Note, Subject
-from impact_rig.core.given.quantity import INTERNAL, UNKNOWN, Comparable, Quantity, describe
-from impact_rig.core.given.records import FloatArray
-from impact_rig.core.given.setup import RigSetup
-from impact_rig.core.hit.judging import FilteredHit
-from impact_rig.core.hit.momenta import Hold
-from impact_rig.core.hit.pulse_width import (
-    BASE,
-    PulseErrors,
-    TraceQuality,
-    compute_peak_excess,
-    compute_quantisation_error,
-    compute_trend,
-    estimate_pulse_errors,
-    find_base,
-    measure_pulse,
+from impact_rig.core.given.quantity import (
+    INTERNAL,
+    LARGEST,
+    NOT_NEGATIVE,
+    POSITIVE,
+    UNKNOWN,
+    Comparable,
+    Quantity,
+    describe,
 )
-from impact_rig.core.hit.pulses import PULSE_SHAPES
-from impact_rig.core.hit.tail import ZERO_AFTER
-from impact_rig.core.mean.mean_hit import MeanHit, follow_mean, make_mean, shift_hit, sum_up
+from impact_rig.core.given.setup import RigSetup
+from impact_rig.core.hit.pulse_width import measure_rise
+from impact_rig.core.mean.mean_hit import MeanHit
 from impact_rig.core.mean.trends import follow_series
-
-DAMPING = (Subject.C1, Subject.C2)
-"""Subjects of notes on the damping of hammer and sample."""
-
-
-@dataclass(frozen=True)
-class HammerPulse:
-    """Shape of the hammer's mean pulse."""
-
-    shape: PulseShapeEstimate  # which of the known shapes it has
-    law: ContactLaw  # which law of contact makes such a pulse
-    notes: tuple[Note, ...] = ()  # why the shape is not determined
-
-
-UNSEEN = HammerPulse(NO_SHAPE, NO_LAW)
-"""Placeholder until the pulse's shape is fitted; estimates with it have no uncertainty."""
-
-
-def look_at_pulse(mean: MeanHit, setup: RigSetup, sample: str) -> HammerPulse:
-    """Return shape and law of the mean pulse on `sample`."""
-    law = look_at_law(mean, setup, sample)
-    try:
-        shape = estimate_pulse_shape(mean, setup.find_chains(mean.sampling_rate)[0])
-    except RigError as error:
-        return HammerPulse(NO_SHAPE, law, (Note(Subject.PULSE_SHAPE, str(error)),))
-    return HammerPulse(shape, law)
-
-
-def compute_shape_error(
-    pulse: HammerPulse, noise: float, half_amplitude_width: float, contact_time: float
-) -> tuple[float, float]:
-    """Return tau_p's uncertainty from the unknown pulse shape: the spread over possible shapes.
-
-    The contact lasts anywhere between tau_p and the durations that are possible, evenly
-    distributed. A law that the data allow, or the shapes that come nearest, say which these are.
-    As they leave more of the pulse than noise, all other shapes become possible, too.
-
-    Parameters
-    ----------
-    noise : float
-        Of the mean trace, over its peak [-].
-    half_amplitude_width, contact_time : float
-        w50 and tau_p [s].
-
-    Returns
-    -------
-    spread, standard : float
-        Standard uncertainty by the shape, signed and alike on all samples, and of the law's
-        duration [s].
-    """
-    law, shape = pulse.law, pulse.shape
-    unexplained, own = shape.unexplained, 0.0
-    durations = {
-        item.name: item.pulse_factor * half_amplitude_width - contact_time for item in PULSE_SHAPES
-    }
-    nearest = [durations[name] for name in shape.possible]
-    if law.is_known:
-        durations["law"] = law.duration.value - contact_time
-        nearest = [durations["law"]]
-        unexplained = compute_unexplained(law.residual_percent / 100.0, noise)
-        own = float(np.nan_to_num(law.duration.standard))
-    near = max(nearest, key=abs, default=0.0)
-    far = max(durations.values(), key=abs)
-    # The side of the nearest stays, whichever side the farthest lies on.
-    part = min(unexplained / LARGE_RESIDUAL, 1.0)
-    size = abs(near) + (abs(far) - abs(near)) * part
-    side = near if abs(near) > 1e-6 * abs(far) else far
-    return math.copysign(size, side) / math.sqrt(3.0), own
-
-
-@dataclass(frozen=True)
-class MeanReading:
-    """A mean hit, read once; its numbers are uncertain, and of one and the same hits.
-
-    Read a second time its scatter would be another input: results that are correlated, as k1 and
-    k2 of the control sample, are calculated from one reading.
-    """
-
-    mean: MeanHit
-    pulse: HammerPulse
-    rig: RigNumbers
-    width: Known  # w50 [s]
-    base_width: Known | None  # time above a hundredth of the peak [s]; None: noise hides it
-    width_ratio: float
-    contact_time: Known  # tau_p [s]
-    decrements: Mapping[int, tuple[LogDecrement, Known]]  # by channel, where determined
-    notes: Mapping[int, Note]  # by channel, where not: why
-
-
-def read_mean_hit(
-    mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str, form: HammerPulse
-) -> MeanReading:
-    """Read pulse and peaks of the mean hit on `sample`, with their uncertainty.
-
-    What its pulse looks like tells how far tau_p may be from the contact's duration.
-
-    Raises
-    ------
-    SignalError
-        If the mean hammer trace has no whole pulse.
-    """
-    pulse, settings = measure_pulse(mean.traces[0]), setup.analysis
-    # The hits on the control sample say something of both bodies, correlated; those on another
-    # sample are asked for that sample alone.
-    channels = (0, 1) if sample == setup.samples.control_sample else (1,)
-    peaks: dict[int, LogDecrement] = {}
-    notes: dict[int, Note] = {}
-    for channel in channels:
-        if channel >= mean.traces.shape[0]:
-            notes[channel] = Note(Subject.C2, "the sample's trace was not measured")
-            continue
-        # Steps that no noise smooths make peaks of their own.
-        step = compute_quantisation_error(
-            float(mean.largest_step[channel]),
-            float(mean.least_noise[channel]),
-        )
-        try:
-            found = estimate_log_decrement(
-                mean.traces[channel], max(float(mean.noise[channel]), step)
-            )
-            check_window(mean, channel, settings.cutoff_frequency)
-            _check_own_decay(mean, channel, found)
-            if channel:
-                _check_spring(mean, setup)
-            peaks[channel] = found
-        except RigError as error:
-            notes[channel] = Note(DAMPING[channel], str(error))
-    width = pulse.half_amplitude_width / mean.sampling_rate
-    factor = settings.pulse_factor / mean.sampling_rate
-    scatter = np.zeros((1 + len(peaks), 1 + len(peaks)))
-    if len(mean.hits) >= LEAST_HITS:
-        rows = [[factor * hit.pulse.half_amplitude_width for hit in mean.hits]]
-        rows += [_read_decrements(mean, channel, found) for channel, found in peaks.items()]
-        scatter += np.cov(np.array(rows), ddof=1) / mean.count
-    doubled, *changes = make_ensemble(
-        f"scatter of the hits on {sample}",
-        [settings.pulse_factor * width, *(found.log_decrement for found in peaks.values())],
-        scatter,
-        max(len(mean.hits) - 1, 1),
-    )
-    noise = float(mean.noise[0]) / abs(pulse.peak)
-    spread, own = compute_shape_error(form, noise, width, settings.pulse_factor * width)
-    quality = _describe_mean(mean, 0, settings.cutoff_frequency)
-    errors = estimate_pulse_errors(mean.traces[0], pulse, quality)
-    has_scatter = len(mean.hits) >= LEAST_HITS
-    clock = rig.follow(follow_series(mean)).clock
-    doubled = doubled + _make_errors(errors, factor, rig, scatters=has_scatter)
-    # The same law on all samples makes the same error on all.
-    contact_time = doubled + spread * rig.pulse_shape
-    contact_time = contact_time + make_input(PULSE_SHAPE, 0.0, own)
-    reasons: tuple[Note, ...] = ()
-    if form is UNSEEN:
-        reasons = (Note(Subject.UNCERTAINTY, "it comes with the pulse's shape, later"),)
-    width_number, base = doubled * clock / settings.pulse_factor, None
-    rise, fall = find_base(mean.traces[0], pulse)
-    # Noise of more crosses the level by itself.
-    if noise < BASE / 3.0 and math.isfinite(fall - rise):
-        errors = estimate_pulse_errors(mean.traces[0], pulse, quality, BASE)
-        own_errors = _make_errors(errors, 1.0 / mean.sampling_rate, rig, scatters=False)
-        # From hit to hit it scatters as w50 does.
-        base = Known(width_number * ((fall - rise) / pulse.half_amplitude_width) + own_errors)
-    decrements = {}
-    for (channel, found), change in zip(peaks.items(), changes, strict=True):
-        quality = _describe_mean(mean, channel, settings.cutoff_frequency)
-        more = _make_decrement_errors(mean.traces[channel], found, quality)
-        why = reasons if has_scatter else (ONE_HIT,)
-        decrements[channel] = found, Known(change + more, why)
-    return MeanReading(
-        mean,
-        form,
-        rig,
-        Known(width_number),
-        base,
-        pulse.width_ratio,
-        Known(contact_time * clock, reasons),
-        decrements,
-        notes,
-    )
-
-
-def _make_errors(
-    errors: PulseErrors, factor: float, rig: RigNumbers, *, scatters: bool
-) -> UncertainNumber:
-    """Return what is wrong with a width, in s; what noise does, unless the hits scatter by it."""
-    # A known error that is not corrected (GUM F.2.4.5), alike on every sample of the rig.
-    total = factor * errors.low_pass * rig.low_pass
-    for source, error in (
-        ("quantisation", errors.quantisation),
-        ("trend of the baseline", errors.trend),
-        ("sampling", errors.sampling),
-        ("peak reading", errors.peak_reading),
-        (ZERO_AFTER, errors.correction),
-        *([] if scatters else [("noise", errors.noise), ("zero of the baseline", errors.zero)]),
-    ):
-        total = total + make_input(source, 0.0, factor * error)
-    return total
-
-
-def _describe_mean(mean: MeanHit, channel: int, cutoff_frequency: float) -> TraceQuality:
-    """Return how well one trace of a mean hit is known."""
-    return TraceQuality(
-        noise=float(mean.noise[channel]),
-        raw_noise=float(mean.raw_noise[channel]),
-        dither=float(mean.least_noise[channel]),
-        resolution=float(mean.largest_step[channel]),
-        baseline_points=mean.baseline_points,
-        relative_cutoff=cutoff_frequency / mean.sampling_rate,
-        zero_uncertainty=0.0 if channel else float(mean.zero_uncertainty[0]),
-    )
-
-
-def _read_decrements(mean: MeanHit, channel: int, peaks: LogDecrement) -> list[float]:
-    """Return Delta of every hit, about that of the mean.
-
-    Read at the mean's two peaks and linearised: a weak second peak may drown in one hit's noise,
-    and the highest point near it would be too high.
-    """
-    places = [peaks.first_index, peaks.second_index]
-    means = mean.traces[channel, places]
-    return [float(np.subtract(*cut[channel, places] / means)) for cut in mean.cut_hits()]
-
-
-def _make_decrement_errors(
-    trace: FloatArray, peaks: LogDecrement, quality: TraceQuality
-) -> UncertainNumber:
-    """Return the errors of Delta that all hits share [-]."""
-    step = compute_quantisation_error(quality.resolution, quality.dither)
-    quantisation = step * math.hypot(1.0 / peaks.first_peak, 1.0 / peaks.second_peak)
-    start = (quality.baseline_points - 1) / 2.0
-    trend = compute_trend(trace, quality) * abs(
-        (peaks.second_index - start) / peaks.second_peak
-        - (peaks.first_index - start) / peaks.first_peak
-    )
-    # Between both peaks lies one period of the decay: the second is a cosine's top.
-    curvature = peaks.second_peak * (2.0 * math.pi / (peaks.second_index - peaks.first_index)) ** 2
-    excess = compute_peak_excess(quality.noise, curvature, quality.relative_cutoff)
-    total = make_input("quantisation of the peaks", 0.0, quantisation)
-    total = total + make_input("trend of the baseline", 0.0, trend)
-    return total + make_input("second peak reading", 0.0, excess / peaks.second_peak)
-
-
-def read_hit(hit: FilteredHit, setup: RigSetup, sample: str) -> MeanReading:
-    """Read one hit on `sample`, as a series of it alone; the next may well differ by more."""
-    shifted = shift_hit(hit)
-    total = sum_up([shifted])
-    if total is None:
-        raise NotDeterminedError("tau_p: there is no hit")
-    mean = make_mean(total, [shifted], alone=hit)
-    form = look_at_pulse(mean, setup, sample)
-    return read_mean_hit(mean, setup, make_rig_numbers(setup, sample), sample, form)
-
-
-def _check_own_decay(mean: MeanHit, channel: int, peaks: LogDecrement) -> None:
-    """Refuse a second peak that is no decay of the body's own.
-
-    The force on both bodies, by the end of a contact or by a second one, shows on both in
-    proportion; the decay of one does not. A sample that decays from its first peak swings through
-    -sqrt(U1 U2) on the way to the second; noise, a second contact or a sensor's ringing does not.
-
-    Raises
-    ------
-    NotDeterminedError
-        If it is none.
-    """
-    if mean.traces.shape[0] == 1:
-        return
-    ours, other = mean.traces[channel], mean.traces[1 - channel]
-    first, second = peaks.first_index, peaks.second_index
-    shared = ours[first] / other[first] * other[second]
-    # Noise makes a quarter of the least peak.
-    if abs(ours[second] - shared) < 0.5 * peaks.second_peak:
-        raise NotDeterminedError(
-            "no log decrement, since the second peak is no decay of the body: the force on both"
-            " bodies has it, as at the end of a contact or by a second one"
-        )
-    swing = -float(np.min(ours[first:second] * np.sign(ours[first])))
-    # The swing is 1 for a free decay; a sensor that rings with 5 % of the pulse makes a quarter.
-    if channel and swing < 0.5 * math.sqrt(peaks.first_peak * peaks.second_peak):
-        raise NotDeterminedError(
-            "no log decrement, since the second peak is no decay of the body, which would swing"
-            " to the other side before it: noise, a second contact or a sensor that rings"
-        )
-
-
-def _check_spring(mean: MeanHit, setup: RigSetup) -> None:
-    """Refuse what rings on a sample that moves on after the contact, on no spring.
-
-    Raises
-    ------
-    NotDeterminedError
-        If it does.
-    """
-    found = follow_mean(mean, setup.find_chains(mean.sampling_rate))
-    if found is not None and found[-1].hold is Hold.FREE:
-        raise NotDeterminedError(
-            "no log decrement, since the sample moves on after the contact as a free body does:"
-            " what rings is its sensor's mount or an inner mode, or waves go to and fro in it"
-        )
-
 
 NAN = math.nan
 STIFFNESS = describe("N/m", "k", "stiffness", shown="MN/m")
@@ -464,3 +149,162 @@ def estimate_body(
     body = _estimate_body(series, 1, known)
     stated = UNKNOWN if equivalent is None else equivalent.state(series.rig.notes)
     return stated, replace(body, notes=body.notes + notes)
+
+
+OF_ONE_HIT = Note(
+    Subject.UNCERTAINTY, "that of the one hit; what scatters from hit to hit is not in it"
+)
+
+LOG_DECREMENT, FREE_DECAY = "log decrement", "free decay"
+"""Methods that a sample's damping is by."""
+
+PEAK = describe("m/s^2", shown="m/s²")
+TIME = describe("s", shown="µs")
+MOMENT = describe("s", shown="µs", least=-LARGEST)
+SPREAD = describe("s", shown="µs", least=0.0)
+
+
+@dataclass(frozen=True)
+class PaperEstimate(Comparable):
+    """tau_p, k2, c2 and readings of the mean traces; NaN: not determined."""
+
+    contact_time: Quantity = field(default=UNKNOWN, metadata=CONTACT_TIME)  # of the mean trace
+    contact_time_spread: float = field(default=NAN, metadata=SPREAD)  # standard deviation of hits
+    half_amplitude_width: Quantity = field(default=UNKNOWN, metadata=WIDTH)
+    base_width: Quantity = field(default=UNKNOWN, metadata=BASE_WIDTH)
+    width_ratio: float = field(default=NAN, metadata=describe(least=POSITIVE))  # w10 / w50
+    equivalent_stiffness: Quantity = field(default=UNKNOWN, metadata=EQUIVALENT_STIFFNESS)
+    stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)  # k2
+    damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
+    damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
+    damping_method: str = ""  # that damping ratio and coefficient are by; empty: not determined
+    log_decrement: float = NAN
+    first_peak: float = field(default=NAN, metadata=PEAK)  # U1
+    first_peak_time: float = field(default=NAN, metadata=MOMENT)  # from the middle of the pulse
+    second_peak: float = field(default=NAN, metadata=PEAK)  # U2
+    second_peak_time: float = field(default=NAN, metadata=MOMENT)
+    hammer_peak: float = field(default=NAN, metadata=PEAK)  # of the mean traces
+    specimen_peak: float = field(default=NAN, metadata=PEAK)
+    # Standard deviation of the hits over their mean.
+    hammer_peak_spread_percent: float = field(default=NAN, metadata=NOT_NEGATIVE)
+    peak_force: Quantity = field(default=UNKNOWN, metadata=describe("N", "Fmax", "peak force"))
+    rise_time: float = field(default=NAN, metadata=describe("s"))  # 10 % to 90 % of the peak
+    warnings: tuple[Note, ...] = field(default=(), metadata=INTERNAL)
+    notes: tuple[Note, ...] = field(default=(), metadata=INTERNAL)  # what is not determined: why
+
+    def without_damping(self) -> "PaperEstimate":
+        """Return it without what comes from the log decrement."""
+        return replace(
+            self,
+            damping_ratio=UNKNOWN,
+            damping_coefficient=UNKNOWN,
+            damping_method="",
+            log_decrement=NAN,
+        )
+
+
+NO_NUMBERS = PaperEstimate()
+"""Estimate of a sample without an accepted hit."""
+
+
+def estimate_paper(
+    name: str,
+    series: MeanReading,
+    contact_time_spread: float,
+    hammer: BodyEstimate,
+    setup: RigSetup,
+) -> PaperEstimate:
+    """Estimate tau_p, k2 and c2 of one sample by equations (5) and (6b).
+
+    The standard deviation of tau_p over the accepted hits [s] is NaN of one hit. As long as k1 of
+    the hammer is NaN, k2 and c2 are not determined.
+    """
+    mean, contact_time = series.mean, series.contact_time.state()
+    equivalent, body = estimate_body(series, setup, name, hammer)
+    peaks, tops = body.peaks, np.abs(mean.traces).max(axis=1).tolist()
+    noted = (
+        contact_time,
+        equivalent,
+        body.stiffness,
+        body.damping_ratio,
+        body.damping_coefficient,
+    )
+    one_hit = () if len(mean.hits) >= LEAST_HITS else (OF_ONE_HIT,)
+    notes = body.notes + one_hit + tuple(note for item in noted for note in item.notes)
+    return PaperEstimate(
+        contact_time=contact_time,
+        contact_time_spread=contact_time_spread,
+        # Their budgets are part of that of tau_p.
+        half_amplitude_width=replace(series.width.state(), budget=()),
+        base_width=replace(series.base_width.state(), budget=()) if series.base_width else UNKNOWN,
+        width_ratio=series.width_ratio,
+        # Its budget is that of tau_p and the masses: it is not told again.
+        equivalent_stiffness=replace(equivalent, budget=()),
+        stiffness=body.stiffness,
+        damping_ratio=body.damping_ratio,
+        damping_coefficient=body.damping_coefficient,
+        damping_method=LOG_DECREMENT if body.damping_ratio.is_known else "",
+        log_decrement=body.log_decrement,
+        first_peak=peaks.first_peak if peaks else NAN,
+        first_peak_time=_find_time(mean, peaks.first_index) if peaks else NAN,
+        second_peak=peaks.second_peak if peaks else NAN,
+        second_peak_time=_find_time(mean, peaks.second_index) if peaks else NAN,
+        hammer_peak=tops[0],
+        specimen_peak=tops[1] if len(tops) > 1 else NAN,
+        hammer_peak_spread_percent=_compute_peak_spread(mean),
+        peak_force=_estimate_peak_force(name, mean, setup),
+        rise_time=measure_rise(mean.traces[0]) / mean.sampling_rate,
+        warnings=tuple(filter(None, (check_steps(mean), check_control(setup)))),
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _compute_peak_spread(mean: MeanHit) -> float:
+    peaks = [hit.pulse.peak for hit in mean.hits]
+    return 100.0 * float(np.std(peaks, ddof=1) / abs(np.mean(peaks))) if len(peaks) > 1 else NAN
+
+
+def _estimate_peak_force(name: str, mean: MeanHit, setup: RigSetup) -> Quantity:
+    peak = float(np.abs(mean.traces[0]).max())
+    if len(mean.hits) < LEAST_HITS:
+        return Quantity(setup.hammer_load * peak, notes=(ONE_HIT,))
+    peaks = [hit.pulse.peak for hit in mean.hits]
+    number = make_scatter(f"scatter of the peaks on {name}", peak, peaks, mean.count)
+    rig = make_rig_numbers(setup, name).follow(follow_series(mean))
+    force = rig.load * rig.gains[0] * number
+    return compute_quantity(setup.hammer_load * peak, force)
+
+
+def _find_time(mean: MeanHit, index: int) -> float:
+    return (index - mean.origin) / mean.sampling_rate
+
+
+STEPS = Note(
+    Subject.CONVERTER,
+    "the noise is smaller than the converter's steps and does not average them out: the"
+    " uncertainty of the free decay leaves that out; amplify the signals, or use more bits",
+)
+
+
+def check_steps(mean: MeanHit) -> Note | None:
+    """Warn unless the noise dithers the converter."""
+    step, noise = mean.largest_step, mean.least_noise
+    # Of so much noise exp(-2 pi^2 0.4^2), 4 %, of the steps is left.
+    return STEPS if np.any((step > 0.0) & (noise < 0.4 * step)) else None
+
+
+def check_control(setup: RigSetup) -> Note | None:
+    """Warn unless control sample and hammer are alike."""
+    control = setup.samples.control_sample
+    if not control or setup.find_unknown_masses(control):
+        return None
+    mass, hammer = setup.samples.get_moving_mass(control), setup.hammer_mass
+    # The published control sample differs by 5 %.
+    if abs(mass - hammer) <= 0.2 * hammer:
+        return None
+    return Note(
+        Subject.CONTROL_SAMPLE,
+        f"the control sample {control!r} of {mass * 1e3:.4g} g is not alike to the hammer of"
+        f" {hammer * 1e3:.4g} g, as k1 = 2 k_eq assumes: k1, and with it every k2 and c2, may be"
+        " wrong",
+    )

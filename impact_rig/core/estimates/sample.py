@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from impact_rig.core.estimates.agreement import settle_damping
 from impact_rig.core.estimates.checks import (
     NO_CHECKS,
     Checks,
@@ -16,9 +15,15 @@ from impact_rig.core.estimates.checks import (
 )
 from impact_rig.core.estimates.comparison import ModelComparison, compare_with_model
 from impact_rig.core.estimates.contact_law import NO_LAW, ContactLaw
+from impact_rig.core.estimates.mean_reading import HammerPulse, look_at_pulse
 from impact_rig.core.estimates.model import Body, ImpactModel, ModelVariant
-from impact_rig.core.estimates.paper_estimate import MOMENT, NO_NUMBERS, PaperEstimate
-from impact_rig.core.estimates.paper_method import NAN, BodyEstimate, HammerPulse, look_at_pulse
+from impact_rig.core.estimates.paper_method import (
+    MOMENT,
+    NAN,
+    NO_NUMBERS,
+    BodyEstimate,
+    PaperEstimate,
+)
 from impact_rig.core.estimates.pulse_shape import NO_SHAPE, PulseShapeEstimate
 from impact_rig.core.estimates.ringing import (
     NO_DECAY,
@@ -26,6 +31,7 @@ from impact_rig.core.estimates.ringing import (
     estimate_decay,
     find_shared_ringing,
     is_same,
+    settle_damping,
 )
 from impact_rig.core.estimates.uncertainty import make_rig_numbers
 from impact_rig.core.given.errors import RigError
@@ -33,7 +39,7 @@ from impact_rig.core.given.findings import Note, Subject
 from impact_rig.core.given.quantity import INLINE, INTERNAL, NOT_NEGATIVE, Comparable
 from impact_rig.core.given.sensors import CHANNELS
 from impact_rig.core.given.setup import RigSetup
-from impact_rig.core.hit.pulse_width import find_base, measure_pulse
+from impact_rig.core.hit.pulse_width import find_ends, measure_pulse
 from impact_rig.core.mean.mean_hit import MeanHit
 
 NEAR_LOW_PASS = 2.0
@@ -87,7 +93,7 @@ def estimate_traces(name: str, mean: MeanHit, setup: RigSetup) -> TraceEstimates
         0.55 * setup.analysis.pulse_factor * shape.half_amplitude_width / rate,
         pulse.law.separation,
         # Without a law a long foot is still the contact; what stays above 1 % is no foot.
-        float(np.nan_to_num(find_base(mean.traces[0], shape)[1] - shape.middle)) / rate,
+        float(np.nan_to_num(find_ends(mean.traces[0], shape)[1] - shape.middle)) / rate,
     )
     notes = pulse.notes + (() if pulse.law.is_known else pulse.law.notes)
     decay = NO_DECAY

@@ -218,7 +218,7 @@ class RigNumbers:
     gains: tuple[UncertainNumber, ...]
     low_pass: UncertainNumber  # 0 ± 1 [-]: the error by the low-pass, alike on all samples
     pulse_shape: UncertainNumber  # 0 ± 1 [-]: the error by the pulse's shape, alike on all samples
-    notes: tuple[Note, ...]  # what is assumed, since nothing states it
+    notes: tuple[Note, ...] = ()  # what is assumed, since nothing states it
 
     def find_speed(self, change: UncertainNumber) -> UncertainNumber:
         """Return the hammer's change of velocity by that of its trace [m/s]."""
@@ -242,18 +242,15 @@ class RigInputs:
 
     def __init__(self, setup: RigSetup) -> None:
         self._setup, samples = setup, setup.samples
-        self._hammer = _make_mass("the hammer", setup.hammer_mass, setup.hammer_mass_uncertainty)
-        self._accelerometer = _make_mass(
-            "the accelerometer", samples.accelerometer_mass, samples.accelerometer_mass_uncertainty
+        carried = samples.accelerometer_mass, samples.accelerometer_mass_uncertainty
+        self._masses = (
+            ("the hammer", setup.hammer_mass, setup.hammer_mass_uncertainty),
+            ("the accelerometer", *carried),
         )
-        self._load = self._hammer
-        if setup.measures_force:
-            self._load = make_input("force", setup.hammer_load, 0.0)
+        hammer, self._accelerometer = (_make_mass(*stated) for stated in self._masses)
+        load = make_input("force", setup.hammer_load, 0.0) if setup.measures_force else hammer
         self._bodies: dict[tuple[str, float, float], UncertainNumber] = {}
-        self._clock = make_input("sampling clock", 1.0, setup.clock_uncertainty)
-        self._low_pass = make_input("low-pass", 0.0, 1.0)
-        self._pulse_shape = make_input(PULSE_SHAPE, 0.0, 1.0)
-        self._gains = tuple(
+        gains = (
             make_stated(
                 f"gain of the {body}'s channel",
                 1.0,
@@ -261,6 +258,15 @@ class RigInputs:
                 ASSUMED_GAIN,
             )
             for body, channel in zip(("hammer", "sample"), CHANNELS, strict=True)
+        )
+        self._common = RigNumbers(
+            hammer_mass=hammer,
+            moving_mass=self._accelerometer,
+            load=load,
+            clock=make_input("sampling clock", 1.0, setup.clock_uncertainty),
+            gains=tuple(gains),
+            low_pass=make_input("low-pass", 0.0, 1.0),
+            pulse_shape=make_input(PULSE_SHAPE, 0.0, 1.0),
         )
 
     def find(self, sample: str) -> RigNumbers:
@@ -276,45 +282,23 @@ class RigInputs:
         body = self._bodies.get(stated)
         if body is None:
             body = self._bodies[stated] = _make_mass(*stated)
-        masses = {
-            "the hammer": (setup.hammer_mass, setup.hammer_mass_uncertainty),
-            "the accelerometer": (
-                setup.samples.accelerometer_mass,
-                setup.samples.accelerometer_mass_uncertainty,
-            ),
-            struck.body: (struck.mass, struck.mass_uncertainty),
-        }
-        unstated = " and ".join(
-            name for name, (mass, standard) in masses.items() if mass > 0.0 == standard
-        )
-        gains = " and ".join(
-            channel
-            for channel in CHANNELS
-            if not setup.find_sensor(channel).sensitivity_uncertainty
-        )
-        notes = []
-        if gains:
-            told = (
-                f"the gains of {gains} within {100.0 * ASSUMED_GAIN:g} %, standard, since"
-                " nothing states it"
+        masses = *self._masses, stated
+        unstated = [name for name, mass, standard in masses if mass > 0.0 == standard]
+        gains = [it for it in CHANNELS if not setup.find_sensor(it).sensitivity_uncertainty]
+        notes = [
+            Note(
+                subject,
+                f"the {what} of {' and '.join(names)} within {100.0 * part:g} %, standard, since"
+                " nothing states it",
             )
-            notes.append(Note(Subject.ASSUMED_GAIN, told))
-        if unstated:
-            told = (
-                f"the mass of {unstated} within {100.0 * ASSUMED_MASS:g} %, standard,"
-                " since nothing states it"
+            for subject, what, names, part in (
+                (Subject.ASSUMED_GAIN, "gains", gains, ASSUMED_GAIN),
+                (Subject.ASSUMED_MASS, "mass", unstated, ASSUMED_MASS),
             )
-            notes.append(Note(Subject.ASSUMED_MASS, told))
-        return RigNumbers(
-            hammer_mass=self._hammer,
-            moving_mass=body + self._accelerometer,
-            load=self._load,
-            clock=self._clock,
-            gains=self._gains,
-            low_pass=self._low_pass,
-            pulse_shape=self._pulse_shape,
-            notes=tuple(notes),
-        )
+            if names
+        ]
+        moving = body + self._accelerometer
+        return replace(self._common, moving_mass=moving, notes=tuple(notes))
 
 
 def _make_mass(name: str, mass: float, standard: float) -> UncertainNumber:

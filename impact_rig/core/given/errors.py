@@ -99,6 +99,12 @@ def check_name(what: str, name: object, known: Collection[str]) -> None:
         raise UnknownNameError(f"unknown {what} {name!r}: there are {names}")
 
 
+def check_choice(name: str, value: str, known: Collection[str]) -> None:
+    """Require one of several words; raises `ParameterError`."""
+    if value not in known:
+        raise ParameterError(f"{name} is {value!r}: it must be one of {', '.join(known)}", name)
+
+
 def _is_finite(value: object) -> bool:
     return isinstance(value, Real) and math.isfinite(value)
 

@@ -240,6 +240,16 @@ UNKNOWN = Quantity()
 """A quantity that is not determined."""
 
 
+def quantity_field(unit: str, symbol: str, label: str, *, shown: str = "") -> Any:
+    """Return the field of a quantity that is not determined unless it is given."""
+    return field(default=UNKNOWN, metadata=describe(unit, symbol, label, shown=shown))
+
+
+def stated_field(unit: str, written: str, default: float = 0.0) -> Any:
+    """Return the field of a standard uncertainty, 0 where nothing states it."""
+    return field(default=default, metadata=describe(unit, written=written, least=0.0))
+
+
 def make_result(record: Record) -> Record:
     """Return a dataclass as it leaves where it was made, with all records within it.
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.given.errors import (
-    ParameterError,
     SignalError,
+    check_choice,
     check_if_known,
     check_not_negative,
     check_positive,
@@ -37,10 +37,7 @@ class Origin:
     def __post_init__(self) -> None:
         """Refuse an unknown kind; a source's words must not steer a terminal."""
         object.__setattr__(self, "kind", self.kind or UNKNOWN_KIND)
-        if self.kind not in KINDS:
-            raise ParameterError(
-                f"the origin of a hit is {self.kind!r}: it must be one of {', '.join(KINDS)}"
-            )
+        check_choice("the origin of a hit", self.kind, KINDS)
         for name in ("source", "file", "place"):
             text = "".join(item if item.isprintable() else "?" for item in getattr(self, name))
             object.__setattr__(self, name, text)

@@ -4,8 +4,13 @@ import math
 import re
 from dataclasses import dataclass, field
 
-from impact_rig.core.given.errors import ParameterError, check_not_negative, check_positive
-from impact_rig.core.given.quantity import Comparable, describe
+from impact_rig.core.given.errors import (
+    ParameterError,
+    check_choice,
+    check_not_negative,
+    check_positive,
+)
+from impact_rig.core.given.quantity import Comparable, describe, stated_field
 
 STANDARD_GRAVITY = 9.80665
 """[m/s^2], by definition."""
@@ -163,36 +168,21 @@ class Sensor(Comparable):
     serial_number: str = ""  # as on the sensor; empty: not known
     calibration_date: str = ""  # of the sheet, year-month-day; empty: not known
     # Relative standard uncertainty of the channel's gain [-]; 0: not stated.
-    sensitivity_uncertainty: float = field(default=0.0, metadata=describe(written="sensitivity_u"))
+    sensitivity_uncertainty: float = stated_field("", "sensitivity_u")
     resonance: float = field(default=0.0, metadata=describe("Hz"))  # as in `SensorResponse`
     # Their standard uncertainties [Hz]; 0: not stated.
-    resonance_uncertainty: float = field(
-        default=0.0, metadata=describe("Hz", written="resonance_u")
-    )
+    resonance_uncertainty: float = stated_field("Hz", "resonance_u")
     resonance_damping: float = DEFAULT_RESONANCE_DAMPING
     low_corner: float = field(default=0.0, metadata=describe("Hz"))
-    low_corner_uncertainty: float = field(
-        default=0.0, metadata=describe("Hz", written="low_corner_u")
-    )
+    low_corner_uncertainty: float = stated_field("Hz", "low_corner_u")
     upper_corner: float = field(default=0.0, metadata=describe("Hz"))
-    upper_corner_uncertainty: float = field(
-        default=0.0, metadata=describe("Hz", written="upper_corner_u")
-    )
+    upper_corner_uncertainty: float = stated_field("Hz", "upper_corner_u")
 
     def __post_init__(self) -> None:
         """Refuse what cannot be meant."""
-        if self.channel not in CHANNELS:
-            raise ParameterError(
-                f"sensor channel is {self.channel!r}: it must be one of {', '.join(CHANNELS)}",
-                "sensor channel",
-            )
+        check_choice("sensor channel", self.channel, CHANNELS)
         name = f"{self.channel} sensor"
-        if self.quantity not in QUANTITIES:
-            raise ParameterError(
-                f"quantity of the {name} is {self.quantity!r}: it must be one of"
-                f" {', '.join(QUANTITIES)}",
-                f"quantity of the {name}",
-            )
+        check_choice(f"quantity of the {name}", self.quantity, QUANTITIES)
         if self.quantity == "force" and self.channel != "hammer":
             raise ParameterError(
                 f"the {name} measures a force: on the sample it must be an acceleration"
@@ -292,18 +282,16 @@ def _check_response(name: str, response: SensorResponse) -> None:
             " most, of critical damping",
             f"resonance damping of the {name}",
         )
-    if response.resonance and response.low_corner >= response.resonance:
-        raise ParameterError(
-            f"low corner of the {name} is {response.low_corner:g} Hz: it must lie below the"
-            f" resonance of {response.resonance:g} Hz",
-            f"low corner of the {name}",
-        )
-    if response.upper_corner and response.low_corner >= response.upper_corner:
-        raise ParameterError(
-            f"low corner of the {name} is {response.low_corner:g} Hz: it must lie below the"
-            f" upper corner of {response.upper_corner:g} Hz",
-            f"low corner of the {name}",
-        )
+    for what, above in (
+        ("resonance", response.resonance),
+        ("upper corner", response.upper_corner),
+    ):
+        if above and response.low_corner >= above:
+            raise ParameterError(
+                f"low corner of the {name} is {response.low_corner:g} Hz: it must lie below the"
+                f" {what} of {above:g} Hz",
+                f"low corner of the {name}",
+            )
 
 
 def describe_calibration_age(name: str, day: str, today: str, due: str = "") -> str | None:

@@ -15,7 +15,7 @@ from impact_rig.core.given.errors import (
     check_positive,
 )
 from impact_rig.core.given.filtering import Chain
-from impact_rig.core.given.quantity import INLINE, Comparable, describe
+from impact_rig.core.given.quantity import INLINE, Comparable, describe, stated_field
 from impact_rig.core.given.sensors import CHANNELS, STANDARD_GRAVITY, Sensor, SensorResponse
 
 
@@ -120,7 +120,7 @@ class Sample(Comparable):
     reference_stiffness: float = field(default=math.nan, metadata=describe("N/m"))
     reference_damping_coefficient: float = field(default=math.nan, metadata=describe("N s/m"))
     # Standard uncertainty of the mass [kg]; 0: not stated.
-    mass_uncertainty: float = field(default=0.0, metadata=describe("kg", written="mass_u"))
+    mass_uncertainty: float = stated_field("kg", "mass_u")
     # Of the hammer in this series of hits [rad]; NaN: the rig's. A sample that is struck from
     # several angles is in the set once for each, "steel small 5°" beside "steel small 10°".
     release_angle: float = field(default=math.nan, metadata=describe("rad"))
@@ -176,9 +176,7 @@ class SampleSet:
     # Carried by every sample, part of m2 [kg].
     accelerometer_mass: float = field(default=0.0, metadata=describe("kg"))
     # Standard uncertainty of that mass [kg]; 0: not stated.
-    accelerometer_mass_uncertainty: float = field(
-        default=0.0, metadata=describe("kg", written="accelerometer_mass_u")
-    )
+    accelerometer_mass_uncertainty: float = stated_field("kg", "accelerometer_mass_u")
     check_sample: str = ""  # the free rigid mass of the operational check; empty: none
 
     def __post_init__(self) -> None:
@@ -260,22 +258,16 @@ class RigSetup(Comparable):
     name: str = ""  # of the rig, in the operator's words
     description: str = ""
     # Standard uncertainty of m1 [kg]; 0: not stated.
-    hammer_mass_uncertainty: float = field(
-        default=0.0, metadata=describe("kg", written="hammer_mass_u")
-    )
+    hammer_mass_uncertainty: float = stated_field("kg", "hammer_mass_u")
     # Relative standard uncertainty of the sampling rate [-]; 0: not stated.
-    clock_uncertainty: float = field(
-        default=DEFAULT_CLOCK_UNCERTAINTY, metadata=describe(written="clock_u")
-    )
+    clock_uncertainty: float = stated_field("", "clock_u", DEFAULT_CLOCK_UNCERTAINTY)
     # k1 from an earlier control experiment [N/m]; NaN: from the control sample of this set.
     hammer_stiffness: float = field(default=math.nan, metadata=describe("N/m"))
     sensors: tuple[Sensor, ...] = ()  # of the channels, as far as they are known; one each at most
     # From which the hammer reaches it [rad]; NaN: not known.
     release_angle: float = field(default=math.nan, metadata=describe("rad"))
     # Standard uncertainty of the impact speed [m/s]; 0: not stated.
-    impact_speed_uncertainty: float = field(
-        default=0.0, metadata=describe("m/s", written="impact_speed_u", least=0.0)
-    )
+    impact_speed_uncertainty: float = stated_field("m/s", "impact_speed_u")
 
     def __post_init__(self) -> None:
         """Refuse impossible numbers."""

@@ -149,11 +149,11 @@ def measure_pulse(trace: FloatArray) -> PulseWidth:
     )
 
 
-def find_base(trace: FloatArray, pulse: PulseWidth) -> tuple[float, float]:
-    """Return where a pulse rises above a hundredth of its peak and falls below it [points]."""
+def find_ends(trace: FloatArray, pulse: PulseWidth, level: float = BASE) -> tuple[float, float]:
+    """Return where a pulse rises above a part of its peak and falls below it [points]."""
     upright = trace if pulse.peak > 0 else -trace
     rise, fall = (
-        find_crossing(upright, pulse.peak_index, BASE * abs(pulse.peak), step) for step in (-1, 1)
+        find_crossing(upright, pulse.peak_index, level * abs(pulse.peak), step) for step in (-1, 1)
     )
     return rise, fall
 
@@ -210,7 +210,7 @@ def estimate_pulse_errors(
     """
     upright = trace if pulse.peak > 0 else -trace
     height, width = abs(pulse.peak), pulse.half_amplitude_width
-    ends = (pulse.rise, pulse.fall) if level == HALF else find_base(trace, pulse)
+    ends = find_ends(trace, pulse, level)
     rise, fall = (_compute_slope(upright, pulse.peak_index, height, level, i) for i in (-1, 1))
     both = 1.0 / rise + 1.0 / fall
     # The level goes with the peak, and away from the zero.
@@ -360,8 +360,5 @@ def _try_low_pass(cutoff_contact_time: float, level: float) -> float:
 
 
 def _measure_width(trace: FloatArray, level: float) -> float:
-    pulse = measure_pulse(trace)
-    if level == HALF:
-        return pulse.half_amplitude_width
-    rise, fall = find_base(trace, pulse)
+    rise, fall = find_ends(trace, measure_pulse(trace), level)
     return fall - rise

@@ -2,9 +2,11 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from impact_rig.core.given.findings import Note, Subject
 from impact_rig.core.given.records import FloatArray
@@ -68,13 +70,18 @@ def follow_series(mean: MeanHit, ratios: FloatArray | None = None) -> Course:
 def find_trend(values: FloatArray) -> float:
     """Return how far values, shape (n,), go from the first to the last; 0: no more than chance."""
     count = values.size
-    number = np.arange(count) - (count - 1) / 2.0
-    spread = float(number @ number)
-    slope = float(number @ values) / spread
-    left = values - values.mean() - slope * number
-    error = math.sqrt(float(left @ left) / (count - 2) / spread)
+    slope, error = _fit_line(np.arange(count), values)
     limit = float(scipy.special.stdtrit(count - 2, 1.0 - CHANCE / 2.0))
     return slope * (count - 1) if abs(slope) > limit * error else 0.0
+
+
+def _fit_line(places: NDArray[Any], values: FloatArray) -> tuple[float, float]:
+    """Return the slope of values over places, both of shape (n,), and its standard error."""
+    centred = places - places.mean()
+    spread = float(centred @ centred)
+    slope = float(centred @ values) / spread
+    left = values - values.mean() - slope * centred
+    return slope, math.sqrt(float(left @ left) / (values.size - 2) / spread)
 
 
 def describe_groups(peaks: FloatArray, widths: FloatArray) -> str | None:
@@ -90,10 +97,7 @@ def describe_groups(peaks: FloatArray, widths: FloatArray) -> str | None:
     # Of one group, the halves are 1.6 of their own deviations apart, seldom 6.
     if apart < max(8.0 * within, 0.1):
         return None
-    centred = peaks - peaks.mean()
-    power = float(centred @ widths) / float(centred @ centred)
-    left = widths - widths.mean() - power * centred
-    error = math.sqrt(float(left @ left) / (peaks.size - 2) / float(centred @ centred))
+    power, error = _fit_line(peaks, widths)
     # Hertz: the duration goes as F^(-1/6), of a linear spring it does not change.
     near = max(3.0 * error, 0.02)
     kind = "as of two contacts"

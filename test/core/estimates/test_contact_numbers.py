@@ -9,18 +9,20 @@ import pytest
 from numpy.typing import NDArray
 
 from impact_rig.core.estimates.contact_law import NO_LAW, ContactLaw
-from impact_rig.core.estimates.paper_estimate import estimate_paper
-from impact_rig.core.estimates.paper_method import (
-    BodyEstimate,
-    HammerEstimate,
+from impact_rig.core.estimates.mean_reading import (
     HammerPulse,
     MeanReading,
     compute_shape_error,
-    estimate_body,
-    estimate_hammer,
     look_at_pulse,
     read_hit,
     read_mean_hit,
+)
+from impact_rig.core.estimates.paper_method import (
+    BodyEstimate,
+    HammerEstimate,
+    estimate_body,
+    estimate_hammer,
+    estimate_paper,
 )
 from impact_rig.core.estimates.pulse_shape import NO_SHAPE
 from impact_rig.core.estimates.uncertainty import RigInputs

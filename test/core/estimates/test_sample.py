@@ -12,13 +12,12 @@ from hypothesis import strategies as st
 from scipy.signal import StateSpace, impulse
 
 from impact_rig.core.estimates.equations import estimate_damping_coefficient
-from impact_rig.core.estimates.paper_estimate import STEPS, estimate_paper
+from impact_rig.core.estimates.mean_reading import UNSEEN, MeanReading, read_mean_hit
 from impact_rig.core.estimates.paper_method import (
-    UNSEEN,
+    STEPS,
     BodyEstimate,
-    MeanReading,
     estimate_hammer,
-    read_mean_hit,
+    estimate_paper,
 )
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.estimates.uncertainty import RigInputs

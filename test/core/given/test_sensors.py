@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from impact_rig.core.estimates.checks import NO_CHECKS
-from impact_rig.core.estimates.paper_estimate import PaperEstimate
-from impact_rig.core.estimates.paper_method import UNSEEN, HammerEstimate
+from impact_rig.core.estimates.mean_reading import UNSEEN
+from impact_rig.core.estimates.paper_method import HammerEstimate, PaperEstimate
 from impact_rig.core.estimates.ringing import (
     FreeDecayEstimate,
     explain_ringing,

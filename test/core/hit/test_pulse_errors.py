@@ -20,7 +20,7 @@ from impact_rig.core.hit.pulse_width import (
     compute_quantisation_error,
     compute_trend,
     estimate_pulse_errors,
-    find_base,
+    find_ends,
     measure_pulse,
 )
 
@@ -40,7 +40,7 @@ def make_pulse(
 
 def measure_width(trace: NDArray[np.float64], level: float = HALF) -> float:
     pulse = measure_pulse(trace)
-    rise, fall = (pulse.rise, pulse.fall) if level == HALF else find_base(trace, pulse)
+    rise, fall = find_ends(trace, pulse, level)
     return fall - rise
 
 

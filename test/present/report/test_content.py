@@ -7,7 +7,7 @@ import pytest
 
 from impact_rig.configuration.particulars import Particulars
 from impact_rig.core.estimates.contact_law import ContactLaw
-from impact_rig.core.estimates.paper_estimate import PaperEstimate
+from impact_rig.core.estimates.paper_method import PaperEstimate
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.findings import Finding, Reason
 from impact_rig.core.given.quantity import Quantity

@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from impact_rig.core.estimates.agreement import reach, settle_damping
-from impact_rig.core.estimates.paper_estimate import PaperEstimate
-from impact_rig.core.estimates.ringing import NO_DECAY, FreeDecayEstimate
+from impact_rig.core.estimates.paper_method import PaperEstimate
+from impact_rig.core.estimates.ringing import NO_DECAY, FreeDecayEstimate, reach, settle_damping
 from impact_rig.core.given.quantity import UNKNOWN, BudgetLine, Quantity
 
 C = Quantity(482.0, 3.0, 6.0, degrees_of_freedom=20.0, budget=(BudgetLine("mass", "B", 3.0, 1.0),))
