@@ -293,8 +293,10 @@ class EstimatorNode(RigNode):
             return
         name = next(iter(self._incomplete))
         del self._incomplete[name]
+        session = self._ledger.session
+        if name not in session.names:
+            return  # a replay has begun again
         try:
-            session = self._ledger.session
             self._publish_estimate(session, session.estimate_sample(name))
         except Exception as error:  # noqa: BLE001 - the verdicts and numbers are published already
             self.report_fault(str(error) if isinstance(error, RigError) else repr(error))

@@ -190,3 +190,18 @@ def test_each_pass_of_a_loop_estimates_afresh(harness, tmp_path):
     assert [item.record for item in impacts.wait_for_count(12)] == [1, 2, 3, 4] * 3
     (sample,) = harness.call(GetResults, interfaces.GET_RESULTS).samples
     assert (sample.impacts_accepted, sample.impacts_rejected) == (4, 0)
+
+
+def test_a_replay_that_begins_again_leaves_nothing_of_the_one_before_to_do(harness):
+    events = make_hits({"steel small": 1, CONTROL_SAMPLE: 1})
+    again = [event for event in events if getattr(event[2], "sample", "") != "steel small"]
+    node = harness.add(EstimatorNode)
+    comparisons = harness.listen(interfaces.COMPARISON)
+    topics = {topic.name: topic for _, topic, _ in events}
+    publishers = {name: harness.advertise(topic) for name, topic in topics.items()}
+    heard = interfaces.SETUP.name, interfaces.ACCELERATION.name
+    harness.wait_until(lambda: all(publishers[it].get_subscription_count() for it in heard))
+    for _, topic, message in (*events, *again):
+        publishers[topic.name].publish(message)
+    comparisons.wait_for_count(1)  # of the control sample, the second in turn
+    assert node.fault is None
