@@ -40,7 +40,7 @@ from impact_rig.nodes.result_messages import overrule_to_msg
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.page.access import Address, keep_token
 from impact_rig.page.sentence import make_sentence, say_plainly
-from impact_rig.page.server import LONGEST_FIELD, Act, Answer, Form, PageServer
+from impact_rig.page.server import LONGEST_FIELD, STOP, Act, Answer, Form, PageServer
 from impact_rig.page.traces import integrate_hammer, pack_traces
 from impact_rig.page.view import make_view
 from impact_rig.recordings.campaigns import is_trial
@@ -67,6 +67,8 @@ FROM_CAMPAIGN = ("mounted", "start", "resume")
 """Acts that are made from the campaign's state, and may lead to a swing."""
 LATE_ACTS = (*interfaces.LATE_ACTS, *FROM_CAMPAIGN)
 """Acts that do nothing when they come late."""
+QUIET = (interfaces.NOTE, interfaces.PAGE_ACT, interfaces.DIAGNOSTICS)
+"""Topics that anybody may flood: what they say is shown once a second."""
 ANSWERERS = {"overrule": "analysis", "monitor": "source"}
 """Who answers to an act, if not the campaign or the hammer."""
 
@@ -97,7 +99,7 @@ class PageNode(RigNode):
         )
         self._acts: dict[str, Act] = {
             **{act: ask(act, ActService, service) for act, service in ACTS.items()},
-            "mounted": ask("mounted", ConfirmSample, interfaces.CONFIRM_SAMPLE, _name_sample),
+            "mounted": ask("mounted", ConfirmSample, interfaces.CONFIRM_SAMPLE, _read_sample),
             "overrule": ask("overrule", OverruleHit, interfaces.OVERRULE_HIT, self._read_overrule),
             "monitor": ask("monitor", SetBool, interfaces.MONITOR_INPUT, _read_switch),
             "start": ask("start", start, f"{campaigns}/send_goal", _read_goal, self._answer_start),
@@ -122,6 +124,7 @@ class PageNode(RigNode):
             self.listen(topic, callback)
         # Stops that the hammer has answered to, and whose state has not come yet.
         self._stops: list[tuple[Future[Answer], Answer]] = []
+        self._open_stop = Form({}, "")  # the newest that was asked for
         self._told = ""  # of the address, besides itself
         self._hands.start()
         self.create_timer(SHOW_PERIOD, self._show)
@@ -130,13 +133,9 @@ class PageNode(RigNode):
 
     def configure(self) -> None:
         """Listen for browsers."""
-        certificate, key = self.get_value("certificate"), self.get_value("key")
-        address = Address(
-            self.get_value("address"),
-            self.get_value("port"),
-            Path(certificate) if certificate else None,
-            Path(key) if key else None,
-        )
+        paths = (self.get_value(name) for name in ("certificate", "key"))
+        files = [Path(path) if path else None for path in paths]
+        address = Address(self.get_value("address"), self.get_value("port"), *files)
         token, self._told = "", ""
         if not address.is_local:
             token, path = keep_token(Path.cwd())
@@ -171,15 +170,10 @@ class PageNode(RigNode):
     def on_received(
         self, topic: interfaces.Topic, callback: Callable[[Any], None], received: Received[Any]
     ) -> None:
-        """Call back, and show soon; notes and health are looked at once a second."""
+        """Call back, and show soon."""
         with self._lock:
             super().on_received(topic, callback, received)
-        is_quiet = topic is interfaces.INPUT_LEVELS and self._status.campaign.is_running
-        self._is_shown &= is_quiet or topic in (
-            interfaces.NOTE,
-            interfaces.PAGE_ACT,
-            interfaces.DIAGNOSTICS,
-        )
+        self._is_shown &= topic in QUIET
 
     def _on_campaign(self, received: Received[RigSetup]) -> None:
         self._status.begin(received.value, is_trial=is_trial(received.message))
@@ -214,7 +208,7 @@ class PageNode(RigNode):
     def _add_traces(self, traces: JudgedTraces) -> None:
         label = traces.aligned.label
         self._status.full_scales = traces.full_scale
-        self._status.speed_changes[label.record] = integrate_hammer(traces)
+        self._status.speed_changes = {label.record: integrate_hammer(traces)}  # of the last hit
         if self._server is not None:
             packed = pack_traces(traces, self._status.list_levels())
             self._server.show_trace(label.record, packed, is_first=label.sample != self._traced)
@@ -231,13 +225,15 @@ class PageNode(RigNode):
                 server.show(make_view(self._status, self._disk))
 
     def _look_round(self) -> None:
-        """Show what has changed of the disk and of the nodes' health."""
-        path = self._status.recorder.uri
-        try:
-            free = shutil.disk_usage(Path(path).parent).free if path else math.nan
-        except OSError:  # it is on another computer
-            free = math.nan
-        self._disk = "" if math.isnan(free) else f"{free / 1e9:.0f} GB left"
+        """Show what has changed of the disk and of the nodes' health; repeat an open stop."""
+        if self._status.stop_asked_at is not None:
+            # Its tab may be closed.
+            with suppress(DeviceError):
+                self._acts[STOP](self._open_stop)
+        self._disk = ""
+        if path := self._status.recorder.uri:
+            with suppress(OSError):  # it is on another computer
+                self._disk = f"{shutil.disk_usage(Path(path).parent).free / 1e9:.0f} GB left"
         self._is_shown = False
 
     # What a person does; called in the server's thread.
@@ -261,8 +257,8 @@ class PageNode(RigNode):
             request, deadline = kind.Request(**read(form)), time.monotonic() + self.answer_timeout
             if hasattr(asked := getattr(request, "goal", request), "by"):
                 self._fill(asked, act, form)
-            if act == "stop":
-                self._begin_stop()
+            if act == STOP:
+                self._begin_stop(form)
             if not client.service_is_ready():
                 who = ANSWERERS.get(act, name.partition("/")[0])
                 raise DeviceError(f"not done: the {who} does not answer")
@@ -279,7 +275,7 @@ class PageNode(RigNode):
                     return
                 message = getattr(response, "message", "")
                 result = Answer(getattr(response, "success", is_done), say_plainly(message))
-                if act == "stop" and result.done:
+                if act == STOP and result.done:
                     self._stops.append((answer, result))
                     self._settle_stops()
                 else:
@@ -313,8 +309,9 @@ class PageNode(RigNode):
             raise DeviceError("not done: the rig has not said anything yet")
         fill_act(request, state, form.by)
 
-    def _begin_stop(self) -> None:
+    def _begin_stop(self, form: Form) -> None:
         """Show that a stop waits for the hammer's word; it waits for no lock."""
+        self._open_stop = form
         if self._status.stop_asked_at is None:
             self._status.stop_asked_at = self._status.clock()
 
@@ -420,7 +417,7 @@ def _describe(act: str, form: Form) -> str:
     return " ".join((act, ", ".join(filter(None, given)))).strip()
 
 
-def _name_sample(form: Form) -> dict[str, Any]:
+def _read_sample(form: Form) -> dict[str, Any]:
     return {"sample": form["sample"]}
 
 

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from impact_rig.core.given.findings import Reason, join_findings
 from impact_rig.results.campaign import HitResults
@@ -91,13 +91,15 @@ def make_sentence(status: RigStatus) -> Sentence:
         return alarm
     if status.campaign.task is not Task.NOTHING:
         return _say_task(status)
-    if status.hammer.needs_person and not status.campaign.is_running:
+    if status.campaign.is_running:
+        return _say_step(status)
+    end = _say_end(status)
+    if not status.hammer.needs_person:
+        return end
+    if end.kind == "wait":  # for a campaign
         return Sentence("paused", "ARM FIRST", "The hammer is disarmed. Arm it, then start.")
-    last = status.last_hit
-    if status.is_trial and last is not None and not status.campaign.is_running:
-        verdict = "It would have been accepted" if last.accepted else advise(last)
-        return Sentence("done", "TRIAL HIT", f"It does not count. {verdict}.")
-    return _say_step(status)
+    # What was reached stays in sight.
+    return replace(end, headline=f"{end.headline}. ARM FIRST")
 
 
 def _say_alarm(status: RigStatus) -> Sentence | None:
@@ -164,10 +166,6 @@ def _say_step(status: RigStatus) -> Sentence:
     match campaign.state:
         case Step.PAUSED | Step.DISARMING:
             return Sentence("paused", "PAUSED", say_plainly(campaign.message))
-        case Step.COMPLETE:
-            return _say_complete(campaign)
-        case Step.ENDED:
-            return _say_end(status)
         case Step.STRIKING if status.hammer.is_by_hand:
             return Sentence("ask", "PULL BACK and HOLD", say_place(status))
         case Step.STRIKING:
@@ -190,6 +188,21 @@ def _say_verdict(status: RigStatus) -> Sentence:
     return Sentence("bad", f"REJECTED: {word(last)}", f"{advise(last)}.")
 
 
+def _say_end(status: RigStatus) -> Sentence:
+    """Return how a campaign has ended, or that the next one may begin."""
+    campaign, last = status.campaign, status.last_hit
+    if status.is_trial and last is not None:
+        verdict = "It would have been accepted" if last.accepted else advise(last)
+        return Sentence("done", "TRIAL HIT", f"It does not count. {verdict}.")
+    if campaign.state is Step.COMPLETE:
+        return _say_complete(campaign)
+    if campaign.message:
+        return Sentence("paused", "ENDED", say_plainly(campaign.message))
+    if status.setup is None or status.hammer is NO_HAMMER:
+        return Sentence("wait", "WAIT", "The rig has not said anything yet.")
+    return Sentence("wait", "READY", "Choose samples below, and start.")
+
+
 def _say_complete(campaign: CampaignStatus) -> Sentence:
     """Return that a campaign is complete, or what a person's verdict took from it since."""
     lacks = [
@@ -203,14 +216,6 @@ def _say_complete(campaign: CampaignStatus) -> Sentence:
     wanted = campaign.impacts * len(campaign.counts)
     detail = f"{found} of {wanted} hits in the mean: {', '.join(lacks)}."
     return Sentence("paused", "ENDED", detail)
-
-
-def _say_end(status: RigStatus) -> Sentence:
-    if status.campaign.message:
-        return Sentence("paused", "ENDED", say_plainly(status.campaign.message))
-    if status.setup is None or status.hammer is NO_HAMMER:
-        return Sentence("wait", "WAIT", "The rig has not said anything yet.")
-    return Sentence("wait", "READY", "Choose samples below, and start.")
 
 
 def say_place(status: RigStatus) -> str:

@@ -16,6 +16,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Self, TypeAlias
 from urllib.parse import quote, unquote, urlsplit
@@ -26,7 +27,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from impact_rig.core.given.errors import RigError
 from impact_rig.page.access import TOKEN, Address, Connections, make_link, read_host
-from impact_rig.page.view import TEXTS
+from impact_rig.page.view import LONGEST_LIST, TEXTS
 
 STATIC = {"page.css": "text/css; charset=utf-8", "page.js": "text/javascript; charset=utf-8"}
 MACROS = ("act", "note", "strength", "numbers", "hit_row")
@@ -56,13 +57,11 @@ POLICY = (
 class Seldom(logging.Filter):
     """Lets one message a second pass: a stranger fills no disk."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        super().__init__()
-        self._clock, self._passed = clock, -math.inf
+    _passed = -math.inf  # when one did [s]
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Return whether a message is logged."""
-        now = self._clock()
+        now = time.monotonic()
         if now - self._passed < 1.0:
             return False
         self._passed = now
@@ -165,8 +164,8 @@ class PageServer:
         parts: Any = environment.get_template("parts.html").module
         environment.globals |= {name: getattr(parts, name) for name in MACROS}
         self._template = environment.get_template("page.html")
-        self._make_row: Any = parts.hit_row
-        self._rows: dict[int, tuple[Any, str]] = {}  # of the table of hits
+        # Of the table of hits; what was rendered is not rendered again.
+        self._make_row = lru_cache(2 * LONGEST_LIST)(parts.hit_row)
         self._view: Any = None
         self._sentence = 0  # number of the one that is shown
         self.fragments: dict[str, str | None] = {}
@@ -258,12 +257,10 @@ class PageServer:
             ("/", Page, options),
             ("/live", LivePage, options),
             (f"/({'|'.join(map(re.escape, STATIC))})", Static, options),
-            ("/([a-z]+)", Acts, options),
+            ("/(.*)", Acts, options),
         ]
         application = Application(
             handlers,
-            default_handler_class=Nothing,
-            default_handler_args=options,
             log_function=lambda _: None,
             websocket_max_message_size=LONGEST_FORM,
             websocket_ping_interval=PING,
@@ -299,22 +296,12 @@ class PageServer:
         fragments: dict[str, str | None] = {
             name: "".join(block(context)).strip() for name, block in self._template.blocks.items()
         }
-        fragments |= self._render_rows(view.hits)
+        fragments |= {f"hit-{hit.record}": str(self._make_row(hit)) for hit in view.hits}
         news = {key: text for key, text in fragments.items() if self.fragments.get(key) != text}
         news |= dict.fromkeys(self.fragments.keys() - fragments.keys())
         self.fragments = fragments
         if news:
             self._send(news)
-
-    def _render_rows(self, hits: list[Any]) -> dict[str, str | None]:
-        """Return the rows of the table of hits; only those that are new are rendered."""
-        known, self._rows = self._rows, {}
-        for hit in hits:
-            row = known.get(hit.record)
-            if row is None or row[0] is not hit:
-                row = hit, str(self._make_row(hit))
-            self._rows[hit.record] = row
-        return {f"hit-{record}": text for record, (_, text) in self._rows.items()}
 
     def _show_trace(self, record: int, trace: bytes, is_first: bool) -> None:  # noqa: FBT001
         if is_first:
@@ -389,15 +376,6 @@ class _Checked(RequestHandler):
         return Form(fields, self.read_cookie(WHO)[:LONGEST_NAME], self.request.remote_ip or "")
 
 
-class Nothing(_Checked):
-    """Says that there is nothing at this address."""
-
-    def prepare(self) -> None:
-        """Refuse every address."""
-        super().prepare()
-        raise HTTPError(404, reason="there is nothing here: the page is at /")
-
-
 class Static(_Checked):
     """Style and script."""
 
@@ -422,6 +400,10 @@ class Page(_Checked):
 
 class Acts(_Checked):
     """A person's acts. A browser with a script gets JSON, one without the page again."""
+
+    def get(self, _: str) -> None:
+        """Change nothing."""
+        raise HTTPError(404, reason="there is nothing here: the page is at /")
 
     async def post(self, name: str) -> None:
         """Do what a form asks for, and say what came of it."""
@@ -507,18 +489,16 @@ class LivePage(_Checked, WebSocketHandler):
                 "fragments": self._news,
             }
         )
-        traces, self._traces, self._news = self._traces, [], {}
+        pending: list[str | bytes] = [*self._traces, message]
+        self._traces, self._news = [], {}
         self._has_shown, self._is_new = "", False
         try:
-            for trace in traces:
-                self._write(trace, binary=True)
-            self._write(message)
+            for data in pending:
+                done = self.write_message(data, binary=isinstance(data, bytes))
+                # That it goes nowhere is found out by the ping.
+                done.add_done_callback(lambda it: it.exception())
         except WebSocketClosedError:
             self.server.pages.discard(self)
-
-    def _write(self, message: str | bytes, *, binary: bool = False) -> None:
-        # That it goes nowhere is found out by the ping.
-        self.write_message(message, binary=binary).add_done_callback(lambda it: it.exception())
 
 
 def _read_clock() -> float:

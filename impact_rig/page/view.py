@@ -8,26 +8,18 @@ from types import SimpleNamespace
 
 from impact_rig.core.estimates.paper_method import HammerEstimate
 from impact_rig.core.given.findings import Reason, join_findings
-from impact_rig.page.sentence import (
-    advise,
-    ask_mass,
-    make_sentence,
-    say_plainly,
-    weigh,
-    word,
-)  # fmt: skip
+from impact_rig.page.sentence import advise, ask_mass, make_sentence, say_plainly, weigh, word
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import MICRO, MISSING, format_number
 from impact_rig.results.tables import tabulate_summary
 from impact_rig.status.levels import InputLevel, suggest_range, suggest_trigger_level
 from impact_rig.status.rig_status import RigStatus
-from impact_rig.status.states import NO_HAMMER, HammerPlace, Level, Step, Task
+from impact_rig.status.states import HammerPlace, Level, Step, Task
 
 LONGEST_LIST = 100
 """Most hits that are listed, the newest [-]."""
 MOST_MARKS = 40
 """Most marks for the hits of a sample [-]."""
-INPUT_COLUMNS = ("zero", "noise", "largest", "range", "range that suits")
 PLACES = {
     HammerPlace.HELD: "held",
     HammerPlace.SWINGING: "swings",
@@ -101,9 +93,8 @@ def make_view(status: RigStatus, disk: str = "") -> SimpleNamespace:
         mass=weigh(status),
         mass_differs=bool(ask_mass(status)),
         hammer=hammer,
-        place="not known" if hammer is NO_HAMMER else PLACES[hammer.state],
+        place=PLACES[hammer.state],
         armed=_say_armed(status),
-        input_columns=INPUT_COLUMNS,
         inputs=_list_inputs(status),
         is_monitoring=bool(status.levels.channels),
         trigger_level=_suggest_trigger_level(status),
@@ -166,11 +157,9 @@ def _list_lamps(status: RigStatus) -> list[tuple[str, str]]:
     if last is None:
         return []
     is_overload = any(item.reason is Reason.OVERLOAD for item in last.reasons)
+    peaks, scales = (last.hammer_peak, last.specimen_peak), (*status.full_scales, 0.0, 0.0)
     lamps = []
-    for number, (name, peak) in enumerate(
-        zip(names, (last.hammer_peak, last.specimen_peak), strict=True)
-    ):
-        full_scale = status.full_scales[number] if number < len(status.full_scales) else 0.0
+    for name, peak, full_scale in zip(names, peaks, scales, strict=False):
         is_over = is_overload and not peak < OVERLOADED * full_scale
         lamps.append((name, "overload" if is_over else "quiet" if math.isnan(peak) else "good"))
     return lamps
@@ -229,13 +218,8 @@ def _compute_speed(status: RigStatus, hit: HitResults) -> float:
 def _measure_strength(status: RigStatus, hit: HitResults) -> Strength | None:
     if status.setup is None or not status.full_scale or math.isnan(hit.hammer_peak):
         return None
-    analysis = status.setup.analysis
-    percent, least, most = (
-        round(100.0 * part)
-        for part in (
-            hit.hammer_peak / status.full_scale, analysis.minimum_peak, analysis.maximum_peak,
-        )
-    )  # fmt: skip
+    analysis, percent = status.setup.analysis, round(100.0 * hit.hammer_peak / status.full_scale)
+    least, most = round(100.0 * analysis.minimum_peak), round(100.0 * analysis.maximum_peak)
     found = "weak" if percent < least else "overload" if percent > most else "good"
     return Strength(percent, least, most, found)
 
@@ -247,14 +231,8 @@ def _list_inputs(status: RigStatus) -> list[tuple[str, int, bool, list[str]]]:
     for name, level, peak in zip(("hammer", "sample"), _list_levels(status), now, strict=False):
         percent = round(100.0 * peak / level.full_scale) if level.full_scale else 0
         suited = suggest_range(level.peak) if level.has_hit else math.nan
-        unknown = math.nan
-        values = (
-            level.zero,
-            level.noise or unknown,
-            level.peak,
-            level.full_scale or unknown,
-            suited,
-        )
+        noise, full_scale = level.noise or math.nan, level.full_scale or math.nan
+        values = (level.zero, noise, level.peak, full_scale, suited)
         texts = [with_unit(value, 1, "m/s²") for value in values]
         rows.append((name, percent, level.overloaded, texts))
     return rows
@@ -291,16 +269,13 @@ def with_unit(value: float, digits: int, unit: str) -> str:
 def _tabulate(status: RigStatus) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
     """Return the table of results so far: headers and rows."""
     setup = status.setup
-    if setup is None or not status.estimates:
+    names = setup.samples.names if setup else ()
+    samples = tuple(status.estimates[name] for name in names if name in status.estimates)
+    if setup is None or not samples:
         return (), ()
-    samples = tuple(
-        status.estimates[name] for name in setup.samples.names if name in status.estimates
-    )
     results = Results(setup, HammerEstimate(), samples, tuple(status.hits.values()))
-    tables = tabulate_summary(results)
-    if not tables:
-        return (), ()
-    return tuple(column.header for column in tables[0].columns), tuple(tables[0].rows)
+    table, *_ = tabulate_summary(results)
+    return tuple(column.header for column in table.columns), tuple(table.rows)
 
 
 def format_clock(moment: float) -> str:
@@ -310,12 +285,6 @@ def format_clock(moment: float) -> str:
     return datetime.fromtimestamp(moment).astimezone().strftime("%H:%M:%S")
 
 
-TEXTS = {
-    "say_verdict": say_verdict,
-    "say_by_hand": say_by_hand,
-    "word": word,
-    "advise": advise,
-    "with_unit": with_unit,
-    "format_clock": format_clock,
-}
+_TEXTS = (say_verdict, say_by_hand, word, advise, with_unit, format_clock)
+TEXTS = {function.__name__: function for function in _TEXTS}
 """Functions that put a hit into words, for the templates."""

@@ -1,22 +1,26 @@
-"""An act whose node stands still is done in time, or never: arm, start, mounted, back, go on."""
+"""An act at the page whose node stands still is done in time, or never: arm, start and others."""
 
 import contextlib
+import http.client
 import random
+import re
 import signal
+import threading
 import time
+import urllib.parse
 from collections import Counter
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, TypeAlias
 
 from action_msgs.srv import CancelGoal
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.srv import Act, ConfirmSample
+from impact_rig_msgs.srv import Act
 
 from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses
 from impact_rig.core.given.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.acts import REACTION, fill_act
+from impact_rig.nodes.acts import REACTION
 from impact_rig.nodes.client import RigClient
 from impact_rig.nodes.identity import id_to_msg, make_id
 from impact_rig.nodes.intake import Received
@@ -33,6 +37,8 @@ PATIENCE = 30.0  # [s]
 SEND_GOAL = f"{interfaces.RUN_CAMPAIGN}/_action/send_goal"
 CANCEL_GOAL = f"{interfaces.RUN_CAMPAIGN}/_action/cancel_goal"
 GOAL = RunCampaign.Impl.SendGoalService
+Form: TypeAlias = tuple[str, dict[str, str]]
+"""Name and fields of a form of the page."""
 
 
 class Person(RigClient):
@@ -64,8 +70,11 @@ class Person(RigClient):
         self.call(Act, service, Act.Request(by="bench"), PATIENCE)
 
     def begin(self, **goal: Any) -> None:
-        """Begin a campaign."""
-        self.call(GOAL, SEND_GOAL, make_goal(**goal), PATIENCE)
+        """Begin a campaign on one sample."""
+        fields = {"samples": [SAMPLE], "impacts": 1, **goal}
+        wanted = RunCampaign.Goal(campaign_id=id_to_msg(make_id()), **fields)
+        request = GOAL.Request(goal_id=wanted.campaign_id, goal=wanted)
+        self.call(GOAL, SEND_GOAL, request, PATIENCE)
 
     def arm(self) -> None:
         """Arm the hammer; a hammer that stood still refuses for a while."""
@@ -90,48 +99,72 @@ class Person(RigClient):
         self.do(interfaces.CONFIRM_HELD)
         self.wait_for(lambda: self.hammer.armed and not self.hammer.is_away, "the armed hammer")
 
-    # What each act needs; then the act, as a request of a service.
+    # What each act needs; then the act, as a form of the page.
 
-    def prepare(self, act: str) -> tuple[Any, str, Any]:
-        """Bring the rig to where an act is asked for; return its service and request."""
+    def prepare(self, act: str) -> Form:
+        """Bring the rig to where an act is asked for; return the form's name and its fields."""
         if act == "arm":
             self.do(interfaces.DISARM_HAMMER)
             self.wait_for(lambda: not self.hammer.armed, "the disarmed hammer")
-            return Act, interfaces.ARM_HAMMER, fill_act(Act.Request(), self.hammer, "bench")
+            return "arm", {}
         if act == "start":
-            request = make_goal()
-            fill_act(request.goal, self.campaign, "bench")
-            return GOAL, SEND_GOAL, request
+            return "start", {"sample": SAMPLE, "impacts": "1"}
         if act == "mounted":
             self.begin(confirm_samples=True)
             self.wait_for(lambda: self.campaign.task is Task.MOUNT, "MOUNT")
-            request = ConfirmSample.Request(sample=SAMPLE)
-            service = interfaces.CONFIRM_SAMPLE
-            return ConfirmSample, service, fill_act(request, self.campaign, "bench")
+            return "mounted", {"sample": SAMPLE}
         self.begin(impacts=2)
         self.wait_for(lambda: self.campaign.task is Task.PUT_BACK, "PUT BACK")
         self.wait_for(lambda: not self.hammer.armed, "the disarmed hammer")
         if act == "back":
-            return Act, interfaces.CONFIRM_HELD, fill_act(Act.Request(), self.hammer, "bench")
+            return "confirm", {}
         self.do(interfaces.PAUSE_CAMPAIGN)
         self.do(interfaces.CONFIRM_HELD)
         self.wait_for(lambda: self.campaign.task is Task.RESUME, "the pause")
-        return Act, interfaces.RESUME_CAMPAIGN, fill_act(Act.Request(), self.campaign, "bench")
+        return "resume", {}
 
 
-def make_goal(**goal: Any) -> Any:
-    """Return the request for a campaign on one sample."""
-    fields = {"samples": [SAMPLE], "impacts": 1, **goal}
-    wanted = RunCampaign.Goal(campaign_id=id_to_msg(make_id()), **fields)
-    return GOAL.Request(goal_id=wanted.campaign_id, goal=wanted)
+class Page:
+    """The page's server, asked as a browser does."""
+
+    def __init__(self, host: str) -> None:
+        self._host = host
+
+    def read_seen(self) -> str:
+        """Return what an act is made from that is done now."""
+        connection = http.client.HTTPConnection(self._host, timeout=PATIENCE)
+        connection.request("GET", "/")
+        found = re.search(r'name="seen" value="([^"]+)"', connection.getresponse().read().decode())
+        connection.close()
+        if found is None:
+            raise RigError("the page has no form with what was shown")
+        return found[1]
+
+    def shows(self, person: Person) -> bool:
+        """Return whether it shows the states that a person knows."""
+        _, _, hammer, _, campaign, _ = self.read_seen().split()
+        return (int(hammer), int(campaign)) == (person.hammer.number, person.campaign.number)
+
+    def send(self, form: Form, seen: str) -> None:
+        """Send a form; nobody waits for the answer."""
+        threading.Thread(target=self._post, args=(*form, seen), daemon=True).start()
+
+    def _post(self, act: str, fields: dict[str, str], seen: str) -> None:
+        connection = http.client.HTTPConnection(self._host, timeout=PATIENCE)
+        body = urllib.parse.urlencode({**fields, "seen": seen})
+        kind = "application/x-www-form-urlencoded"
+        headers = {"Content-Type": kind, "Origin": f"http://{self._host}"}
+        with contextlib.closing(connection):
+            connection.request("POST", f"/{act}", body, headers)
+            connection.getresponse()
 
 
 ACTS = {
-    "arm": ("hammer",),
-    "start": ("campaign", "hammer"),
-    "mounted": ("campaign", "hammer"),
-    "back": ("campaign", "hammer"),
-    "go on": ("campaign", "hammer"),
+    "arm": ("page", "hammer"),
+    "start": ("page", "campaign", "hammer"),
+    "mounted": ("page", "campaign", "hammer"),
+    "back": ("page", "campaign", "hammer"),
+    "go on": ("page", "campaign", "hammer"),
 }
 """Acts, and the nodes on the way of each."""
 
@@ -142,8 +175,12 @@ def measure_acts(bench: Bench) -> Iterator[Figure]:
     done: Counter[str] = Counter()
     late: list[str] = []
     longest = 0.0
-    with RigProcesses(bench.folder / "log.txt") as processes:
+    log = bench.folder / "log.txt"
+    with RigProcesses(log) as processes:
         running = processes.start_rig(bench.folder, HAMMER)
+        running["page"] = processes.start_node("page", port=0)
+        processes.wait_until(lambda: "page listens at" in log.read_text(), "there is no page")
+        page = Page(re.findall(r"page listens at http://(\S+)", log.read_text())[0])
         with Person() as person:
             person.wait_for(lambda: bool(person.hammer.stamp and person.campaign.stamp), "the rig")
             for number in range(bench.extent.acts):
@@ -151,23 +188,21 @@ def measure_acts(bench: Bench) -> Iterator[Figure]:
                 victim = dice.choice(ACTS[act])
                 around, seconds = dice.uniform(-AROUND, AROUND), dice.uniform(*FREEZE)
                 person.end()
-                kind, service, request = person.prepare(act)
-                process = running[victim]
-                client = person._node.create_client(kind, service)
-                person.wait_for(client.service_is_ready, service)
+                form, process = person.prepare(act), running[victim]
+                person.wait_for(lambda: page.shows(person), "the newest state on the page")
+                seen = page.read_seen()
                 if around < 0.0:
                     process.send_signal(signal.SIGSTOP)
                     person.spin_until(lambda: False, -around)
                 person.moved.clear()
                 asked = time.monotonic()
-                client.call_async(request)
+                page.send(form, seen)
                 if around >= 0.0:
                     person.spin_until(lambda: False, around)
                     process.send_signal(signal.SIGSTOP)
                 person.spin_until(lambda: False, seconds)
                 process.send_signal(signal.SIGCONT)
                 person.spin_until(lambda: False, WATCH)
-                person._node.destroy_client(client)
                 last = max(person.moved, default=asked) - asked
                 done[act] += bool(person.moved)
                 longest = max(longest, last)

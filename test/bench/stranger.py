@@ -130,16 +130,6 @@ class Stranger:
         publisher.publish(message)
         self.messages += 1
 
-    def prepare(self, count: int) -> list[tuple[Any, bytes]]:
-        """Return random messages of another campaign, to be published at a high rate."""
-        other, prepared = Identity(make_id(), make_id()), list[tuple[Any, bytes]]()
-        while len(prepared) < count:
-            topic, publisher = self._random.choose(self._publishers)
-            message = other.fill(self._random.make(topic.type))
-            if hasattr(message, "campaign_id"):
-                prepared.append((publisher, serialize_message(message)))
-        return prepared
-
     def ask(self) -> None:
         """Send a random request, and wait for no answer."""
         kind, client = self._random.choose(self._clients)

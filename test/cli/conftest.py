@@ -200,22 +200,17 @@ def open_page(rig, browser):
 
 
 @pytest.fixture
-def page(open_page):
+def page(open_page, rig):
     """Return the page of a rig in which no campaign runs, before and after."""
-    from impact_rig_msgs.srv import Act
     from playwright.sync_api import expect
-
-    from impact_rig.nodes import interfaces
-    from impact_rig.nodes.client import RigClient
 
     shown = open_page()
     expect(shown.locator("#start form")).to_be_visible(timeout=40_000)
     yield shown
     if shown.locator("form[action=end] button").is_visible():
         shown.locator("form[action=end] button").click()
-    with RigClient("cleaner") as client:
-        client.call(Act, interfaces.RESET_HAMMER, Act.Request(), PATIENCE)
-        # One that stood still is not armed for a while.
-        while not client.call(Act, interfaces.ARM_HAMMER, Act.Request(), PATIENCE).success:
-            client.spin_until(lambda: False, 0.1)
+    rig.do("reset")
+    # One that stood still is not armed for a while.
+    while not rig.do("arm"):
+        rig.client.spin_until(lambda: False, 0.1)
     expect(shown.locator("#start form")).to_be_visible(timeout=40_000)

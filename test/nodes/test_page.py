@@ -71,6 +71,21 @@ def test_an_answer_that_comes_too_late_ends_nothing(harness, start_process):
     assert act(page._server, "reset")["done"]
 
 
+def test_a_stop_that_no_tab_repeats_is_asked_again_of_a_hammer_that_comes_back(
+    harness, start_process
+):
+    hammer = start_process("hammer")
+    hammer.wait_for("active")
+    page = harness.add(PageNode, port=0)
+    harness.wait_until(lambda: page._status.hammer is not NO_HAMMER)
+    hammer.process.kill()
+    page._server.patience = 0.2
+    assert not act(page._server, "stop")["done"]
+    harness.wait_until(lambda: ">STOP IS NOT CONFIRMED" in page._server.fragments["say"])
+    start_process("hammer").wait_for("active")
+    harness.wait_until(lambda: ">STOPPED" in page._server.fragments["say"])
+
+
 def test_a_campaign_that_is_refused_says_why_at_the_page(harness):
     page = harness.add(PageNode, port=0)
     harness.add(CampaignNode)

@@ -7,11 +7,11 @@ const READING = 1000; // [ms] in which nobody has read a new sentence: Enter doe
 const MOST_ACTS = 3; // under way at once: a browser has six connections, and STOP needs one
 const STOP_KEYS = ["Escape", "F12", "Pause"]; // the last two are what pedals send
 const byId = (id) => document.getElementById(id);
+const nameOf = (form) => form.dataset.key ?? form.getAttribute("action");
 const root = document.documentElement;
 const traces = new Map(); // of the sample under test, by record
 let socket = null;
 let lastWord = Date.now(); // when the browser asked for what is shown
-let hasSpoken = false; // the server, since the page was loaded
 let clockOffset = 0; // of the server's clock [ms]
 let seen = ""; // what acts are made from
 let sentence = ""; // number of the one shown
@@ -40,7 +40,6 @@ function connect() {
 
 function show(news) {
   lastWord = Number(news.answers);
-  hasSpoken = true;
   clockOffset = news.now - Date.now();
   seen = news.seen;
   const { fragments, all } = waiting;
@@ -61,15 +60,11 @@ function replace(id, html) {
   if (html === null) return byId(id)?.remove();
   const place = byId(id) || addRow(id);
   const fresh = place.cloneNode(false);
-  if (id.startsWith("hit-")) {
-    const body = document.createElement("template");
-    body.innerHTML = `<table><tbody><tr>${html}</tr></tbody></table>`;
-    fresh.append(...body.content.querySelector("tr").childNodes);
-  } else fresh.innerHTML = html;
+  fresh.innerHTML = html;
   morph(place, fresh);
   if (id === "verdict") {
     const spoken = place.querySelector("[data-spoken]")?.dataset.spoken ?? "";
-    if (!spoken) forget();
+    if (!spoken) traces.clear();
     speak(spoken);
     requestAnimationFrame(draw); // where there was no room before
   }
@@ -117,7 +112,7 @@ function check() {
   const isOld = Date.now() - lastWord > SILENCE;
   const isLost = stop && Date.now() - stopAsked > 1000;
   root.classList.toggle("silent", isOld);
-  if (isOld) alarm("NO CONNECTION: KEEP AWAY", hasSpoken ? "What is shown below is old. Use the switch." : "The page waits for the rig.");
+  if (isOld) alarm("NO CONNECTION: KEEP AWAY", seen ? "What is shown below is old. Use the switch." : "The page waits for the rig.");
   else if (isLost) alarm("STOP IS NOT CONFIRMED: keep away, use the switch", "It is sent again until the hammer answers.");
   else alarm("");
   byId("sent").textContent = isLost || isOld ? "NOT CONFIRMED: use the switch" : "SENT";
@@ -168,7 +163,7 @@ setInterval(pushStop, 300);
 // All other acts, without loading the page again. What is under way cannot be asked for again.
 const underWay = new Set();
 async function send(form, button) {
-  const name = form.dataset.key ?? form.getAttribute("action");
+  const name = nameOf(form);
   if (underWay.has(name)) return;
   if (underWay.size >= MOST_ACTS) return tell("Wait: the rig has not answered to what you did before.");
   const body = new URLSearchParams(new FormData(form, button));
@@ -191,9 +186,7 @@ async function send(form, button) {
   }
 }
 function mark() {
-  for (const form of document.forms) {
-    if (form.id !== "stop") form.querySelectorAll("button").forEach((it) => { it.disabled = underWay.has(form.dataset.key ?? form.getAttribute("action")); });
-  }
+  document.querySelectorAll("form:not(#stop) button").forEach((it) => { it.disabled = underWay.has(nameOf(it.form)); });
 }
 function tell(text) { byId("answer").textContent = text; }
 addEventListener("submit", (event) => {
@@ -249,14 +242,9 @@ function takeTrace(buffer) {
   requestAnimationFrame(draw);
 }
 
-function forget() {
-  traces.clear();
-  for (const canvas of document.querySelectorAll("canvas")) canvas.width = canvas.width; // clears it
-}
-
 function draw() {
   const front = traces.get(shown);
-  if (!front) return;
+  if (!front) return document.querySelectorAll("canvas").forEach((it) => { it.width = it.width; }); // clears it
   const colours = getComputedStyle(root);
   const colour = (name) => colours.getPropertyValue(`--${name}`);
   front.views.forEach((view, number) => {
@@ -279,14 +267,7 @@ function draw() {
         pen.setLineDash([]);
         label(line.name, width - 4, y(line.value) - 3, "right");
       }
-      const polyline = (values) => {
-        const points = [];
-        for (let i = 0; i < view.columns; i++) {
-          const x = (i + 0.5) * width / view.columns;
-          points.push([x, y(values[2 * i])], [x, y(values[2 * i + 1])]);
-        }
-        return points;
-      };
+      const polyline = (values) => Array.from(values, (value, i) => [((i >> 1) + 0.5) * width / view.columns, y(value)]);
       for (const other of traces.values()) {
         if (other.accepted && other.record !== shown) stroke(polyline(other.views[number].channels[index]), colour("faint"), 3);
       }
