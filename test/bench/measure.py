@@ -90,7 +90,6 @@ class Extent:
     demos: int = 2  # campaigns of 120 hits
     seconds: float = 15.0  # [s] of streaming at the highest rate
     kills: int = 2  # campaigns, each with a fault
-    long_freezes: bool = False  # of each node, longer than a campaign waits for a verdict
     acts: int = 5  # beside a node that stands still
     mutations: int = 60  # damaged files of each format
     simulated: int = 36  # campaigns on each plant, and series of each fault, in part study
@@ -98,9 +97,7 @@ class Extent:
     seed: int = 1
 
 
-FULL = Extent(
-    demos=5, seconds=60.0, kills=50, acts=200, long_freezes=True, mutations=2000, simulated=360
-)
+FULL = Extent(demos=5, seconds=60.0, kills=50, acts=200, mutations=2000, simulated=360)
 """As much as every goal asks for: three quarters of an hour."""
 
 
