@@ -140,7 +140,8 @@ def test_rule_3_an_act_that_a_frozen_server_or_node_takes_late_is_not_done(page,
     assert count_hits(page) == 0
 
 
-def test_rule_4_hands_are_in_a_disarmed_hammer_and_any_key_holds_it_back(page):
+def test_rule_4_hands_are_in_a_disarmed_hammer_and_any_key_holds_it_back(page, rig):
+    assert rig.do("arm")
     ask_for(page)
     expect(page.locator("#hammer")).to_contain_text("no: while steel small is mounted")
     page.keyboard.press("Enter")
