@@ -19,7 +19,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from impact_rig.analysis.analyze import HitSource, KeptSource, analyze
+from impact_rig.analysis.analyze import ByHand, HitSource, KeptSource, analyze
 from impact_rig.analysis.hits import Hit, read_campaigns
 from impact_rig.analysis.sources import (
     RunSource,
@@ -205,10 +205,10 @@ class Run:
     def _analyze(
         self, source: HitSource, accept: Chosen, reject: Chosen, settings: Settings
     ) -> Results:
-        overruled = [self._name_hits(chosen) for chosen in (accept, reject)]
+        by_hand = ByHand(self._name_hits(accept), self._name_hits(reject))
         chosen = read_settings({**settings})
         with _speaking_python():
-            found = analyze(source, chosen, *overruled, keep_traces=True)
+            found = analyze(source, chosen, by_hand, keep_traces=True)
         campaign = choose_campaign(self.name, found.campaigns, self._campaign)
         return Results(campaign, self.name, [*map(_say_in_python, found.warnings)])
 

@@ -45,6 +45,23 @@ Report = Callable[[str, int, int], None]
 and of how much."""
 
 
+@dataclass(frozen=True)
+class ByHand:
+    """A person's decisions on hits.
+
+    Hits are named as `find_label` takes them, or by the file that they were imported from.
+    """
+
+    accept: Sequence[str] = ()
+    reject: Sequence[str] = ()
+    reason: str = ""
+    who: str = ""
+    stamp: int = 0  # when [ns since the epoch]; 0: not given
+
+
+NOTHING_BY_HAND = ByHand()
+
+
 class Reading(Protocol):
     """One reading of a source."""
 
@@ -168,12 +185,8 @@ def judge(
 def analyze(
     source: HitSource,
     settings: Settings = NO_CHANGES,
-    accept: Sequence[str] = (),
-    reject: Sequence[str] = (),
+    by_hand: ByHand = NOTHING_BY_HAND,
     *,
-    reason: str = "",
-    who: str = "",
-    stamp: int = 0,
     keep_traces: bool = False,
     report: Report = lambda *_: None,
 ) -> Analysis:
@@ -183,11 +196,6 @@ def analyze(
     ----------
     settings : mapping, optional
         Fields of `AnalysisSettings` to use in place of the source's.
-    accept, reject : sequence of str
-        Hits that a person takes into the mean or leaves out, by name (see `find_label`), or by
-        the file that they were imported from.
-    reason, who, stamp : str, str, int
-        Why, that person's name, and when [ns since the epoch; 0: not told].
     keep_traces : bool
         Whether the traces are wanted as well.
 
@@ -196,10 +204,9 @@ def analyze(
     FileError
         If the source cannot be read, or holds no hit.
     ParameterError
-        If the settings cannot be used, or `accept` or `reject` name no hit.
+        If the settings cannot be used, or a person names no hit.
     """
-    overrules = _find_overrules(source, settings, accept, reject)
-    overrules = replace(overrules, reason=reason, who=who, stamp=stamp)
+    overrules = _find_overrules(source, settings, by_hand)
     judged: list[_JudgedCampaign] = []
     assembler = TraceAssembler()
     reading = source.events(_bind(report, "reading", source.size))
@@ -259,26 +266,24 @@ def _bind(report: Report, what: str, total: int) -> Callable[[int], None]:
     return lambda done: report(what, done, total)
 
 
-def _find_overrules(
-    source: HitSource, settings: Settings, accept: Sequence[str], reject: Sequence[str]
-) -> Overrules:
+def _find_overrules(source: HitSource, settings: Settings, by_hand: ByHand) -> Overrules:
     """Return a person's overrules; the source is judged once before, for the names."""
-    if not (accept or reject):
+    if not (by_hand.accept or by_hand.reject):
         return NO_OVERRULES
     hits = [hit for _, _, found in judge(source.events(), settings) for _, hit in found]
     files = {hit.label: hit.origin.file for hit in hits}
     counts = Counter(hit.label for hit in hits)
-    overrules = Overrules(
-        frozenset(label for name in accept for label in _find_labels(name, files)),
-        frozenset(label for name in reject for label in _find_labels(name, files)),
+    accepted, rejected = (
+        frozenset(label for name in names for label in _find_labels(name, files))
+        for names in (by_hand.accept, by_hand.reject)
     )
-    for label in overrules.accepted | overrules.rejected:
+    for label in accepted | rejected:
         if counts[label] > 1:
             raise ParameterError(
                 f"hit {label} is in {counts[label]} campaigns of the recording:"
                 " it cannot be told which one is meant"
             )
-    return overrules
+    return Overrules(accepted, rejected, by_hand.reason, by_hand.who, by_hand.stamp)
 
 
 def _find_labels(name: str, files: Mapping[HitLabel, str]) -> list[HitLabel]:

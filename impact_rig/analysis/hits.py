@@ -16,14 +16,13 @@ from impact_rig.core.given.records import (
     Truth,
     join_origins,
 )
+from impact_rig.core.given.sensors import CHANNELS
 from impact_rig.core.hit.judging import JudgedHit
-from impact_rig.core.mean.mean_hit import MeanHit
 from impact_rig.core.session import Session
 from impact_rig.files.measurement import MeasuredChannel
 from impact_rig.results.traces import AlignedHit, align_hit
 
 UNIT = "m/s^2"
-BODIES = ("hammer", "specimen")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,7 +111,7 @@ class Hit:
 
     def __repr__(self) -> str:
         """Return its name, and what was recorded."""
-        bodies = " and ".join(BODIES[: len(self.block.channels)])
+        bodies = " and ".join(CHANNELS[: len(self.block.channels)])
         verdict = {None: "", True: ", accepted", False: f", rejected: {'; '.join(self.reasons)}"}
         return (
             f"{self.name}: {self.hammer.size} points of {bodies} at {self.rate / 1e3:g} kHz"
@@ -171,7 +170,7 @@ class ExportedCampaign:
 
         Time 0 is the middle of the hammer pulse.
         """
-        mean: MeanHit | None = self.session.compute_mean(name)
+        mean = self.session.compute_mean(name)
         if mean is None:
             return ()
         rate = mean.sampling_rate
@@ -219,5 +218,5 @@ def _make_channels(
         MeasuredChannel(
             f"{name} {body}", trace, rate, UNIT, start, recorded_at, origin=str(origin)
         )
-        for body, trace in zip(BODIES, traces, strict=False)
+        for body, trace in zip(CHANNELS, traces, strict=False)
     )

@@ -6,7 +6,7 @@ from glob import glob, has_magic
 from pathlib import Path
 from typing import Any, TypeVar
 
-from impact_rig.analysis.analyze import analyze
+from impact_rig.analysis.analyze import NOTHING_BY_HAND, ByHand, analyze
 from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.recordings.provenance import compute_sha256
 from impact_rig.recordings.run import Run
@@ -118,18 +118,9 @@ def find_run(named: Path, namespace: str | None = None) -> RunSource:
     return RunSource(named, run, run.folder / RESULTS_NAME)
 
 
-@dataclass(frozen=True)
-class ByHand:
-    """A person's decisions on hits, for `analyze`."""
-
-    accept: Sequence[str] = ()
-    reject: Sequence[str] = ()
-    reason: str = ""
-    who: str = ""
-    stamp: int = 0  # when [ns since the epoch]; 0: not given
-
-
-def read_runs(source: RunSource, by_hand: ByHand = ByHand()) -> tuple[ReportedCampaign, ...]:
+def read_runs(
+    source: RunSource, by_hand: ByHand = NOTHING_BY_HAND
+) -> tuple[ReportedCampaign, ...]:
     """Read every campaign of a source.
 
     A run that cannot be evaluated is described by the results beside it, if they are there, with a
@@ -165,7 +156,7 @@ def _read_results_alone(source: RunSource, warnings: tuple[str, ...] = ()) -> Re
 
 
 def _read_recorded(source: RunSource, run: Run, by_hand: ByHand) -> tuple[ReportedCampaign, ...]:
-    traced = analyze(run, keep_traces=True, **vars(by_hand))
+    traced = analyze(run, by_hand=by_hand, keep_traces=True)
     many = len(traced.campaigns) > 1
     return tuple(
         ReportedCampaign(

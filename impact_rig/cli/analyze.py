@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from impact_rig.analysis.analyze import Settings, analyze
+from impact_rig.analysis.analyze import ByHand, Settings, analyze
 from impact_rig.analysis.batch import analyze_batch
 from impact_rig.analysis.measured_files import (
     MeasuredFiles,
@@ -200,7 +200,7 @@ def _report_run(
 ) -> None:
     """Analyze one recording and print its campaigns."""
     with show_progress() as follow:
-        analysis = analyze(run, settings, accept, reject, report=follow)
+        analysis = analyze(run, settings, ByHand(accept, reject), report=follow)
     show(run.name, [campaign.results for campaign in analysis.campaigns], analysis.warnings)
     if not as_json:
         print_places(recording=run.name)
@@ -212,7 +212,7 @@ def _report_traces(
     """Analyze plain files and print the results; return the errors."""
     if not files.hits:
         return files.errors
-    analysis = analyze(files, accept=accept, reject=reject)
+    analysis = analyze(files, by_hand=ByHand(accept, reject))
     (results,) = [campaign.results for campaign in analysis.campaigns]
     advice = files.advise(analysis.reasons)
     show(files.hits[0].path, [results], (*analysis.warnings, *advice))

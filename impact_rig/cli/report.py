@@ -8,7 +8,8 @@ from pathlib import Path
 
 import click
 
-from impact_rig.analysis.sources import ByHand, RunSource, find_run, read_runs
+from impact_rig.analysis.analyze import ByHand
+from impact_rig.analysis.sources import RunSource, find_run, read_runs
 from impact_rig.cli.info import (
     describe_end,
     describe_losses,

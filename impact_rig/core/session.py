@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 from impact_rig.core.estimates.checks import ask_for_mass
-from impact_rig.core.estimates.mean_reading import UNSEEN, HammerPulse, MeanReading, read_mean_hit
+from impact_rig.core.estimates.mean_reading import UNSEEN, MeanReading, read_mean_hit
 from impact_rig.core.estimates.paper_method import HammerEstimate, estimate_hammer, estimate_paper
 from impact_rig.core.estimates.ringing import NO_DECAY
 from impact_rig.core.estimates.sample import (
@@ -222,7 +222,9 @@ class Session:
 
     def _read_mean(self, name: str, mean: MeanHit) -> MeanReading:
         """Return the reading of a sample's mean hit, the same one until another hit changes it."""
-        pulse, known = self._get_pulse(name), self._readings.get(name)
+        # The newest fit of its pulse: of this mean, or an older one.
+        pulse = self._traces[name][1].pulse if name in self._traces else UNSEEN
+        known = self._readings.get(name)
         if known is None or known.mean is not mean or known.pulse is not pulse:
             setup, rig = self.setup.for_series(name), self._inputs.find(name)
             known = self._readings[name] = read_mean_hit(mean, setup, rig, name, pulse)
@@ -296,10 +298,6 @@ class Session:
             return None
         traces = self._traces[name][1]
         return replace(parts, traces=traces, decay=traces.free_decay)
-
-    def _get_pulse(self, name: str) -> HammerPulse:
-        """Return the newest fit of a sample's pulse: of this mean, or an older one."""
-        return self._traces[name][1].pulse if name in self._traces else UNSEEN
 
     def estimate_all(self, report: Callable[[int], None] | None = None) -> SessionResults:
         """Return everything found so far.

@@ -8,7 +8,9 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
 
+from impact_rig.core.estimates.ringing import BY_FREE_DECAY
 from impact_rig.core.estimates.sample import SampleEstimate
+from impact_rig.core.estimates.uncertainty import PULSE_SHAPE, leave_out
 from impact_rig.core.given.quantity import Quantity
 from impact_rig.results.campaign import Results
 from impact_rig.results.numbers import (
@@ -45,10 +47,15 @@ SPREAD_NOTE = (
 CHANGE_NOTE = (
     "En is the difference over its expanded uncertainty √(U1² + U2²), not known where a value is"
     " of fewer than four hits. Marked: |En| above 1, the value changed by more than its"
-    " uncertainty explains. Masses and clock that both runs share cancel in the difference, so"
-    " that a change has to be larger than need be to be marked. Of many comparisons without any"
-    " change, one in twenty at most goes beyond 1 by chance."
+    " uncertainty explains. What one method gets wrong in both runs alike is no part of that."
+    " Masses and clock that both runs share cancel in the difference, so that a change has to be"
+    " larger than need be to be marked. Of many comparisons without any change, one in twenty at"
+    " most goes beyond 1 by chance."
 )
+
+
+BY_METHOD = {PULSE_SHAPE, BY_FREE_DECAY}
+"""Lines of budgets that two values by one method have in common."""
 
 
 @dataclass(frozen=True)
@@ -116,9 +123,12 @@ def tabulate_changes(first: BatchCampaign, second: BatchCampaign) -> list[Table]
             old, new = item.read(one), item.read(other)
             if not (old.is_known and new.is_known):
                 continue
-            # As if they had nothing in common.
+            # By one method both are off by the same; else as if they had nothing in common.
+            sources = ({line.source for line in it.budget} for it in (old, new))
+            one_method = BY_METHOD.intersection(*sources)
+            alike = [leave_out(it, one_method.__contains__) for it in (old, new)]
             expanded = math.hypot(
-                old.compute_half_width(new.value), new.compute_half_width(old.value)
+                alike[0].compute_half_width(new.value), alike[1].compute_half_width(old.value)
             )
             difference = Quantity(new.value - old.value, expanded=expanded)
             is_whole = all(shows_scatter(run.results, name, item) for run in (first, second))

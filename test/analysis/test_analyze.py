@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from impact_rig.analysis.analyze import analyze
+from impact_rig.analysis.analyze import ByHand, analyze
 from impact_rig.core.given.records import MEASURED, Block, HitLabel, Origin
 from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSettings
@@ -83,12 +83,8 @@ def test_a_mean_is_that_of_its_accepted_hits(campaign):
 def test_a_person_s_word_and_other_settings_hold(path, campaign):
     first = next(hit.result for hit in campaign.hits if hit.result.accepted)
     changes = {"pulse_factor": 1.5}
-    (after,) = analyze(
-        Run(path),
-        changes,
-        reject=[str(first.record)],
-        keep_traces=True,
-    ).campaigns
+    by_hand = ByHand(reject=[str(first.record)])
+    (after,) = analyze(Run(path), changes, by_hand, keep_traces=True).campaigns
     assert [hit.result.record for hit in campaign.hits if hit.result.accepted] == [
         first.record,
         *(hit.result.record for hit in after.hits if hit.result.accepted),

@@ -21,6 +21,15 @@ HAMMER, SAMPLE, SPEED, DURATION = 0.1, 0.10538, 0.0819, 212e-6
 FULL_SCALES = (2000.0, 4000.0)
 
 
+def resonate(traces: FloatArray, frequency: float, ratio: float, rate: float) -> FloatArray:
+    """Return what a second-order system shows of accelerations; of 0 Hz all."""
+    if not frequency:
+        return traces
+    w = 2.0 * np.pi * frequency
+    top, bottom, _ = cont2discrete(([w**2], [1.0, 2.0 * ratio * w, w**2]), 1.0 / rate, "foh")
+    return np.asarray(lfilter(top.ravel(), bottom, traces))
+
+
 @dataclass(frozen=True)
 class Impact:
     """One impact, and what sensors and converter make of it; parts of the hammer's peak."""
@@ -92,12 +101,7 @@ class Impact:
             recoil = np.interp(time / unit, self.motion.time, self.motion.recoil, 0.0, 0.0)
             traces[1] = -self.speed / unit * recoil
         traces *= self.gain
-        angular = 2.0 * np.pi * self.resonance
-        if angular:
-            top, bottom, _ = cont2discrete(
-                ([angular**2], [1.0, 0.04 * angular, angular**2]), 1.0 / RATE, "foh"
-            )
-            traces = lfilter(top.ravel(), bottom, traces)
+        traces = resonate(traces, self.resonance, 0.02, RATE)
         ratio = np.array([[1.0], [HAMMER / self.sample_mass]])
         # The crystal keeps a charge that grows with the shock, and lets it go.
         after = np.cumsum(force) / force.sum()

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from impact_rig.core.estimates.paper_method import HammerEstimate, PaperEstimate
+from impact_rig.core.estimates.ringing import BY_FREE_DECAY, reach
 from impact_rig.core.estimates.sample import SampleEstimate
-from impact_rig.core.given.quantity import Quantity
+from impact_rig.core.given.quantity import BudgetLine, Quantity
 from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.results.batch import (
     BatchCampaign,
@@ -85,6 +86,22 @@ def test_of_two_runs_each_quantity_stands_with_its_difference_and_whether_it_cha
     (table,) = tabulate_changes(first, replace(second, results=of_one))
     assert "En" not in [column.header for column in table.columns]
     assert table.marked == frozenset()
+
+
+@pytest.mark.parametrize(("change", "marks"), [(0.9, 0), (1.1, 1)])
+def test_what_one_method_gets_wrong_in_both_runs_hides_no_change(change, marks):
+    def make(name: str, damping: float) -> BatchCampaign:
+        line = BudgetLine("scatter", "A", 2.0, 1.0)
+        found = Quantity(damping, 2.0, 4.524, degrees_of_freedom=9.0, budget=(line,))
+        other = Quantity(560.0, 0.5, 1.0)
+        paper = PaperEstimate(damping_coefficient=reach(found, other, BY_FREE_DECAY))
+        sample = SampleEstimate("aluminium small", 10, 0, paper=paper)
+        return BatchCampaign(Path(name), 1, Results(PAPER_SETUP, HammerEstimate(), (sample,), ()))
+
+    # Both reach 560 N s/m, and scatter by U = 4.524, of ten hits.
+    second = 480.0 + change * math.hypot(4.524, 4.524)
+    (table,) = tabulate_changes(make("a", 480.0), make("b", second))
+    assert len(table.marked) == marks
 
 
 def test_the_hammer_is_compared_and_what_only_one_run_determined_is_not(results):

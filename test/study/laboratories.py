@@ -12,9 +12,10 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
+from core.contacts import FloatArray
+from core.struck import resonate
 from scipy.integrate import solve_ivp
-from scipy.signal import butter, cont2discrete, lfilter
+from scipy.signal import butter, lfilter
 
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.findings import Finding, Note, Reason, Subject
@@ -24,7 +25,6 @@ from impact_rig.core.given.sensors import CHANNELS, Sensor
 from impact_rig.core.given.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.core.session import Session
 
-FloatArray = NDArray[np.float64]
 COVERED = 1.5
 """Half widths of its 95 % interval within which a figure is right [-]: 99.7 % of honest ones."""
 NAME = "struck"
@@ -196,15 +196,6 @@ def strike(lab: Laboratory, speed: float) -> Motion:
     )
 
 
-def _resonate(trace: FloatArray, frequency: float, ratio: float, rate: float) -> FloatArray:
-    """Return what a second-order system shows of an acceleration."""
-    if not frequency:
-        return trace
-    w = 2.0 * math.pi * frequency
-    top, bottom, _ = cont2discrete(([w**2], [1.0, 2.0 * ratio * w, w**2]), 1.0 / rate, "foh")
-    return np.asarray(lfilter(np.ravel(top), bottom, trace))
-
-
 def measure(
     lab: Laboratory, motion: Motion, number: int, random: np.random.Generator
 ) -> FloatArray:
@@ -214,8 +205,8 @@ def measure(
     time = time / (1.0 + lab.clock + lab.slowing * number / (lab.hits - 1.0))
     traces = np.stack([np.interp(time, motion.time, a, 0.0) for a in motion.accelerations])
     traces[:, time < 0.0] = 0.0
-    traces[1] = _resonate(traces[1], *lab.mount, rate)
-    traces = np.stack([_resonate(trace, lab.resonance, 0.02, rate) for trace in traces])
+    traces[1] = resonate(traces[1], *lab.mount, rate)
+    traces = np.stack([resonate(trace, lab.resonance, 0.02, rate) for trace in traces])
     if lab.corner:
         traces = lfilter(*butter(1, lab.corner, fs=rate), traces)
     drift = 1.0 - lab.warming * (1.0 - number / (lab.hits - 1.0))

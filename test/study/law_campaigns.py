@@ -1,7 +1,7 @@
 """Campaigns on contacts of mixed losses, through sensors that are not stated, apart from the core.
 
-Two free bodies, F = k δⁿ + c1 δᵖ δ' + c2 δᵠ δ', integrated by Runge and Kutta's method; resonance,
-corners, hum, noise and converter are added at many times the sampling rate.
+Two free bodies, F = k δⁿ + c1 δᵖ δ' + c2 δᵠ δ', integrated by `core.contacts`; resonance, corners,
+hum, noise and converter are added at many times the sampling rate.
 """
 
 import math
@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
+from core.contacts import FloatArray, Motion, integrate
+from core.struck import resonate
 
 from impact_rig.core.estimates.contact_law import ContactLaw
 from impact_rig.core.given.records import Block, ChannelBlock, HitLabel
@@ -18,10 +19,7 @@ from impact_rig.core.given.sensors import CHANNELS, Sensor
 from impact_rig.core.given.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.core.session import Session
 
-FloatArray = NDArray[np.float64]
 HITS = 10
-STEPS = 3000
-"""Of the integration: the force is good to 1e-6 of its peak."""
 RATES = (51.2e3, 102.4e3, 250e3, 500e3, 1e6, 2.5e6)
 GAIN, MASS = 2e-3, 1e-3
 """Relative standard uncertainties that are stated and drawn [-]."""
@@ -37,69 +35,28 @@ class Losses:
     shares: tuple[float, float]
 
 
-@dataclass(frozen=True)
-class Pulses:
-    """Contacts in scaled units, each from touch to where the force comes back to zero."""
+def collide(losses: Losses, scale: float, speed: float = 1.0) -> Motion:
+    """Return the contact at `speed` over that at which the shares are `scale` times as large."""
+    n = losses.exponent
+    # T goes with v^-(n-1)/(n+1), and with it the losses.
+    parts = [
+        (power, scale * share * speed ** ((2.0 * power - n + 1.0) / (n + 1.0)))
+        for power, share in zip(losses.powers, losses.shares, strict=True)
+    ]
 
-    time: FloatArray  # (k, n) [T]
-    force: FloatArray  # (k, n)
-    restitution: FloatArray  # (k,)
+    def press(x: float, v: float) -> float:
+        x = max(x, 0.0)
+        return float(x**n + sum(factor * x**power for power, factor in parts) * v)
 
-
-def collide(losses: Losses, scale: FloatArray, speed: FloatArray) -> Pulses:
-    """Integrate x'' = -xⁿ - Σ b xᵐ x', b going with `speed` over that at which they are b."""
-    n, powers = losses.exponent, np.array(losses.powers)[:, np.newaxis]
-    # T goes with v^-(n-1)/(n+1), and with it b.
-    growth = speed ** ((2.0 * powers - n + 1.0) / (n + 1.0))
-    factors = scale * np.array(losses.shares)[:, np.newaxis] * growth
-
-    def press(x: FloatArray, v: FloatArray) -> FloatArray:
-        x = np.maximum(x, 0.0)
-        return np.asarray(x**n + (factors * x**powers).sum(axis=0) * v)
-
-    # The first steps are short: a dashpot's force jumps at touch, a root's rises steeply.
-    grid = 9.0 * np.linspace(0.0, 1.0, STEPS) ** 1.5
-    x, v = np.zeros(scale.size), np.ones(scale.size)
-    states = [(x, v, press(x, v))]
-    for h in np.diff(grid).tolist():
-        a1 = -press(x, v)
-        v2 = v + h / 2 * a1
-        a2 = -press(x + h / 2 * v, v2)
-        v3 = v + h / 2 * a2
-        a3 = -press(x + h / 2 * v2, v3)
-        v4 = v + h * a3
-        a4 = -press(x + h * v3, v4)
-        x = x + h / 6 * (v + 2 * v2 + 2 * v3 + v4)
-        v = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-        states.append((x, v, press(x, v)))
-        if np.all((v < 0.0) & ((x <= 0.0) | (states[-1][2] < 0.0))):
-            break
-    place, rate, force = (np.array(column).T for column in zip(*states, strict=True))
-    time = np.broadcast_to(grid[: place.shape[1]], place.shape)
-    # Over what the force is compared with near its end, which is straight there.
-    pull = np.where(place > 0.0, force / np.maximum(place, 1e-12) ** min(n, *losses.powers), -1.0)
-    out = (rate < 0.0) & ((place <= 0.0) | (force < 0.0))
-    last = np.argmax(out, axis=1)
-    rows = np.arange(scale.size)
-    before, after = pull[rows, last - 1], pull[rows, last]
-    left, right = place[rows, last - 1], place[rows, last]
-    part = np.where(right > 0.0, before / (before - after), left / (left - np.minimum(right, 0.0)))
-    end = time[rows, last - 1] + part * (time[rows, last] - time[rows, last - 1])
-    e = -(rate[rows, last - 1] + part * (rate[rows, last] - rate[rows, last - 1]))
-    time = np.minimum(time, end[:, np.newaxis])
-    force = np.where(time < end[:, np.newaxis], np.maximum(force, 0.0), 0.0)
-    return Pulses(time, force, e)
+    return integrate(press)
 
 
 def find_scale(losses: Losses, restitution: float) -> float:
     """Return by how much the shares are to be multiplied for a restitution."""
-    low, high = 0.0, 8.0
-    for _ in range(4):
-        tried = np.linspace(low, high, 24)
-        found = collide(losses, tried, np.ones(tried.size)).restitution
-        above = int(np.count_nonzero(found > restitution)) - 1
-        low, high = tried[max(above, 0)], tried[min(above + 1, tried.size - 1)]
-    return float((low + high) / 2.0)
+    found: float = scipy.optimize.brentq(
+        lambda scale: collide(losses, scale).restitution - restitution, 1e-4, 8.0, xtol=1e-6
+    )
+    return found
 
 
 @dataclass(frozen=True)
@@ -173,26 +130,25 @@ def strike(lab: Laboratory, random: np.random.Generator) -> Struck:
     draws, weights = np.polynomial.hermite_e.hermegauss(9)
     draws = np.append(random.standard_normal(HITS), draws)
     speeds = np.exp(lab.spread * draws)
-    pulses = collide(lab.losses, np.full(draws.size, scale), speeds)
+    pulses = [collide(lab.losses, scale, speed) for speed in speeds.tolist()]
     power = -(lab.losses.exponent - 1.0) / (lab.losses.exponent + 1.0)
     # The middle one of all hits is at the mean speed.
-    unit = lab.duration / pulses.time[HITS + weights.size // 2, -1]
+    unit = lab.duration / pulses[HITS + weights.size // 2].time[-1]
     units = unit * speeds**power
     units[:HITS] *= np.exp(lab.repeat * random.standard_normal(HITS))
     both = lab.masses[0] * lab.masses[1] / sum(lab.masses)
     heights = both * lab.speed * speeds / units
-    forces = heights[:, np.newaxis] * pulses.force
-    durations = units * pulses.time[:, -1]
+    forces = heights[:, np.newaxis] * [pulse.force for pulse in pulses]
     highest = forces[:HITS].max()
     scales = [lab_peak / lab.level for lab_peak in highest / np.array(lab.masses)]
     gains = 1.0 + GAIN * random.standard_normal(2)
     blocks = [
-        _measure(lab, units[hit] * pulses.time[hit], forces[hit], scales, gains, hit + 1, random)
+        _measure(lab, units[hit] * pulses[hit].time, forces[hit], scales, gains, hit + 1, random)
         for hit in range(HITS)
     ]
     each = {
-        "duration": durations,
-        "restitution": pulses.restitution,
+        "duration": units * [pulse.time[-1] for pulse in pulses],
+        "restitution": np.array([pulse.restitution for pulse in pulses]),
         "impact_speed": lab.speed * speeds,
         "exponent": np.full(draws.size, lab.losses.exponent),
         "peak_force": forces.max(axis=1),
@@ -252,10 +208,7 @@ def _measure(
     channels = []
     for channel, (mass, sign) in enumerate(zip(lab.masses, (1.0, -1.0), strict=True)):
         trace = sign * gains[channel] * pressed / mass
-        natural = 2.0 * math.pi * lab.resonances[channel]
-        system = [natural**2], [1.0, 2.0 * lab.damping * natural, natural**2]
-        top, bottom, _ = scipy.signal.cont2discrete(system, step, "foh")
-        trace = scipy.signal.lfilter(top.ravel(), bottom, trace)
+        trace = resonate(trace, lab.resonances[channel], lab.damping, 1.0 / step)
         trace = scipy.signal.lfilter(
             *scipy.signal.butter(1, lab.corner, "high", fs=1.0 / step), trace
         )

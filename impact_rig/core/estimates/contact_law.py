@@ -22,8 +22,8 @@ from impact_rig.core.estimates.law_fit import (
     TIME,
     FittedLoss,
     evaluate_laws,
-    fit_hits,
     fit_losses,
+    fit_models,
     weigh_losses,
 )
 from impact_rig.core.estimates.law_pulses import LossForm, compute_pulses, find_places
@@ -161,8 +161,13 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     quantities, own = _compute_quantities(
         fits, _list_sources(mean, fits, changes), masses, (scatter, mean.count)
     )
-    reason = _find_doubt(quantities)
-    if reason is not None:
+    e = quantities["restitution"]
+    # Of contacts without loss one in ten exceeds 1 by so much.
+    if e.value - 1.0 > max(1.25 * e.standard, GAIN):
+        reason = (
+            f"{LIKE_CONTACT}: e would be {e.value:.3f} ± {e.expanded:.3f}, above 1, and free"
+            f" bodies gain no energy{CRUSHED}"
+        )
         return replace(without, notes=(Note(Subject.CONTACT_LAW, reason),))
     touch = fits.unit * float(fits.points[:, START].mean())
     return ContactLaw(
@@ -304,7 +309,8 @@ def _fit_hits(
     start = np.tile(best.fit.parameters, (len(measured), 1))
     start[:, [START, TIME]] *= wider[:, np.newaxis]
     start[:, HEIGHT] *= higher
-    return fit_hits(window, measured, best, start, exponent), measured
+    models = [(best.form, best.held)] * len(measured)
+    return fit_models(window, measured, models, start, exponent), measured
 
 
 def _check_pulses(mean: MeanHit) -> tuple[Note, ...]:
@@ -366,18 +372,6 @@ def _find_misfit(
         )
     if is_worse:
         return f"{LIKE_CONTACT}: a versed-sine comes nearer to it than the best of them"
-    return None
-
-
-def _find_doubt(quantities: dict[str, Quantity]) -> str | None:
-    """Return why a law that describes the pulse is not given; None: it is."""
-    e = quantities["restitution"]
-    # Of contacts without loss one in ten exceeds 1 by so much.
-    if e.value - 1.0 > max(1.25 * e.standard, GAIN):
-        return (
-            f"{LIKE_CONTACT}: e would be {e.value:.3f} ± {e.expanded:.3f}, above 1, and free"
-            f" bodies gain no energy{CRUSHED}"
-        )
     return None
 
 

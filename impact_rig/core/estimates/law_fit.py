@@ -175,7 +175,7 @@ def fit_losses(window: PulseWindow, exponent: float | None) -> list[FittedLoss]:
     def fit(models: Sequence[tuple[LossForm, int | None]], starts: FloatArray) -> list[FittedLoss]:
         measured = np.broadcast_to(window.measured, (len(models), window.measured.size))
         # A form that leaves ten times as much as the best is of no use.
-        fits = _fit_models(window, measured, models, starts, exponent, most=10.0)
+        fits = fit_models(window, measured, models, starts, exponent, most=10.0)
         return [FittedLoss(*model, found) for model, found in zip(models, fits, strict=True)]
 
     found = fit(MODELS, _find_starts(window, exponent))
@@ -190,7 +190,7 @@ def fit_losses(window: PulseWindow, exponent: float | None) -> list[FittedLoss]:
     return found + [FittedLoss(item.form, LOSS, _hold(item.fit, LOSS)) for item in named]
 
 
-def _fit_models(
+def fit_models(
     window: PulseWindow,
     measured: FloatArray,
     models: Sequence[tuple[LossForm, int | None]],
@@ -219,25 +219,6 @@ def _hold(fit: WindowFit, place: int) -> WindowFit:
     parameters, jacobian = fit.parameters + moved, fit.jacobian.copy()
     parameters[place] = jacobian[place] = 0.0
     return WindowFit(parameters, jacobian, fit.is_inside, fitted, math.nan)
-
-
-def fit_hits(
-    window: PulseWindow,
-    measured: FloatArray,
-    loss: FittedLoss,
-    start: FloatArray,
-    exponent: float | None,
-) -> list[WindowFit]:
-    """Fit one model of the loss to the pulse of every hit.
-
-    Parameters
-    ----------
-    measured : ndarray, shape (hits, n)
-        At the window's points, in units of the mean's peak.
-    start : ndarray, shape (hits, 7)
-        Where to begin.
-    """
-    return _fit_models(window, measured, [(loss.form, loss.held)] * len(start), start, exponent)
 
 
 SMALL_PART = 0.15

@@ -107,11 +107,6 @@ SMALLEST_COSINE = 1e-6
 """Below it rounding is more than what is left out [-]."""
 
 
-def _find_angle(phase: FloatArray | float) -> FloatArray:
-    """Return the angle, from 0 at touch to pi at x = 0, crowded at both ends."""
-    return np.asarray(math.pi * phase**3 * (10.0 - 15.0 * phase + 6.0 * phase**2))
-
-
 @dataclass(frozen=True)
 class _Motion:
     """The motion of many contacts as a function of the angle: see `_tabulate`."""
@@ -121,7 +116,9 @@ class _Motion:
 
     def find_state(self, phase: float, state: FloatArray) -> tuple[FloatArray, ...]:
         """Return x, x', the deceleration beside xⁿ, and the angle's rate."""
-        angle, (log_radius, _, held) = float(_find_angle(phase)), state
+        # From 0 at touch to pi at x = 0, crowded at both ends.
+        angle = math.pi * phase**3 * (10.0 - 15.0 * phase + 6.0 * phase**2)
+        log_radius, _, held = state
         sine, cosine = max(math.sin(angle), 0.0), math.cos(angle)
         half, losses = (self.exponent + 1.0) / 2.0, self.losses
         # At the top x' comes to zero.

@@ -65,6 +65,8 @@ def make_input(source: str, value: float, standard: float) -> UncertainNumber:
     return number
 
 
+ASSUMED = ", assumed"
+"""End of the source of an input that nothing states."""
 ASSUMED_GAIN, ASSUMED_MASS = 0.03, 0.005
 """Relative standard uncertainties of what is stated without one [-]: a piezo accelerometer is
 known to 2 to 5 %; of a mass our choice, half a gram in 100."""
@@ -77,7 +79,7 @@ def make_stated(source: str, value: float, standard: float, assumed: float) -> U
     """
     if standard or math.isnan(value):
         return make_input(source, value, standard)
-    return make_input(f"{source}, assumed", value, assumed * value)
+    return make_input(f"{source}{ASSUMED}", value, assumed * value)
 
 
 def make_ensemble(
@@ -104,7 +106,11 @@ def make_ensemble(
     # Smaller variances are rounding.
     kept = values > 1e-14 * max(len(estimates), 1)
     factors = scale[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept])
-    errors = _make_errors(Source(source, degrees_of_freedom), int(kept.sum()))
+    count, line = int(kept.sum()), Source(source, degrees_of_freedom)
+    # Uncorrelated unit errors that share their degrees of freedom (GUM H.2).
+    errors = load_gtc().multiple_ureal(
+        [0.0] * count, [1.0] * count, degrees_of_freedom, [line] * count
+    )
     numbers = []
     for estimate, row in zip(estimates, factors.tolist(), strict=True):
         number: UncertainNumber = load_gtc().constant(float(estimate))
@@ -121,14 +127,6 @@ def make_scatter(
     variance = np.var(values, ddof=1) / count
     (number,) = make_ensemble(source, [value], np.array([[variance]]), len(values) - 1)
     return number
-
-
-def _make_errors(source: Source, count: int) -> tuple[UncertainNumber, ...]:
-    """Make uncorrelated unit errors that share their degrees of freedom (GUM H.2)."""
-    if count == 0:
-        return ()
-    make_numbers, freedom = load_gtc().multiple_ureal, source.degrees_of_freedom
-    return tuple(make_numbers([0.0] * count, [1.0] * count, freedom, [source] * count))
 
 
 def compute_quantity(
@@ -179,6 +177,17 @@ def make_quantity(
         budget=_make_budget(variances),
         notes=notes,
     )
+
+
+def leave_out(found: Quantity, is_left_out: Callable[[str], bool]) -> Quantity:
+    """Return a value with an even interval, without the type B lines whose source is left out."""
+    kept = 1.0 - math.fsum(line.share for line in found.budget if is_left_out(line.source))
+    if kept == 1.0 or not found.standard * found.degrees_of_freedom > 0.0:
+        return found
+    standard, freedom = found.standard * math.sqrt(max(kept, 0.0)), found.degrees_of_freedom
+    # What is left out has infinite degrees of freedom (GUM G.4.1).
+    factor = float(load_gtc().reporting.k_factor(max(freedom * kept**2, 1.0), 95.0))
+    return Quantity(found.value, standard, factor * standard)
 
 
 def _compute_effective_freedom(variances: dict[Source, float], total: float) -> float:

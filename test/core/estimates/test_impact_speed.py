@@ -8,16 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from impact_rig.core.estimates.checks import advise_check, check_chain
+from impact_rig.core.estimates.checks import advise_check, check_chain, use_measured_speed
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.findings import Reason, Subject
 from impact_rig.core.given.records import NO_SPEED, Block, ChannelBlock, HitLabel, MeasuredSpeed
 from impact_rig.core.given.sensors import CHANNELS, Sensor
 from impact_rig.core.given.setup import RigSetup, Sample, SampleSet
-from impact_rig.core.hit.judging import JudgedHit
+from impact_rig.core.hit.judging import FilteredHit, JudgedHit
+from impact_rig.core.hit.pulse_width import measure_pulse
 from impact_rig.core.session import Session
 
+from ..blocks import make_plain_mean
 from ..contacts import crush
 from ..struck import HAMMER, RATE, SAMPLE, SPEED, Impact
 
@@ -80,6 +82,11 @@ def test_e_is_that_of_the_measured_speeds_and_their_scatter_cancels(blocks):
     assert checks.impact_speed.value == pytest.approx(SPEED, rel=1e-9)
     assert checks.stated_restitution.value == pytest.approx(0.8, abs=6e-3)
     assert checks.separation_restitution.value == pytest.approx(0.8, abs=6e-3)
+    for body, other in (("hammer", SAMPLE), ("sample", HAMMER)):
+        part = 1.8 * other / (HAMMER + SAMPLE)
+        assert find_budget(
+            checks.separation_restitution, f"gain of the {body}'s channel"
+        ) == pytest.approx(0.03 * part, rel=0.02)
     # Impulse and speed scatter by 3 % of the mean, and their ratio does not.
     assert find_budget(checks.impact_speed, "scatter") == pytest.approx(
         SPEED * np.std(SCATTERED, ddof=1) / np.sqrt(6.0), rel=1e-6
@@ -89,6 +96,17 @@ def test_e_is_that_of_the_measured_speeds_and_their_scatter_cancels(blocks):
         1.8 * COMMON * max(SCATTERED), rel=0.02
     )
     assert not [note for note in found.warnings if note.about is Subject.IMPACT_SPEED]
+
+
+def test_the_mean_of_measured_speeds_is_as_sure_as_their_scatter_and_the_barrier():
+    pulse = measure_pulse(np.hanning(9))
+    known = (np.ones((2, 9)), RATE, pulse, np.zeros(2), np.zeros(2), np.zeros(2), 1)
+    hits = [FilteredHit(*known, impact_speed=MeasuredSpeed(speed, COMMON)) for speed in SCATTERED]
+    mean = replace(make_plain_mean(np.ones((2, 9)), RATE), hits=tuple(hits))
+    found = use_measured_speed(SETUP, mean)
+    assert found.impact_speed == pytest.approx(np.mean(SCATTERED))
+    scatter = np.std(SCATTERED, ddof=1) / np.sqrt(6.0)
+    assert found.impact_speed_uncertainty == pytest.approx(np.hypot(scatter, COMMON))
 
 
 def test_a_hit_that_the_barrier_missed_has_the_mean_of_the_others():

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.signal import find_peaks as find_by_scipy
 from scipy.signal import peak_widths
 
 from impact_rig.core.given.errors import SignalError
@@ -21,6 +22,7 @@ from impact_rig.core.hit.pulse_width import (
     compute_trend,
     estimate_pulse_errors,
     find_ends,
+    find_peaks,
     measure_pulse,
 )
 
@@ -159,3 +161,13 @@ def test_a_pulse_that_never_comes_down_to_a_tenth_has_no_ratio():
 def test_what_is_no_whole_pulse_is_refused(trace, message):
     with pytest.raises(SignalError, match=message):
         measure_pulse(trace)
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_peaks_are_those_of_scipy(seed):
+    random = np.random.default_rng(seed)
+    steps = random.normal(size=random.integers(3, 60))
+    least = random.uniform(0.01, 2.0)
+    for trace in (steps, steps.cumsum()):
+        expected, _ = find_by_scipy(trace, height=least, prominence=least)
+        assert find_peaks(trace, least) == expected.tolist()

@@ -1,15 +1,18 @@
 """Each threshold of a verdict, tried just below and just above."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from core.blocks import make_record
 
-from impact_rig.core.estimates.checks import ask_for_sample, check_chain
+from impact_rig.core.estimates.checks import ask_for_sample, check_chain, check_speed
+from impact_rig.core.estimates.uncertainty import Source, make_quantity
 from impact_rig.core.given.findings import Finding, Reason
+from impact_rig.core.given.quantity import UNKNOWN, Quantity
 from impact_rig.core.given.records import ChannelBlock, FloatArray
-from impact_rig.core.given.setup import AnalysisSettings
+from impact_rig.core.given.setup import PAPER_SETUP, AnalysisSettings
 from impact_rig.core.hit.detection import SPREAD_OF_MEDIAN
 from impact_rig.core.hit.pulse_width import measure_pulse, measure_rise
 from impact_rig.core.hit.pulses import VERSED_SINE, compute_pulse
@@ -312,6 +315,12 @@ class TestSecondPulse:
         assert found is (Reason.RINGING if side > 1.0 else Reason.DOUBLE_HIT)
 
     @JUST
+    def test_that_rings_is_harmless_and_one_of_a_contact_is_none(self, side):
+        wave = make_bump(1000.0, 120.0) - 0.5 * side * make_bump(1100.0, 90.0)
+        (found,) = check_pulse(self.trace + 0.2 * wave, self.pulse, 0.0, RATE, SETTINGS)
+        assert found.is_harmless is (side > 1.0)
+
+    @JUST
     def test_is_the_zeros_where_that_wanders_by_a_tenth_of_it(self, side):
         tail = (np.arange(2000) > 600) * (0.1 / SPREAD_OF_MEDIAN * 0.2 * side)
         bump = np.maximum(0.2 * make_bump(1000.0, 200.0), tail)
@@ -337,6 +346,28 @@ class TestSample:
     ):
         asked = ask_for_sample(1.0 + sign * side * apart, 1.0, expanded)
         assert (asked is not None) is (side > 1.0)
+
+    @JUST
+    @pytest.mark.parametrize("sign", [1.0, -1.0])
+    @pytest.mark.parametrize("assumed", [0.0, 0.03])
+    def test_a_speed_is_another_beyond_a_fiftieth_and_what_is_stated(self, side, sign, assumed):
+        # What is assumed widens the interval, and eases nothing.
+        lines = {Source("form of the loss"): 0.002**2, Source("gain, assumed"): assumed**2}
+        apart = 0.02 + math.hypot(1.96 * 0.002, 2.0 * 0.004)
+        speed = make_quantity(1.0 + sign * side * apart, lines)
+        setup = replace(PAPER_SETUP, impact_speed=1.0, impact_speed_uncertainty=0.004)
+        found = check_speed(speed, UNKNOWN, setup, "stated")
+        assert (found is not None) is (side > 1.0)
+
+    @JUST
+    @pytest.mark.parametrize("end", [0.0, 1.0])
+    def test_without_a_law_e_lies_between_0_and_1_within_its_uncertainty(self, side, end):
+        e = Quantity(end + math.copysign(0.1 * side, end - 0.5), 0.05, 0.1)
+        found = check_speed(UNKNOWN, e, PAPER_SETUP, "measured")
+        assert (found is not None) is (side > 1.0)
+        if found:
+            shown = f"{(1.0 + e.value) / 2.0:.2g} to {1.0 + e.value:.2g} times"
+            assert f"{shown} the 8.19 cm/s that are measured" in found.explanation
 
     @pytest.mark.parametrize("sign", [1.0, -1.0])
     @JUST
