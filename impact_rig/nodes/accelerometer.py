@@ -20,10 +20,9 @@ from impact_rig.nodes.accelerometer_source import (
     open_source,
 )
 from impact_rig.nodes.device_node import DeviceNode
-from impact_rig.nodes.diagnostics import DIAGNOSTIC_PERIOD
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
-from impact_rig.nodes.rig_node import Answer
+from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, Answer
 from impact_rig.recordings.fields import NO_ID, fill_message
 from impact_rig.status.states import HammerPlace, HammerStatus, Phase
 

@@ -7,18 +7,10 @@ from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from impact_rig_msgs import srv
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import Impact, SampleCount
 from impact_rig_msgs.msg import RigSetup as RigSetupMessage
-from impact_rig_msgs.srv import (
-    Arm,
-    ConfirmSample,
-    GetResults,
-    JoinCampaign,
-    Release,
-    SetAngle,
-    SetArmed,
-)  # fmt: skip
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.duration import Duration
@@ -95,18 +87,18 @@ class CampaignNode(RigNode):
         self.create_timer(BEAT / self.pace, self._check_clock)
         self.offer_act(interfaces.PAUSE_CAMPAIGN, self._hold)
         self.offer_act(interfaces.RESUME_CAMPAIGN, self._go_on, self._told)
-        self.create_service(ConfirmSample, interfaces.CONFIRM_SAMPLE, self._on_confirm_sample)
+        self.create_service(srv.ConfirmSample, interfaces.CONFIRM_SAMPLE, self._on_confirm_sample)
         names = ("recorder", "accelerometer", "estimator", "hammer", *DISPLAYS)
         self._joins = {
-            name: self.create_client(JoinCampaign, interfaces.make_join_name(name))
+            name: self.create_client(srv.JoinCampaign, interfaces.make_join_name(name))
             for name in names
         }
-        self._results = self.create_client(GetResults, interfaces.GET_RESULTS)
-        self._set_armed = self.create_client(SetArmed, interfaces.SET_ARMED)
-        self._set_angle = self.create_client(SetAngle, interfaces.SET_ANGLE)
-        self._arm = self.create_client(Arm, interfaces.ARM_ACCELEROMETER)
+        self._results = self.create_client(srv.GetResults, interfaces.GET_RESULTS)
+        self._set_armed = self.create_client(srv.SetArmed, interfaces.SET_ARMED)
+        self._set_angle = self.create_client(srv.SetAngle, interfaces.SET_ANGLE)
+        self._arm = self.create_client(srv.Arm, interfaces.ARM_ACCELEROMETER)
         self._disarm = self.create_client(Trigger, interfaces.DISARM_ACCELEROMETER)
-        self._release = self.create_client(Release, interfaces.RELEASE_HAMMER)
+        self._release = self.create_client(srv.Release, interfaces.RELEASE_HAMMER)
         self._work: Mapping[Step, Callable[[Campaign], Awaitable[Step]]] = {
             Step.JOINING: self._join_nodes,
             Step.COUNTING: self._count_hits,
@@ -153,7 +145,7 @@ class CampaignNode(RigNode):
 
     def _let_disarm(self, campaign: Campaign, why: str) -> None:
         """Ask the hammer to disarm, and wait for nothing."""
-        request = SetArmed.Request(campaign_id=campaign.setup.campaign_id, why=why)
+        request = srv.SetArmed.Request(campaign_id=campaign.setup.campaign_id, why=why)
         self._set_armed.call_async(request)
 
     def close(self) -> None:
@@ -235,19 +227,19 @@ class CampaignNode(RigNode):
 
     def _ask_displays(self, campaign: Campaign, *, announced: bool = False) -> list[Any]:
         """Ask the displays that are there to take part; return their answers to come."""
-        request = JoinCampaign.Request(setup=campaign.setup, announced=announced)
+        request = srv.JoinCampaign.Request(setup=campaign.setup, announced=announced)
         displays = [self._joins[name] for name in DISPLAYS]
         return [it.call_async(request) for it in displays if it.service_is_ready()]
 
     async def _join_node(
         self, campaign: Campaign, name: str, *, announced: bool = False
-    ) -> JoinCampaign.Response:
+    ) -> srv.JoinCampaign.Response:
         client = self._joins[name]
         # At the start there may be a run to read; later its silence is a pause.
         is_reading = name == "estimator" and not campaign.has_joined
         answer = await self.call(
             client,
-            JoinCampaign.Request(
+            srv.JoinCampaign.Request(
                 setup=campaign.setup,
                 stream_id=id_to_msg(campaign.stream_id),
                 recording=campaign.recording,
@@ -262,7 +254,7 @@ class CampaignNode(RigNode):
 
     async def _count_hits(self, campaign: Campaign) -> Step:
         """Ask the ledger what is missing, and whether the hammer can strike it."""
-        request = GetResults.Request(counts_only=True)
+        request = srv.GetResults.Request(counts_only=True)
         ledger = await self.call(self._results, request)
         if ledger.setup.campaign_id != campaign.setup.campaign_id:
             raise DeviceError("the estimator was started again")
@@ -415,7 +407,7 @@ class CampaignNode(RigNode):
 
     async def _give_enable(self, campaign: Campaign, until: float) -> None:
         """Arm the hammer for a person who has just said that it may go; ask again until a time."""
-        request = SetArmed.Request(campaign_id=campaign.setup.campaign_id, armed=True)
+        request = srv.SetArmed.Request(campaign_id=campaign.setup.campaign_id, armed=True)
         request.seen = campaign.seen
         request.deadline = stamp_to_msg(self._hammer.stamp + round(REACTION * NANOSECONDS))
         answer = await self.call(self._set_armed, request)
@@ -431,7 +423,7 @@ class CampaignNode(RigNode):
         """Disarm the hammer: hands may be near it."""
         if not self._hammer.armed:
             return
-        request = SetArmed.Request(campaign_id=campaign.setup.campaign_id, why=why)
+        request = srv.SetArmed.Request(campaign_id=campaign.setup.campaign_id, why=why)
         await self.call(self._set_armed, request, PAUSE_TIMEOUT)
         if not await self.wait_until(lambda: not self._hammer.armed, PAUSE_TIMEOUT):
             raise DeviceError("the hammer does not say that it is disarmed: keep away from it")
@@ -443,13 +435,13 @@ class CampaignNode(RigNode):
         sample = campaign.find_sample(campaign.hit["sample"])
         if sample.has_angle and self._hammer.sets_angle:
             await self._ask(
-                campaign, self._set_angle, SetAngle.Request(angle=sample.release_angle)
+                campaign, self._set_angle, srv.SetAngle.Request(angle=sample.release_angle)
             )
         await self._count_down(campaign)
-        arming = Arm.Request(**ids, **campaign.hit, after=campaign.newest_record)
+        arming = srv.Arm.Request(**ids, **campaign.hit, after=campaign.newest_record)
         record = (await self._ask(campaign, self._arm, arming)).record
         campaign.newest_record = record
-        release = Release.Request(
+        release = srv.Release.Request(
             **ids, stream_id=id_to_msg(campaign.stream_id), record=record, **campaign.hit
         )
         self._check_held_back(campaign)
@@ -533,7 +525,7 @@ class CampaignNode(RigNode):
         if self._campaign is not None:
             self._campaign.verdict = received.value
         elif self._ended is not None:  # a person decided on a hit
-            asked = self._results.call_async(GetResults.Request())
+            asked = self._results.call_async(srv.GetResults.Request())
             asked.add_done_callback(self._count_again)
 
     def _count_again(self, done: Any) -> None:
@@ -548,8 +540,8 @@ class CampaignNode(RigNode):
             self._told.publish(counts=list(_find_counts(setup, ledger).values()))
 
     def _on_confirm_sample(
-        self, request: ConfirmSample.Request, response: ConfirmSample.Response
-    ) -> ConfirmSample.Response:
+        self, request: srv.ConfirmSample.Request, response: srv.ConfirmSample.Response
+    ) -> srv.ConfirmSample.Response:
         campaign = self._campaign
         if refusal := self._told.refuse(request):
             response.message = refusal
@@ -664,11 +656,11 @@ class CampaignNode(RigNode):
         await self._call_if_there(self._disarm, Trigger.Request())
         # Before the first hit it may read a run; later it answers soon, or not at all.
         patience = self.silence if campaign.has_joined else RESULTS_TIMEOUT
-        counts = GetResults.Request(counts_only=True)
+        counts = srv.GetResults.Request(counts_only=True)
         results = await self._call_if_there(self._results, counts, patience)
         if results is not None:
             results = await self._call_if_there(
-                self._results, GetResults.Request(), RESULTS_TIMEOUT
+                self._results, srv.GetResults.Request(), RESULTS_TIMEOUT
             )
         if results is None or results.setup.campaign_id != campaign.setup.campaign_id:
             result.success = False
@@ -682,7 +674,9 @@ class CampaignNode(RigNode):
             await self.wait_until(written.done, RESULTS_TIMEOUT)
 
 
-def _find_counts(setup: RigSetupMessage, ledger: GetResults.Response) -> dict[str, SampleCount]:
+def _find_counts(
+    setup: RigSetupMessage, ledger: srv.GetResults.Response
+) -> dict[str, SampleCount]:
     """Return the hits of each sample of a plan, in its order."""
     counts = {count.sample: count for count in ledger.counts}
     return {name: counts.get(name, SampleCount(sample=name)) for name in setup.plan.samples}

@@ -11,26 +11,7 @@ from importlib import import_module
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from impact_rig_msgs.msg import (
-    AccelerationBlock,
-    AcquisitionState,
-    CampaignState,
-    HammerEstimate,
-    HammerRelease,
-    HammerState,
-    Impact,
-    ImpactTrace,
-    InputLevels,
-    ModelComparison,
-    Overrule,
-    RecorderState,
-    RecordStored,
-    ReplayerState,
-    RigSetup,
-    SampleEstimate,
-    StreamBlock,
-    VirtualImpact,
-)
+from impact_rig_msgs import msg
 from rclpy.duration import Duration
 from rclpy.qos import (
     DurabilityPolicy,
@@ -145,30 +126,22 @@ _LATEST = make_qos(1, latched=True)
 _CAMPAIGN, _HAMMER, _RECORDER = ("campaign",), ("hammer",), ("recorder",)
 _ACCELEROMETER, _ESTIMATOR = ("accelerometer",), ("estimator",)
 
-SETUP = Topic("setup", RigSetup, _LATEST, _recorded("setup_from_msg"), _CAMPAIGN)
+SETUP = Topic("setup", msg.RigSetup, _LATEST, _recorded("setup_from_msg"), _CAMPAIGN)
 ACCELERATION = Topic(
     "acceleration",
-    AccelerationBlock,
+    msg.AccelerationBlock,
     make_qos(200, latched=False),
     _BLOCK,
     (*_ACCELEROMETER, *_ESTIMATOR),
 )
-STREAM = Topic(
-    "acceleration/stream",
-    StreamBlock,
-    make_qos(STREAM_DEPTH, latched=False),
-    _BLOCK,
-    _ACCELEROMETER,
-)
-"""The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
-RELEASE = Topic("release", HammerRelease, _RESULT, _inward("check_release"), _HAMMER)
+RELEASE = Topic("release", msg.HammerRelease, _RESULT, _inward("check_release"), _HAMMER)
 VIRTUAL_IMPACT = Topic(
-    "virtual_impact", VirtualImpact, _RESULT, _recorded("truth_from_msg"), _ACCELEROMETER
+    "virtual_impact", msg.VirtualImpact, _RESULT, _recorded("truth_from_msg"), _ACCELEROMETER
 )
-IMPACT = Topic("impact", Impact, _RESULT, _finding("hit_results_from_msg"), _ESTIMATOR)
+IMPACT = Topic("impact", msg.Impact, _RESULT, _finding("hit_results_from_msg"), _ESTIMATOR)
 OVERRULE = Topic(
     "overrule",
-    Overrule,
+    msg.Overrule,
     _RESULT,
     _by("recordings.messages", "overrule_from_msg"),
     (*_ESTIMATOR, *REPLAYS),
@@ -178,82 +151,78 @@ OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False), 
 """The overrule of this stamp is on the recorder's disk."""
 IMPACT_TRACE = Topic(
     "impact/trace",
-    ImpactTrace,
+    msg.ImpactTrace,
     make_qos(64, latched=True),
     _finding("judged_traces_from_msg"),
     _ESTIMATOR,
 )
 """Traces as judged, 60 kB each, while somebody listens."""
 ESTIMATE = Topic(
-    "estimate", SampleEstimate, _RESULT, _by("core.estimates.sample", "SampleEstimate"), _ESTIMATOR
+    "estimate",
+    msg.SampleEstimate,
+    _RESULT,
+    _by("core.estimates.sample", "SampleEstimate"),
+    _ESTIMATOR,
 )
 HAMMER_ESTIMATE = Topic(
     "hammer_estimate",
-    HammerEstimate,
+    msg.HammerEstimate,
     _LATEST,
     _by("core.estimates.paper_method", "HammerEstimate"),
     _ESTIMATOR,
 )
 COMPARISON = Topic(
     "comparison",
-    ModelComparison,
+    msg.ModelComparison,
     make_qos(64, latched=True),
     _finding("traces_from_msg"),
     _ESTIMATOR,
 )
 """Measured and model traces, 80 kB each."""
-HAMMER_STATE = Topic("hammer/state", HammerState, _LATEST, _inward("hammer_from_msg"), _HAMMER)
+HAMMER_STATE = Topic("hammer/state", msg.HammerState, _LATEST, _inward("hammer_from_msg"), _HAMMER)
 ACQUISITION_STATE = Topic(
-    "accelerometer/state", AcquisitionState, _LATEST, _state("AcquisitionStatus"), _ACCELEROMETER
+    "accelerometer/state",
+    msg.AcquisitionState,
+    _LATEST,
+    _state("AcquisitionStatus"),
+    _ACCELEROMETER,
 )
 INPUT_LEVELS = Topic(
     "accelerometer/levels",
-    InputLevels,
+    msg.InputLevels,
     make_qos(10, latched=False),
     _by("status.levels", "InputLevels"),
     _ACCELEROMETER,
 )
 """Levels of the input monitor, and of a running stream."""
 RECORDER_STATE = Topic(
-    "recorder/state", RecorderState, _LATEST, _state("RecorderStatus"), _RECORDER
+    "recorder/state", msg.RecorderState, _LATEST, _state("RecorderStatus"), _RECORDER
 )
 CAMPAIGN_STATE = Topic(
-    "campaign/state", CampaignState, _LATEST, _inward("campaign_from_msg"), _CAMPAIGN
+    "campaign/state", msg.CampaignState, _LATEST, _inward("campaign_from_msg"), _CAMPAIGN
 )
-RECORD_STORED = Topic("recorder/stored", RecordStored, _RESULT, owners=_RECORDER)
+RECORD_STORED = Topic("recorder/stored", msg.RecordStored, _RESULT, owners=_RECORDER)
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
 NOTE = Topic("note", String, make_qos(10, latched=False))
 """Notes of an operator while the rig runs."""
 PAGE_ACT = Topic("page/act", String, make_qos(10, latched=False))
 """What a person asked for at the page, done or refused, and who."""
+
+RECORDED_TOPICS = tuple(item for item in [*vars().values()] if isinstance(item, Topic))
+"""Every topic above; what else the rig's nodes publish is recorded as it is discovered."""
+STREAM = Topic(
+    "acceleration/stream",
+    msg.StreamBlock,
+    make_qos(STREAM_DEPTH, latched=False),
+    _BLOCK,
+    _ACCELEROMETER,
+)
+"""The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
 DIAGNOSTICS = Topic(
     "/diagnostics", DiagnosticArray, QoSProfile(depth=64), _inward("health_from_msg")
 )
 """Health of every node, once a second: one topic for all namespaces, as everywhere in ROS 2."""
-REPLAYER_STATE = Topic("replayer/state", ReplayerState, _LATEST)
-
-RECORDED_TOPICS = (
-    SETUP,
-    ACCELERATION,
-    RELEASE,
-    VIRTUAL_IMPACT,
-    IMPACT,
-    IMPACT_TRACE,
-    OVERRULE,
-    OVERRULE_STORED,
-    ESTIMATE,
-    HAMMER_ESTIMATE,
-    COMPARISON,
-    HAMMER_STATE,
-    ACQUISITION_STATE,
-    RECORDER_STATE,
-    CAMPAIGN_STATE,
-    RECORD_STORED,
-    INPUT_LEVELS,
-    NOTE,
-    PAGE_ACT,
-)
-"""Every topic of the rig; what else its nodes publish is recorded as it is discovered."""
+REPLAYER_STATE = Topic("replayer/state", msg.ReplayerState, _LATEST)
 COMPUTED_TOPICS = (IMPACT_TRACE, COMPARISON)
 """Those that are large and that a replay computes from the others: recorded where it is asked."""
 OWNED_TOPICS = tuple(topic for topic in (*RECORDED_TOPICS, STREAM) if topic.owners)

@@ -5,8 +5,10 @@ physics, which takes most of a node's start.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -23,6 +25,8 @@ from impact_rig.status.states import CampaignStatus, HammerStatus, Level, NodeHe
 if TYPE_CHECKING:
     # Who only passes on what others have measured needs no virtual rig.
     from impact_rig.devices.virtual.rig import VirtualHit
+
+T = TypeVar("T", HammerStatus, CampaignStatus)
 
 
 def make_message(name: str) -> Any:
@@ -71,28 +75,18 @@ def virtual_hit_to_msg(
     return identity.fill(message, stamp)
 
 
-def hammer_from_msg(message: msg.HammerState) -> HammerStatus:
-    """Return the hammer's state."""
+def _read_state(kind: type[T], times: Sequence[str], message: Any) -> T:
+    """Return a state with its times [s since the epoch]; NaN: none is stated."""
+    found: dict[str, Any] = {
+        name: stamp_from_msg(getattr(message, name)) / NANOSECONDS or math.nan for name in times
+    }
     return replace(
-        from_message(HammerStatus, message),
-        since=stamp_from_msg(message.since) / NANOSECONDS,
-        stopped_at=_time_from_msg(message.stopped_at),
-        stamp=stamp_from_msg(message.header.stamp),
+        from_message(kind, message), stamp=stamp_from_msg(message.header.stamp), **found
     )
 
 
-def campaign_from_msg(message: msg.CampaignState) -> CampaignStatus:
-    """Return a campaign's state without its newest verdict."""
-    return replace(
-        from_message(CampaignStatus, message),
-        until=_time_from_msg(message.until),
-        stamp=stamp_from_msg(message.header.stamp),
-    )
-
-
-def _time_from_msg(stamp: Time) -> float:
-    """Return seconds since the epoch; NaN: none is stated."""
-    return stamp_from_msg(stamp) / NANOSECONDS or math.nan
+hammer_from_msg = partial(_read_state, HammerStatus, ("since", "stopped_at"))
+campaign_from_msg = partial(_read_state, CampaignStatus, ("until",))
 
 
 def health_from_msg(message: DiagnosticArray) -> tuple[NodeHealth, ...]:

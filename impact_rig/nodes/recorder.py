@@ -28,13 +28,12 @@ from impact_rig.configuration.processes import (
 from impact_rig.core.given.errors import FileError, ParameterError, RigError
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes import interfaces
-from impact_rig.nodes.diagnostics import PARAMETERS
 from impact_rig.nodes.executor import accept_message_info
 from impact_rig.nodes.identity import Identity
 from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.listener import adapt_qos, import_type
 from impact_rig.nodes.messages import stamp_to_msg
-from impact_rig.nodes.rig_node import RigNode
+from impact_rig.nodes.rig_node import PARAMETERS, RigNode
 from impact_rig.recordings.hits import BlockCount, RecordCount, RecordWatch
 from impact_rig.recordings.messages import STREAM_TYPE, count_points
 from impact_rig.recordings.new_file import DiskFullError, choose_free

@@ -20,15 +20,13 @@ class RigMember:
     Parameters
     ----------
     node : RigNode
-        That listens; it has one of these itself, of the campaign.
+        That listens.
     name : str
         Of the other node.
     topic : Topic
         Of the other node, with a lease.
     on_change : callable
         Called when a message is kept, and when a publisher has come, gone, or fallen silent.
-    is_single : bool
-        More than one publisher is a loss, too: another rig's, or a replay's.
     """
 
     def __init__(
@@ -37,14 +35,11 @@ class RigMember:
         name: str,
         topic: interfaces.Topic,
         on_change: Callable[[], None] = lambda: None,
-        *,
-        is_single: bool = True,
     ) -> None:
         self.name = name
         self.state: Any = None  # newest state of the node; None: none yet
         self.campaign_id = NO_ID  # of that
         self.came = -math.inf  # when that did [s], by the monotonic clock
-        self._is_single = is_single
         self._on_change = on_change
         self._was_there = False
         self._alive = 0
@@ -68,7 +63,7 @@ class RigMember:
             return (
                 f"the {self.name} node has gone: start it again, or see to the network between you"
             )
-        if self._alive > 1 and self._is_single:
+        if self._alive > 1:
             return (
                 f"{self._alive} {self.name} nodes are up in this ROS domain and namespace: stop"
                 " one rig (or the replay of one), or give it another ROS_DOMAIN_ID or namespace"
@@ -88,8 +83,6 @@ class RigMember:
         silent = status.not_alive_count
         here = min(self._count_publishers_here(), silent) if silent else 0
         alive = status.alive_count + here
-        if alive < self._alive and not self._is_single:
-            self.state = None  # which of them has gone is not known: who is there says so again
         self._alive, self._silent = alive, silent - here
         self._on_change()
 

@@ -1,10 +1,13 @@
 """Common part of the rig's nodes: topics with one way in, campaigns, and diagnostics."""
 
+import json
+import platform
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from impact_rig_msgs.srv import Act, JoinCampaign
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
@@ -14,13 +17,17 @@ from impact_rig.core.given.errors import RigError
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.acts import BEAT, NumberedState
-from impact_rig.nodes.diagnostics import DIAGNOSTIC_PERIOD, make_diagnostics
 from impact_rig.nodes.identity import Identity, id_from_msg
 from impact_rig.nodes.intake import UNNAMED, UNSOUND, Intake, Received
 from impact_rig.nodes.interfaces import Topic, make_join_name
 from impact_rig.nodes.managed_node import ManagedNode
 from impact_rig.nodes.rig_member import RigMember
 
+DIAGNOSTIC_PERIOD = 1.0
+"""Time between two diagnostic messages of a node [s]."""
+PARAMETERS = "parameters"
+"""A node's diagnostics have a second status of this name: its parameters in JSON, and, as its
+message, the id of its campaign."""
 Answer: TypeAlias = tuple[bool, str]
 """Whether something was done, and what was done, or why not."""
 _NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
@@ -176,10 +183,7 @@ class RigNode(ManagedNode):
 
         `on_change` is called when the campaign's state changes, or its node comes or goes.
         """
-        # A bag that is played has such states, too.
-        self.campaign = RigMember(
-            self, "campaign", interfaces.CAMPAIGN_STATE, on_change, is_single=False
-        )
+        self.campaign = RigMember(self, "campaign", interfaces.CAMPAIGN_STATE, on_change)
         self.create_service(JoinCampaign, make_join_name(self.get_name()), self._join)
 
     def _join(
@@ -237,19 +241,29 @@ class RigNode(ManagedNode):
 
     def on_changed(self) -> None:
         """Publish how the node is, and its parameters."""
-        array = make_diagnostics(
-            self.get_fully_qualified_name(),
-            {
-                "lifecycle": self.lifecycle,
-                "messages dropped": self.intake.dropped.total(),
-                **self.diagnose(),
-            },
-            fault=self.fault,
-            warning=self.describe_warning(),
-            state=self.lifecycle,
-            parameters=self._parameters.values(),
-            campaign_id=self.membership.identity.campaign_id,
+        level, message, host = DiagnosticStatus.OK, self.lifecycle, platform.node()
+        if self.fault is not None:
+            level, message = DiagnosticStatus.ERROR, self.fault
+        elif (warning := self.describe_warning()) is not None:
+            level, message = DiagnosticStatus.WARN, warning
+        figures = {
+            "lifecycle": self.lifecycle,
+            "messages dropped": self.intake.dropped.total(),
+            **self.diagnose(),
+        }
+        health = DiagnosticStatus(
+            name=self.get_fully_qualified_name(), hardware_id=host, level=level, message=message
         )
+        health.values = [KeyValue(key=key, value=str(value)) for key, value in figures.items()]
+        campaign_id = self.membership.identity.campaign_id.hex()
+        settings = DiagnosticStatus(
+            name=f"{health.name}/{PARAMETERS}", hardware_id=host, message=campaign_id
+        )
+        settings.values = [
+            KeyValue(key=item.name, value=json.dumps(item.value, ensure_ascii=False))
+            for item in self._parameters.values()
+        ]
+        array = DiagnosticArray(status=[health, settings])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
 

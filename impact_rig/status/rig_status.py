@@ -141,11 +141,6 @@ class RigStatus:
             nodes.append(replace(node, level=Level.STALE, message=message) if is_silent else node)
         return tuple(nodes)
 
-    def list_troubles(self) -> tuple[str, ...]:
-        """Return the nodes that are not well, each with its reason."""
-        nodes = self.list_nodes()
-        return tuple(f"{it.name}: {it.message}" for it in nodes if it.level is not Level.OK)
-
     @property
     def is_simulated(self) -> bool:
         """Whether no hammer strikes: hits are computed, and the holder swings nothing."""
