@@ -499,6 +499,8 @@ def test_arrays_of_several_hits_are_averaged(run):
     )  # fmt: skip
     assert found.impacts_accepted == 4
     assert found.stiffness.value == pytest.approx(22.54e6, rel=0.01)
+    twice = ir.estimate(hammer[:2] * 2, specimen[:2] * 2, rate="2.5 MHz")
+    assert (twice.impacts_accepted, twice.impacts_rejected) == (2, 2)
     alone = ir.estimate(hammer[0] / 9.80665, rate=2.5e6, unit="g")
     assert alone.contact_time.value == pytest.approx(212e-6, rel=0.01)
     assert not alone.stiffness.is_known

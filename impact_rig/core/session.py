@@ -4,10 +4,13 @@ The node and the analysis of files run this same code, so that the same hits giv
 numbers.
 """
 
+import hashlib
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import chain
+
+import numpy as np
 
 from impact_rig.core.estimates.checks import ask_for_mass
 from impact_rig.core.estimates.mean_reading import UNSEEN, MeanReading, read_mean_hit
@@ -23,9 +26,9 @@ from impact_rig.core.estimates.sample import (
 from impact_rig.core.estimates.speed_exponents import SpeedExponents, estimate_speed_exponents
 from impact_rig.core.estimates.uncertainty import RigInputs
 from impact_rig.core.given.errors import ParameterError
-from impact_rig.core.given.findings import Note, Reason, Subject
+from impact_rig.core.given.findings import Finding, Note, Reason, Subject
 from impact_rig.core.given.quantity import Quantity
-from impact_rig.core.given.records import Block, PackedRecord, Record
+from impact_rig.core.given.records import SIMULATED, Block, HitLabel, PackedRecord, Record
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.detection import ImpactDetector
 from impact_rig.core.hit.judging import JudgedHit, judge_hit
@@ -80,6 +83,7 @@ class Session:
         self._detector = ImpactDetector(setup.analysis)
         self._overrules = overrules
         self._series: dict[str, HitSeries] = {}
+        self._labels: dict[bytes, HitLabel] = {}  # of the hits so far, by a digest of their points
         self._traces: dict[str, tuple[MeanHit, TraceEstimates]] = {}
         self._inputs = RigInputs(setup)
         self._readings: dict[str, MeanReading] = {}
@@ -120,7 +124,19 @@ class Session:
         """Judge one record by itself."""
         judged = judge_hit(record, self.setup.analysis, self.setup.responses)
         judged = replace(judged, origin=record.origin, impact_speed=record.impact_speed)
-        return ask_for_mass(judged, self.setup)
+        return ask_for_mass(self._refuse_copy(record, judged), self.setup)
+
+    def _refuse_copy(self, record: Record, hit: JudgedHit) -> JudgedHit:
+        """Reject a hit that equals another point by point: no two measured ones ever do."""
+        if hit.filtered is None or record.origin.kind == SIMULATED:
+            return hit
+        points = np.concatenate((record.hammer.output, record.specimen.output), dtype=np.float64)
+        digest = hashlib.blake2b(points.tobytes(), digest_size=16).digest()
+        first = self._labels.setdefault(digest, hit.label)
+        if first == hit.label:
+            return hit
+        copy = Finding(Reason.COPY, f"it has the points of hit {first}, and counts once")
+        return replace(hit, rejections=(*hit.rejections, copy))
 
     @property
     def overrules(self) -> Overrules:

@@ -64,6 +64,7 @@ WORDS: Mapping[Reason, tuple[str, str]] = {
         "other settings",
         "recorded unlike the first hit of this sample: end the campaign",
     ),
+    Reason.COPY: ("a copy", "end the campaign: the source repeats what it delivered"),
     Reason.OPERATOR: ("by hand", ""),
 }
 """Why a hit is rejected, in a word or two, and what to do so that the next one is accepted."""

@@ -201,6 +201,20 @@ def test_hits_of_another_kind_share_no_mean(changes, told):
     assert (ours.impacts_accepted, ours.impacts_rejected) == (3, 1)
 
 
+@pytest.mark.parametrize("sample", ["alike", "heavy"])
+def test_a_hit_that_equals_another_point_by_point_counts_once(sample):
+    session, first = judge_another()
+    copied = replace(make_block(4), label=HitLabel(sample, 5, 5))
+    (hit,) = session.feed(copied)
+    assert [item.reason for item in hit.rejections] == [Reason.COPY]
+    assert str(first.label) in str(hit.rejections[0])
+    points = copied.hammer.output.copy()
+    points[points.argmax()] += 1
+    apart = replace(copied, hammer=replace(copied.hammer, output=points))
+    (hit,) = session.feed(replace(apart, label=HitLabel(sample, 6, 6)))
+    assert hit.accepted
+
+
 def test_a_rate_that_is_too_low_for_the_low_pass_shuts_no_other_hits_away():
     session, hit = judge_another(**vars(make_block(4, rate=100e3)))
     (found,) = hit.rejections
@@ -216,7 +230,7 @@ def test_a_hit_of_another_kind_or_sign_cannot_be_accepted_although_it_is_weak(ch
     weak = replace(block.hammer, scale=changes.pop("signs", 1) * 0.1 * block.hammer.scale)
     session = Session(SETUP, Overrules(accepted=frozenset({block.label})))
     strike_series(session, [900.0, 890.0, 910.0])
-    with pytest.raises(ParameterError, match="a mean of both would be of neither"):
+    with pytest.raises(ParameterError, match="it shares no mean with the others"):
         session.feed(replace(block, hammer=weak, **changes))
 
 
@@ -361,7 +375,7 @@ def test_results_say_who_left_a_hit_out_or_took_it_in_and_why():
     [
         (9, Verdict.REJECT, "has no hit of record 9"),
         (1, Verdict.UNDO, "record 1 is as the analysis judges it: nothing to undo"),
-        (4, Verdict.ACCEPT, "a mean of both would be of neither"),
+        (4, Verdict.ACCEPT, "it shares no mean with the others"),
     ],
 )
 def test_a_verdict_that_cannot_be_is_refused_and_nothing_changes(record, verdict, told):

@@ -28,6 +28,7 @@ class Reason(Enum):
     FEW_POINTS = "few_points"
     UNSTEADY_ZERO = "unsteady_zero"
     OTHER_KIND = "other_kind"
+    COPY = "copy"
     POLARITY = "polarity"
     INCONSISTENT = "inconsistent"
     OTHER_SAMPLE = "other_sample"

@@ -165,9 +165,7 @@ def find_objection(hit: JudgedHit) -> str | None:
         why = join_findings(hit.rejections)
         return f"{start} it has no pulse that could be measured ({why})"
     apart = [item for item in hit.rejections if item.reason in SHARE_NO_MEAN]
-    return (
-        f"{start} a mean of both would be of neither ({join_findings(apart)})" if apart else None
-    )
+    return f"{start} it shares no mean with the others ({join_findings(apart)})" if apart else None
 
 
 def describe_overruled(hit: JudgedHit, name: str) -> str:

@@ -17,8 +17,8 @@ from impact_rig.core.hit.pulse_width import PulseWidth, find_crossing, find_peak
 
 SHOWS_NOTHING = frozenset({Reason.NO_TRIGGER, Reason.DEAD_CHANNEL, Reason.NO_PULSE})
 """Reasons of hits that will not become better by striking again and again."""
-SHARE_NO_MEAN = frozenset({Reason.OTHER_KIND, Reason.POLARITY})
-"""Reasons that a person cannot overrule: a mean of both kinds would describe neither."""
+SHARE_NO_MEAN = frozenset({Reason.OTHER_KIND, Reason.POLARITY, Reason.COPY})
+"""Reasons that a person cannot overrule: a mean of both would describe neither, or one twice."""
 
 
 SAME = 1e-9

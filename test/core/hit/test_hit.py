@@ -254,8 +254,8 @@ def test_a_hit_accepted_by_hand_remembers_what_was_against_it():
     ("hit", "told"),
     [
         (make_hit(FIRST, WEAK, pulse=False), r"no pulse that could be measured \(weak: too weak"),
-        (make_hit(FIRST, Finding(Reason.POLARITY, "")), "a mean of both would be of neither"),
-        (make_hit(FIRST, Finding(Reason.OTHER_KIND, "")), "a mean of both would be of neither"),
+        (make_hit(FIRST, Finding(Reason.POLARITY, "")), "it shares no mean with the others"),
+        (make_hit(FIRST, Finding(Reason.OTHER_KIND, "")), "it shares no mean with the others"),
     ],
 )
 def test_what_no_mean_can_hold_cannot_be_accepted_by_hand(hit, told):
