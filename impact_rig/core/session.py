@@ -4,7 +4,6 @@ The node and the analysis of files run this same code, so that the same hits giv
 numbers.
 """
 
-import hashlib
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -83,7 +82,7 @@ class Session:
         self._detector = ImpactDetector(setup.analysis)
         self._overrules = overrules
         self._series: dict[str, HitSeries] = {}
-        self._labels: dict[bytes, HitLabel] = {}  # of the hits so far, by a digest of their points
+        self._labels: dict[int, HitLabel] = {}  # of the hits so far, by the hash of their points
         self._traces: dict[str, tuple[MeanHit, TraceEstimates]] = {}
         self._inputs = RigInputs(setup)
         self._readings: dict[str, MeanReading] = {}
@@ -131,8 +130,7 @@ class Session:
         if hit.filtered is None or record.origin.kind == SIMULATED:
             return hit
         points = np.concatenate((record.hammer.output, record.specimen.output), dtype=np.float64)
-        digest = hashlib.blake2b(points.tobytes(), digest_size=16).digest()
-        first = self._labels.setdefault(digest, hit.label)
+        first = self._labels.setdefault(hash(points.tobytes()), hit.label)
         if first == hit.label:
             return hit
         copy = Finding(Reason.COPY, f"it has the points of hit {first}, and counts once")
