@@ -25,7 +25,7 @@ from impact_rig.cli.output import (
 from impact_rig.cli.show import show_results
 from impact_rig.configuration.rig_file import read_today
 from impact_rig.core.given.errors import ParameterError, RigError
-from impact_rig.files.formats.sep005 import is_list
+from impact_rig.files.formats.arrays import is_list
 from impact_rig.files.import_file import MeasurementOptions
 from impact_rig.present.console import make_console, print_table, print_warning
 from impact_rig.present.report.page import render_page

@@ -18,8 +18,8 @@ from impact_rig.core.hit.overrules import find_label
 from impact_rig.files.formats.registry import WRITABLE, write_measurement
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.present.console import print_warning
+from impact_rig.recordings.contents import recover_run
 from impact_rig.recordings.new_file import write_new_file
-from impact_rig.recordings.recovery import recover_run
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.source import SUFFIX
 from impact_rig.results.campaign import Results

@@ -36,10 +36,7 @@ def split_measurement(measurement: Measurement, plan: ChannelPlan) -> Measuremen
             channel,
             name=f"{channel.name} (segment {number})",
             values=channel.values[record],
-            sampling_rate=clock.rate,
-            time_unit=clock.unit,
-            time_flaw=clock.flaw,
-            has_gap=clock.has_gap,
+            **clock.stated,
         )
         for number, (record, clock) in enumerate(zip(records, clocks, strict=True), start=1)
         for channel in measurement.channels[1:]

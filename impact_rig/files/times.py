@@ -144,6 +144,12 @@ class Clock:
     flaw: str | None = None  # why the times make no sound rate; None: they do
     has_gap: bool = False  # points are missing or there twice: no rate by hand mends that
 
+    @property
+    def stated(self) -> dict[str, Any]:
+        """The same by the fields of a channel."""
+        names = ("sampling_rate", "time_unit", "time_flaw", "has_gap")
+        return dict(zip(names, (self.rate, self.unit, self.flaw, self.has_gap), strict=True))
+
 
 def read_clock(path: Path, name: str, times: RawArray, unit: str = "") -> Clock:
     """Read a column of times, two at least and all finite, by its heading.

@@ -1,8 +1,9 @@
-"""The contents and the losses of a run, sound or damaged."""
+"""The contents and the losses of a run, sound or damaged, and a sound copy of it."""
 
+import json
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -34,6 +35,8 @@ from impact_rig.recordings.run import (
 )
 from impact_rig.recordings.scan import PROFILES, Pass, Report, Scan, Wanted, describe_profile
 from impact_rig.recordings.schemas import decode_message
+from impact_rig.recordings.writer import RecordingWriter
+from impact_rig.version import __version__
 
 
 @dataclass
@@ -60,26 +63,6 @@ class TopicContents:
         """Messages per second [Hz]; NaN below two messages."""
         duration = (self.end_time - self.start_time) * 1e-9
         return (self.messages - 1) / duration if self.messages > 1 and duration > 0 else math.nan
-
-
-@dataclass
-class Numbers:
-    """The numbers of one channel's messages, in any order."""
-
-    count: int = 0
-    least: int = 0
-    most: int = -1
-
-    def add(self, number: int) -> None:
-        """Take a message's number."""
-        self.least = min(self.least, number) if self.count else number
-        self.most = max(self.most, number)
-        self.count += 1
-
-    @property
-    def missing(self) -> int:
-        """How many are left out between the least and the most."""
-        return max(self.most - self.least + 1 - self.count, 0)
 
 
 @dataclass(frozen=True)
@@ -201,29 +184,42 @@ def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
         If there is no such file, or nothing in it is of MCAP and ROS 2.
     """
     contents = Contents(run, tuple(Scan(path, is_strict=False) for path in run.files))
-    wanted, watch, before = choose_topics(contents), HitWatch(), 0
-    for scan in contents.scans:
-        numbers: dict[int, Numbers] = {}  # of messages, by channel
-        reading = scan.read(wanted, partial(report_from, report, before))
+    wanted, watch = _choose_topics(contents), HitWatch()
+    for reading in _read_files(contents, wanted, report):
+        found, ends = Counter[int](), Counter[int]()  # messages, and last number + 1, by channel
         contents.passes.append(reading)
         for item in reading:
             if isinstance(item, RawMessage):
                 _find_topic(contents, item.channel).take(item)
-                numbers.setdefault(item.channel.id, Numbers()).add(item.sequence)
+                found[item.channel.id] += 1
+                ends[item.channel.id] = max(ends[item.channel.id], item.sequence + 1)
                 if item.channel.type_name in _DECODED:
                     _add_message(contents, watch, item)
             else:
                 _add_file_item(contents, item)
         _check_kind(reading)
-        _count_lost(contents, reading, numbers, wanted)
-        before += scan.size
+        written = ends if reading.scan.is_of_recorder else Counter[int]()
+        if reading.scan.statistics is not None:
+            written |= Counter(reading.scan.statistics.channel_message_counts)
+        for channel in filter(wanted, reading.channels.values()):
+            lost = written[channel.id] - found[channel.id]
+            _find_topic(contents, channel).lost += max(lost, 0)
     contents.topics = dict(sorted(contents.topics.items()))
     contents.hits = watch.list_hits(is_whole=contents.is_whole, is_live=contents.is_live)
     contents.repeated = watch.repeated
     return contents
 
 
-def choose_topics(contents: Contents) -> Wanted:
+def _read_files(
+    contents: Contents, wanted: Wanted, report: Report, before: int = 0
+) -> Iterator[Pass]:
+    """Yield one reading of each file; so much was read before [byte]."""
+    for scan in contents.scans:
+        yield scan.read(wanted, partial(report_from, report, before))
+        before += scan.size
+
+
+def _choose_topics(contents: Contents) -> Wanted:
     """Return which topics are looked at: all, or those of the rig that was chosen."""
     if contents.run.wanted is None:
         return lambda _: True
@@ -280,20 +276,6 @@ def _add_message(contents: Contents, watch: HitWatch, message: RawMessage) -> No
             f"{type_name} on {topic} has no field {error.name!r}: it was recorded with"
             " another version of the interfaces"
         ] = None
-
-
-def _count_lost(
-    contents: Contents, reading: Pass, numbers: Mapping[int, Numbers], wanted: Wanted
-) -> None:
-    """Count the further messages of each topic that are known to have been written to a file."""
-    written, scan = Counter[int](), reading.scan
-    if scan.summary is not None and scan.summary.statistics is not None:
-        written |= Counter(scan.summary.statistics.channel_message_counts)
-    for channel in filter(wanted, reading.channels.values()):
-        found = numbers.get(channel.id, Numbers())
-        numbered = found.missing if scan.is_of_recorder else 0
-        lost = max(written[channel.id] - found.count, numbered)
-        _find_topic(contents, channel).lost += lost
 
 
 def _list_problems(contents: Contents) -> Iterator[str]:
@@ -366,3 +348,68 @@ def extract_attachments(contents: Contents, folder: Path) -> list[Path]:
             part.write_bytes(attachment.data)
         written.append(target)
     return written
+
+
+LIBRARY = f"impact_rig-recover {__version__}"
+"""Writer in the new file: its messages may not be numbered without gaps."""
+
+
+def recover_run(run: Run, output: Path, *, report: Report = lambda _: None) -> Contents:
+    """Write everything that is sound in a run to one new recording, which any reader opens.
+
+    Topics, offered QoS, hashes, messages, their order, times and numbers, metadata and
+    attachments are taken over as they are; what no checksum vouches for is left out.
+
+    Parameters
+    ----------
+    run : Run
+        Its files are only read. Where a rig was chosen, it alone is copied.
+    output : Path
+        Of the new file.
+    report : callable, optional
+        Called now and then with how much was read [byte]; the files are read twice.
+
+    Returns
+    -------
+    Contents
+        What was found in the run; its problems are what is left out.
+
+    Raises
+    ------
+    FileError
+        If nothing can be recovered, or the output exists already or cannot be written.
+    """
+    contents = inspect_run(run, report=report)
+    if not contents.messages:
+        raise FileError(f"nothing of {run.path} can be recovered: {'; '.join(contents.problems)}")
+    with write_new_file(output) as part, RecordingWriter(part, library=LIBRARY) as writer:
+        _copy(contents, writer, report)
+        if not contents.is_sound:
+            problems = json.dumps(contents.problems, ensure_ascii=False)
+            fields = {"recovered_from": run.path.name, "problems": problems}
+            writer.add_metadata(RECOVERY_RECORD, fields)
+    return contents
+
+
+def _copy(contents: Contents, writer: RecordingWriter, report: Report) -> None:
+    wanted = _choose_topics(contents)
+    numbers: dict[Any, int] = {}
+
+    def announce(channel: Channel) -> int:
+        """Return the number of a topic, which all files share that describe it alike."""
+        described = (*channel[1:4], *sorted(channel.metadata.items()), channel.encoding)
+        if described not in numbers:
+            numbers[described] = writer.announce(channel)
+        return numbers[described]
+
+    for reading in _read_files(contents, wanted, report, contents.size):
+        for item in reading:
+            if isinstance(item, RawMessage):
+                times = (item.log_time, item.publish_time)
+                writer.add_message(announce(item.channel), item.data, *times, item.sequence)
+            elif isinstance(item, Attachment):
+                writer.add_attachment(item.name, item.media_type, item.data, item.log_time)
+            elif item.name != "rosbag2":  # has the counts of the file, which may no longer be true
+                writer.add_metadata(item.name, item.fields)
+        for channel in filter(wanted, reading.channels.values()):
+            announce(channel)

@@ -219,8 +219,7 @@ class DiskFile:
             free = shutil.disk_usage(place).free
         except OSError as error:
             raise self._make_error(error) from None
-        ending = ROOM_FOR_ENDING + int(ROOM_FOR_INDEX * self.size)
-        return free - ending
+        return free - ROOM_FOR_ENDING - int(ROOM_FOR_INDEX * self.size)
 
     def _make_error(self, error: OSError) -> FileError:
         is_full = error.errno in {errno.ENOSPC, errno.EDQUOT}

@@ -120,6 +120,7 @@ class Scan:
             self.end = self.size - len(MAGIC) if self.is_closed else self.size
             self.header, self.first = self._read_header(file)
             self.summary = self._read_summary(file)  # the index; None: none can be used
+            self.statistics = self.summary.statistics if self.summary is not None else None
             self.read()  # what the index describes makes sense
 
     @property
@@ -175,13 +176,9 @@ class Scan:
 
     def counts_none(self, wanted: Wanted) -> bool:
         """Return whether the index says that no message of some channels is in the file."""
-        statistics = self.summary.statistics if self.summary is not None else None
-        counts = statistics.channel_message_counts if statistics is not None else None
-        return not any(
-            counts is None or counts.get(channel.id, 0)
-            for channel in self.read_channels()
-            if wanted(channel)
-        )
+        counts = None if self.statistics is None else self.statistics.channel_message_counts
+        found = filter(wanted, self.read_channels())
+        return not any(counts is None or counts.get(channel.id, 0) for channel in found)
 
     def read_time_range(self) -> tuple[int, int]:
         """Return the log times of the first and last message [ns since the epoch].
@@ -191,7 +188,7 @@ class Scan:
         FileError
             Also if there is no message.
         """
-        statistics = self.summary.statistics if self.summary is not None else None
+        statistics = self.statistics
         if statistics is not None and statistics.message_count:
             return statistics.message_start_time, statistics.message_end_time
         times = [message.log_time for message in self.read_messages()]

@@ -1,9 +1,10 @@
-"""Message types: their text and hash, how two versions differ, and CDR decoded by them.
+"""Message types: their text and hash, how two versions differ, and messages decoded by them.
 
 A recording carries the text of each type, so that it can be decoded anywhere and in ten years.
 Schemas come from strangers: their size and depth are limited.
 """
 
+import json
 import os
 import re
 import struct
@@ -14,6 +15,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+from mcap.records import Schema
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.serde.cdr import generate_deserialize_cdr
@@ -21,7 +23,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 
 from impact_rig.core.given.errors import FileError
-from impact_rig.recordings.records import Channel, RawMessage
+from impact_rig.recordings.records import ROS, Channel, Encoding, RawMessage
 
 MAX_SCHEMA = 1 << 16
 """Longest schema [characters], our choice: seven times our longest one, and read within seconds
@@ -129,9 +131,7 @@ def _make_decoder(type_name: str, schema: str) -> _Decode | str:
         types = parse_schema(type_name, schema)
         store.register(types)
         store.get_msgdef(type_name)
-    except FileError as error:
-        return str(error)
-    except _SCHEMA_ERRORS as error:
+    except (FileError, *_SCHEMA_ERRORS) as error:
         return _describe_error(error)
     limit = MAX_LISTED if _has_lists(types) else None
 
@@ -177,6 +177,39 @@ def _describe_error(error: BaseException) -> str:
     return text if text.isprintable() else repr(text)
 
 
+Decode = Callable[[RawMessage], Any]
+"""Returns a message with its fields as attributes, or as a dict."""
+PROTOBUF = "protobuf"
+
+
+def _make_json_decoder(channel: Channel) -> Decode:
+    def decode(message: RawMessage) -> Any:
+        try:
+            return json.loads(message.data)
+        except (ValueError, RecursionError) as error:
+            raise FileError(f"a message on {channel.topic} is no JSON: {error}") from None
+
+    return decode
+
+
+def _make_protobuf_decoder(channel: Channel) -> Decode:
+    from mcap_protobuf.decoder import DecoderFactory
+
+    content = channel.schema.encode(errors="surrogateescape")
+    schema = Schema(id=1, data=content, encoding=PROTOBUF, name=channel.type_name)
+    decode: Any = DecoderFactory().decoder_for(PROTOBUF, schema)
+    return lambda message: decode(message.data)
+
+
+DECODERS: dict[Encoding, Callable[[Channel], Decode]] = {
+    ROS: lambda _: decode_message,
+    ("json", "jsonschema"): _make_json_decoder,
+    ("json", ""): _make_json_decoder,
+    (PROTOBUF, PROTOBUF): _make_protobuf_decoder,
+}
+"""Makers of decoders by encoding."""
+
+
 INTERFACES = {"impact_rig_msgs": Path(__file__).parents[1] / "interfaces"}
 """Folders with definitions in a package that pip has installed."""
 SEPARATOR = "=" * 80
@@ -212,7 +245,7 @@ def find_message_definition(type_name: str) -> MessageDefinition:
     seen = {(package, name)}
     text = _assemble(package, name, seen)
     full_name = f"{package}/msg/{name}"
-    return MessageDefinition(full_name, text, _compute_type_hash(full_name, text))
+    return MessageDefinition(full_name, text, _make_store(full_name, text).hash_rihs01(full_name))
 
 
 def check_interfaces(channel: Channel, installed: MessageDefinition) -> None:
@@ -276,22 +309,17 @@ def _read_definition(package: str, name: str) -> str:
     )
 
 
-def _compute_type_hash(type_name: str, text: str) -> str:
+def _make_store(type_name: str, text: str) -> Typestore:
     store = Typestore()
     try:
         store.register(parse_schema(type_name, text))
-        return store.hash_rihs01(type_name)
-    except (FileError, *_SCHEMA_ERRORS) as error:
+    except FileError as error:
         raise FileError(f"a definition of {type_name} cannot be understood: {error}") from None
+    return store
 
 
 def _list_fields(type_name: str, text: str) -> list[str]:
     """Return the fields of a message type and of all it depends on, line by line."""
-    store = Typestore()
-    try:
-        store.register(parse_schema(type_name, text))
-        definition, _ = store.generate_msgdef(type_name, ros_version=2)
-    except (FileError, *_SCHEMA_ERRORS) as error:
-        raise FileError(f"a definition of {type_name} cannot be understood: {error}") from None
+    definition, _ = _make_store(type_name, text).generate_msgdef(type_name, ros_version=2)
     # Without constants: they are not sent.
     return [line for line in definition.splitlines() if "=" not in line.replace("<=", "")]

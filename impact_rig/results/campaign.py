@@ -6,12 +6,11 @@ hits give the same results, character by character.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
 from impact_rig.core.estimates.checks import NO_CHECKS
-from impact_rig.core.estimates.contact_law import ContactLaw
 from impact_rig.core.estimates.paper_method import (
     BASE_WIDTH,
     CONTACT_TIME,
@@ -162,10 +161,7 @@ def results_from_session(
 def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) -> HitResults:
     """Return a hit with its final verdict."""
     found = HitResults(
-        sample=hit.label.sample,
-        impact=hit.label.impact,
-        attempt=hit.label.attempt,
-        record=hit.label.record,
+        **asdict(hit.label),
         accepted=hit.accepted,
         reasons=hit.rejections,
         contact_time=hit.contact_time,
@@ -181,6 +177,13 @@ def hit_results_from_judged(hit: JudgedHit, injected_faults: tuple[str, ...]) ->
     return make_result(found)
 
 
+LAW_WITHOUT_GAIN: dict[str, Any] = dict.fromkeys(
+    ("stiffness", "damping", "impact_speed", "peak_force", "peak_indentation", "impulse",
+     "energy_loss", "equivalent_stiffness"), UNKNOWN,
+)  # fmt: skip
+"""What a law does not tell without the gain of the hammer's channel."""
+
+
 def drop_scale(results: Results) -> Results:
     """Return results without what depends on the gain of the hammer's channel.
 
@@ -193,7 +196,7 @@ def drop_scale(results: Results) -> Results:
             replace(
                 sample,
                 paper=replace(sample.paper, peak_force=UNKNOWN),
-                contact_law=_drop_scale_of_law(sample.contact_law),
+                contact_law=replace(sample.contact_law, **LAW_WITHOUT_GAIN),
                 checks=NO_CHECKS,
             )
             for sample in samples
@@ -211,17 +214,3 @@ def _drop_peaks(record: Peaks) -> Peaks:
         item.name: math.nan for item in fields(record) if item.metadata == PEAK
     }
     return replace(record, **peaks)
-
-
-def _drop_scale_of_law(law: ContactLaw) -> ContactLaw:
-    return ContactLaw(
-        exponent=law.exponent,
-        duration=law.duration,
-        restitution=law.restitution,
-        residual_percent=law.residual_percent,
-        notes=law.notes,
-        form=law.form,
-        loss=law.loss,
-        pull=law.pull,
-        excludes_versed_sine=law.excludes_versed_sine,
-    )

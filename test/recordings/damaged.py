@@ -10,8 +10,7 @@ import mcap.stream_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 
-from impact_rig.recordings.contents import Contents, inspect_run
-from impact_rig.recordings.recovery import recover_run
+from impact_rig.recordings.contents import Contents, inspect_run, recover_run
 from impact_rig.recordings.run import Run
 
 OURS = "impact_rig_msgs/msg/"

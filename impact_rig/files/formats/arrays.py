@@ -1,7 +1,13 @@
-"""Named arrays of a file of arrays become channels, with times, rates and units among them."""
+"""Named arrays of a file of arrays become channels, with times, rates and units among them.
+
+Files that are nothing else are read here: numpy's `.npy` and `.npz`, of which nothing is ever
+unpickled, and lists of channels in JSON, as the tools of sdypy exchange them (SEP 005).
+"""
 
 import itertools
+import json
 import math
+import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,13 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.given.errors import FileError, SignalError
+from impact_rig.files.formats.bounds import check_size
 from impact_rig.files.formats.rates import compute_stated_rate, states_unit
-from impact_rig.files.measurement import (
-    NANOSECONDS,
-    MeasuredChannel,
-    Measurement,
-    keep_values,
-)
+from impact_rig.files.measurement import NANOSECONDS, MeasuredChannel, Measurement, keep_values
 from impact_rig.files.names import PARTS, split_name
 from impact_rig.files.times import TIME_UNITS, Axis, find_axis, is_clock, read_clock
 
@@ -124,12 +126,7 @@ def _make_channels(
             time = _find_nearest(fitting, array)
             times = time.values.ravel()
             clock = read_clock(path, clean_name(time.name), times, time.stated.get("unit", ""))
-            stated |= {
-                "sampling_rate": clock.rate,
-                "time_unit": clock.unit,
-                "time_flaw": clock.flaw,
-                "has_gap": clock.has_gap,
-            }
+            stated |= clock.stated
             if not clock.flaw:
                 stated["start"] = TIME_UNITS[clock.unit or "s"] * float(times[0])
             if "recorded_at" in time.stated:
@@ -217,3 +214,79 @@ def _is_channel(array: NamedArray) -> bool:
     values = array.values
     is_large = 1 <= values.ndim <= DIMENSIONS and values.size > 1
     return values.dtype.kind in "iuf" and (array.is_channel or is_large)
+
+
+def read_npy(path: Path) -> Measurement:
+    """Read an array of up to three axes, of which the longest is time; its columns have no names.
+
+    Raises
+    ------
+    FileError
+        If the file is no sound `.npy` file, or holds no real numbers.
+    """
+    # A map refuses a file that is shorter than its header says.
+    array = np.load(path, mmap_mode="r", allow_pickle=False)
+    if not isinstance(array, np.ndarray):
+        raise FileError(f"{path} is no .npy file: it holds several arrays")
+    name = "column 1" if array.ndim == 1 else "column"
+    return make_measurement(path, [NamedArray(name, array)])
+
+
+def read_npz(path: Path) -> Measurement:
+    """Read an archive of arrays, see `make_measurement`.
+
+    Raises
+    ------
+    FileError
+        If the file is no sound archive, holds objects, or no vector of real numbers.
+    """
+    arrays = []
+    with zipfile.ZipFile(path) as archive:
+        members = [item for item in archive.infolist() if item.filename.endswith(".npy")]
+        check_size(path, sum(member.file_size for member in members))
+        for member in members:
+            name = member.filename.removesuffix(".npy")
+            with archive.open(member) as file:
+                values = np.lib.format.read_array(file, allow_pickle=False)
+            arrays.append(NamedArray(name, values))
+    return make_measurement(path, arrays)
+
+
+LIST_MARK = b"["
+"""Beginning of such a list; results of a rig begin otherwise."""
+
+
+def is_list(path: Path) -> bool:
+    """Return whether a file of JSON holds a list, not results."""
+    try:
+        with path.open("rb") as file:
+            return file.read(64).lstrip().startswith(LIST_MARK)
+    except OSError:
+        return False
+
+
+def read_sep005(path: Path) -> Measurement:
+    """Read the channels of a list: `name`, `data`, `fs` [Hz] and `unit_str` of each.
+
+    Raises
+    ------
+    FileError
+        If the file is no such list.
+    """
+    content = json.loads(path.read_text("utf-8"))
+    if not isinstance(content, list) or not all(isinstance(item, dict) for item in content):
+        raise FileError(
+            f"{path} is no list of channels: each should have name, data, fs, unit_str"
+        )
+    arrays = [
+        NamedArray(
+            str(item.get("name", f"channel {number}")),
+            np.asarray(item.get("data", ())),
+            {
+                "sampling_rate": float(item.get("fs", np.nan)),
+                "unit": str(item.get("unit_str", "")),
+            },
+        )
+        for number, item in enumerate(content, start=1)
+    ]
+    return make_measurement(path, arrays)

@@ -14,10 +14,10 @@ from impact_rig.core.given.records import RawArray
 from impact_rig.files.formats.bounds import MEMORY, check_size
 from impact_rig.files.measurement import NANOSECONDS, MeasuredChannel, Measurement
 from impact_rig.files.times import LARGEST_TIME_ERROR, Clock, find_usual_step, read_clock
-from impact_rig.recordings.encodings import DECODERS
 from impact_rig.recordings.message_numbers import LONGEST_LIST, find_stamp, list_numbers
 from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.scan import Scan
+from impact_rig.recordings.schemas import DECODERS
 from impact_rig.recordings.source import is_foreign
 
 LATE_MESSAGES, HALF = 200, 0.5

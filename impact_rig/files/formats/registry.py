@@ -6,15 +6,14 @@ from functools import partial
 from pathlib import Path
 
 from impact_rig.core.given.errors import FileError, ParameterError, RigError
+from impact_rig.files.formats.arrays import read_npy, read_npz, read_sep005
 from impact_rig.files.formats.bags import read_bag
 from impact_rig.files.formats.bounds import read_apart
 from impact_rig.files.formats.hdf5 import read_hdf5, write_hdf5
 from impact_rig.files.formats.lvm import read_any_text, read_lvm
 from impact_rig.files.formats.mat import read_mat, write_mat
-from impact_rig.files.formats.numpy_files import read_npy, read_npz
 from impact_rig.files.formats.parquet import read_parquet, write_parquet
 from impact_rig.files.formats.scopes import read_scope
-from impact_rig.files.formats.sep005 import read_sep005
 from impact_rig.files.formats.sheets import read_sheets
 from impact_rig.files.formats.tdms import read_tdms, write_tdms
 from impact_rig.files.formats.text import write_text

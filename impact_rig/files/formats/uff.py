@@ -115,13 +115,10 @@ def _make_channel(path: Path, function: dict[str, Any], number: int) -> Measured
     return MeasuredChannel(
         name=name if name not in ("", NONE) else f"channel {number}",
         values=values,
-        sampling_rate=clock.rate,
         unit=str(function["ordinate_axis_units_lab"]).strip().replace(NONE, ""),
         start=start,
         origin=_read_origin(str(function["id2"])),
-        time_unit=clock.unit,
-        time_flaw=clock.flaw,
-        has_gap=clock.has_gap,
+        **clock.stated,
     )
 
 
