@@ -144,12 +144,7 @@ class Run:
     steel small/2.1: 4956 points of hammer and specimen at 2500 kHz, accepted
     """
 
-    def __init__(
-        self,
-        source: HitSource,
-        name: str,
-        campaign: int | None = None,
-    ) -> None:
+    def __init__(self, source: HitSource, name: str, campaign: int | None = None) -> None:
         self.name = name
         self._source = source
         self._campaign = campaign
@@ -173,11 +168,7 @@ class Run:
 
     @compute_alone()
     def analyze(
-        self,
-        *,
-        accept: Chosen = (),
-        reject: Chosen = (),
-        **settings: Unpack[Settings],
+        self, *, accept: Chosen = (), reject: Chosen = (), **settings: Unpack[Settings]
     ) -> Results:
         """Judge every hit and estimate, as ``impact-rig analyze`` does.
 
@@ -339,10 +330,7 @@ def _list_struck(run: RecordedRun) -> list[RawMessage]:
     return struck
 
 
-def read_files(
-    files: str | Path | Iterable[str | Path],
-    **options: Unpack[FileOptions],
-) -> Run:
+def read_files(files: str | Path | Iterable[str | Path], **options: Unpack[FileOptions]) -> Run:
     """Read files of any instrument as hits of one sample, as ``impact-rig analyze`` does.
 
     Parameters

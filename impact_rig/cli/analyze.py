@@ -8,11 +8,7 @@ from typing import Any
 
 from impact_rig.analysis.analyze import ByHand, Settings, analyze
 from impact_rig.analysis.batch import analyze_batch
-from impact_rig.analysis.measured_files import (
-    MeasuredFiles,
-    make_recorded_settings,
-    make_series,
-)
+from impact_rig.analysis.measured_files import MeasuredFiles, make_recorded_settings, make_series
 from impact_rig.analysis.sources import RESULTS_SUFFIX, find_repeated_files
 from impact_rig.cli import options
 from impact_rig.cli.output import (

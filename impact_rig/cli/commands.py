@@ -4,6 +4,7 @@ What a command does stands in the module of its name, which is loaded when it ru
 """
 
 import functools
+import inspect
 from collections.abc import Callable
 from typing import Any
 
@@ -37,28 +38,23 @@ def cli() -> None:
     """Strike samples with a pendulum hammer and estimate contact time, stiffness and damping."""
 
 
-def _command(epilog: str) -> Callable[..., click.Command]:
-    """Declare a command; its work is `run` in the module of the function's name."""
+def _command(described: Callable[[], None]) -> click.Command:
+    """Declare a command; its docstring is its help, its work `run` in the module of its name.
 
-    def declare(described: Callable[[], None]) -> click.Command:
-        @functools.wraps(described)
-        def run(**values: Any) -> None:
-            load_module(f"impact_rig.cli.{described.__name__}").run(**values)
+    The examples, in which lines stay as they are, stand below the options.
+    """
+    about, _, examples = (inspect.getdoc(described) or "").partition("\n\nExamples:")
+    name = described.__name__
 
-        return cli.command(described.__name__.rstrip("_"), epilog=epilog)(run)
+    @functools.wraps(described)
+    def run(**values: Any) -> None:
+        load_module(f"impact_rig.cli.{name}").run(**values)
 
-    return declare
+    epilog = f"\b\nExamples:{examples}"
+    return cli.command(name.rstrip("_"), help=about, epilog=epilog)(run)
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig demo                          the paper's campaign, 120 hits
-      impact-rig demo --sample "steel small" --sample "aluminium large" --impacts 3
-      impact-rig demo --faults 0.1             what goes wrong on a real rig
-      impact-rig demo --plant contact --angles 5,10,20    metal on metal, at three speeds
-      impact-rig demo --continuous             impacts found in a running stream
-    """)
+@_command
 @options.nodes_options
 @options.campaign_options
 @options.results_options
@@ -67,19 +63,17 @@ def demo() -> None:
 
     Each node is a process. The hammer is released, two accelerometers stream, every hit is
     judged and recorded. Prints contact time, stiffness and damping of every sample.
+
+    Examples:
+      impact-rig demo                          the paper's campaign, 120 hits
+      impact-rig demo --sample "steel small" --sample "aluminium large" --impacts 3
+      impact-rig demo --faults 0.1             what goes wrong on a real rig
+      impact-rig demo --plant contact --angles 5,10,20    metal on metal, at three speeds
+      impact-rig demo --continuous             impacts found in a running stream
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig up                            the paper's rig, virtual
-      impact-rig up --template > my-rig.toml   a rig file to fill in
-      impact-rig up --rig-file my-rig.toml     your own samples
-      impact-rig up --resume runs/2026-11-23T15-00-00
-    On one of two computers, with the same rig file and ROS_DOMAIN_ID:
-      impact-rig up --network --only hammer --only accelerometer
-    """)
+@_command
 @options.nodes_options
 @options.resume_option
 @options.rig_options
@@ -99,15 +93,18 @@ def up() -> None:
 
     They run until Ctrl-C, and record into one folder. Several computers make one rig when each
     starts some of the nodes (--only) and finds the others (--network).
+
+    Examples:
+      impact-rig up                            the paper's rig, virtual
+      impact-rig up --template > my-rig.toml   a rig file to fill in
+      impact-rig up --rig-file my-rig.toml     your own samples
+      impact-rig up --resume runs/2026-11-23T15-00-00
+    On one of two computers, with the same rig file and ROS_DOMAIN_ID:
+      impact-rig up --network --only hammer --only accelerometer
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig page                          for browsers of this computer
-      impact-rig page --address 192.168.1.5    for a phone or tablet, by the link with its token
-    """)
+@_command
 @click.option("--address", default="127.0.0.1", help="Where to serve it. [this computer alone]")
 @click.option("--port", type=click.IntRange(0, 65535), default=8000, help="0: any. [8000]")
 @click.option("--certificate", type=FILE, help="TLS certificate of this server, PEM. [no TLS]")
@@ -118,19 +115,14 @@ def page() -> None:
 
     It says what to do, shows each hit, and has STOP, arm, mounted, pause, reject and notes as
     buttons. It asks the rig as every other program does. Ctrl-C ends the page, not the rig.
+
+    Examples:
+      impact-rig page                          for browsers of this computer
+      impact-rig page --address 192.168.1.5    for a phone or tablet, by the link with its token
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig campaign                      the whole set, 10 hits each
-      impact-rig campaign --sample "steel small" --impacts 5
-      impact-rig campaign --angles 5,10,20     from each of these release angles
-      impact-rig campaign --check-mass "150.2 g"    strike a free rigid mass first
-      impact-rig campaign --resume runs/2026-11-23T15-00-00    go on with a campaign
-      impact-rig campaign --namespace rig1 --network    a rig on another computer
-    """)
+@_command
 @options.campaign_options
 @click.option(
     "--ask/--no-ask",
@@ -162,19 +154,18 @@ def campaign() -> None:
     the campaign pauses and gives the reason. It goes on when the device is back and a person has
     armed the hammer (`impact-rig hammer arm`). --resume goes on with a campaign that ended early,
     on a rig that was started with the same option.
+
+    Examples:
+      impact-rig campaign                      the whole set, 10 hits each
+      impact-rig campaign --sample "steel small" --impacts 5
+      impact-rig campaign --angles 5,10,20     from each of these release angles
+      impact-rig campaign --check-mass "150.2 g"    strike a free rigid mass first
+      impact-rig campaign --resume runs/2026-11-23T15-00-00    go on with a campaign
+      impact-rig campaign --namespace rig1 --network    a rig on another computer
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig devices                       all drivers, and what they find
-      impact-rig devices scpi                  one driver, with a table to copy
-      impact-rig devices --check my-rig.toml   try the devices of a rig file
-
-    Any package may bring drivers by entry points. Exit code: 1 if a device of the rig file is
-    missing or cannot do what the file says.
-    """)
+@_command
 @click.argument("name", required=False, metavar="[DRIVER]")
 @click.option(
     "--check",
@@ -188,21 +179,18 @@ def devices() -> None:
 
     A driver whose library is missing says how to get it. The search changes no setting of any
     device.
+
+    Examples:
+      impact-rig devices                       all drivers, and what they find
+      impact-rig devices scpi                  one driver, with a table to copy
+      impact-rig devices --check my-rig.toml   try the devices of a rig file
+
+    Any package may bring drivers by entry points. Exit code: 1 if a device of the rig file is
+    missing or cannot do what the file says.
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig calibrate rig.toml --sensor specimen --reference-uncertainty "0.75 %"
-      impact-rig calibrate rig.toml --known-mass 150.2g --mass-uncertainty 10mg
-      impact-rig calibrate rig.toml --known-mass 150g --recording session.mcap
-
-    Back to back, the default: the sensor under test is mounted on the reference, on the other
-    channel, and both see the same acceleration. Known mass: the hammer strikes a body that is free
-    to move; force is mass times acceleration. Strike by hand, in the direction of the sensors.
-    The new sensitivity is printed as lines for the rig file.
-    """)
+@_command
 @click.argument("rig_file", type=FILE)
 @options.make_quantity_option(
     "--known-mass",
@@ -245,19 +233,20 @@ def calibrate() -> None:
 
     Each hit gives a ratio, by least squares over the contact. Hits whose traces do not fit are
     left out and named. The uncertainty follows the GUM.
+
+    Examples:
+      impact-rig calibrate rig.toml --sensor specimen --reference-uncertainty "0.75 %"
+      impact-rig calibrate rig.toml --known-mass 150.2g --mass-uncertainty 10mg
+      impact-rig calibrate rig.toml --known-mass 150g --recording session.mcap
+
+    Back to back, the default: the sensor under test is mounted on the reference, on the other
+    channel, and both see the same acceleration. Known mass: the hammer strikes a body that is free
+    to move; force is mass times acceleration. Strike by hand, in the direction of the sensors.
+    The new sensitivity is printed as lines for the rig file.
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig hammer state        where it is, whether it is armed, and why
-      impact-rig hammer stop         emergency stop: the hammer is not released any more
-      impact-rig hammer reset        end an emergency stop; the hammer stays disarmed
-      impact-rig hammer arm          allow releases, after a stop or a lost device
-      impact-rig hammer disarm       forbid releases
-      impact-rig hammer confirm      the hammer is back in its holder
-    """)
+@_command
 @click.argument("action", type=click.Choice(HAMMER_ACTIONS), default=HAMMER_ACTIONS[0])
 @click.option(
     "--within",
@@ -272,17 +261,18 @@ def hammer() -> None:
 
     ACTION is one of the words below. The stop is one by software: it takes a second, and does
     not replace a switch in the supply of magnet or latch.
+
+    Examples:
+      impact-rig hammer state        where it is, whether it is armed, and why
+      impact-rig hammer stop         emergency stop: the hammer is not released any more
+      impact-rig hammer reset        end an emergency stop; the hammer stays disarmed
+      impact-rig hammer arm          allow releases, after a stop or a lost device
+      impact-rig hammer disarm       forbid releases
+      impact-rig hammer confirm      the hammer is back in its holder
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig analyze runs/* --json > all.json
-      impact-rig analyze session.mcap --reject 17 --accept "steel small/3.1"
-      impact-rig analyze --cutoff off --hammer-unit N hit_1.npy hit_2.npy
-      impact-rig analyze --channels bench.toml *.csv
-    """)
+@_command
 @options.files_argument
 @options.results_options
 @options.make_list_option(
@@ -312,17 +302,16 @@ def analyze() -> None:
     each, give contact times, and with masses stiffness and damping. Columns by default: hammer;
     time, hammer; time, hammer, specimen. A results.json is shown again. Exit code 2: some file
     could not be used.
+
+    Examples:
+      impact-rig analyze runs/* --json > all.json
+      impact-rig analyze session.mcap --reject 17 --accept "steel small/3.1"
+      impact-rig analyze --cutoff off --hammer-unit N hit_1.npy hit_2.npy
+      impact-rig analyze --channels bench.toml *.csv
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig info runs/*/session.mcap --json
-      impact-rig info session.mcap --extract rig_files
-    Exit code: 0 if every recording is sound, 1 if one is damaged or was never closed,
-    2 if one cannot be read at all.
-    """)
+@_command
 @options.files_argument
 @click.option(
     "--extract",
@@ -338,24 +327,19 @@ def info() -> None:
     Reads all of it and checks every checksum: samples, hits and verdicts, topics, gaps and losses,
     versions, notes and attachments. FILE is a recording (.mcap) or the folder of a run. Recordings
     of other ROS 2 systems are shown topic by topic. No ROS is needed.
+
+    Examples:
+      impact-rig info runs/*/session.mcap --json
+      impact-rig info session.mcap --extract rig_files
+    Exit code: 0 if every recording is sound, 1 if one is damaged or was never closed,
+    2 if one cannot be read at all.
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig replay runs/2026-05-04T10-00-00        as it happened
-      impact-rig replay session.mcap --rate 5 --loop 0  five times as fast, for ever
-      impact-rig replay session.mcap --estimate         the tables, by a fresh estimator
-    The services replayer/pause and replayer/resume pause and resume. `ros2 bag play` plays parts,
-    other topics and a clock.
-    """)
+@_command
 @click.argument("file", metavar="RUN", type=FILE)
 @click.option(
-    "--rate",
-    type=click.FloatRange(0.001, 1000.0),
-    default=1.0,
-    help=option_texts.RATE.help,
+    "--rate", type=click.FloatRange(0.001, 1000.0), default=1.0, help=option_texts.RATE.help
 )
 @click.option("--loop", type=click.IntRange(0), default=1, help=option_texts.LOOP.help)
 @options.rig_options
@@ -368,22 +352,17 @@ def replay() -> None:
     published at the original speed, byte for byte, for an estimator or a visualizer. With
     --estimate a fresh estimator in this process receives them. It gives the numbers of the
     live run, and of `impact-rig analyze`, bit by bit.
+
+    Examples:
+      impact-rig replay runs/2026-05-04T10-00-00        as it happened
+      impact-rig replay session.mcap --rate 5 --loop 0  five times as fast, for ever
+      impact-rig replay session.mcap --estimate         the tables, by a fresh estimator
+    The services replayer/pause and replayer/resume pause and resume. `ros2 bag play` plays parts,
+    other topics and a clock.
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig import hit_*.lvm -o hits.mcap --sample "brass small"
-      impact-rig import *.npy -o hits.mcap --hammer-unit N --hammer-mass 1kg
-      impact-rig import --template run/1.csv > bench.toml
-      impact-rig import run/*.csv -o hits.mcap --channels bench.toml
-
-    Each file is one hit, in the order given: LabVIEW .lvm, .tdms, UFF 58, .mat, text, .npy, .wav,
-    HDF5. Numbers are kept bit by bit, with the calibration beside them. A force hammer's channel
-    becomes acceleration by its mass. A hit whose file states no time comes a second after the one
-    before. The same files make the same recording. Exit code: 2 if a file could not be used.
-    """)
+@_command
 @click.argument("files", nargs=-1, metavar="FILE...", type=FILE)
 @options.make_output_option("The recording; it must not exist.", "OUT.mcap")
 @click.option(
@@ -397,23 +376,21 @@ def import_() -> None:
 
     Each file is one hit; all are of one sample. `analyze`, `replay` and other programs read it
     like a recording of the rig.
+
+    Examples:
+      impact-rig import hit_*.lvm -o hits.mcap --sample "brass small"
+      impact-rig import *.npy -o hits.mcap --hammer-unit N --hammer-mass 1kg
+      impact-rig import --template run/1.csv > bench.toml
+      impact-rig import run/*.csv -o hits.mcap --channels bench.toml
+
+    Each file is one hit, in the order given: LabVIEW .lvm, .tdms, UFF 58, .mat, text, .npy, .wav,
+    HDF5. Numbers are kept bit by bit, with the calibration beside them. A force hammer's channel
+    becomes acceleration by its mass. A hit whose file states no time comes a second after the one
+    before. The same files make the same recording. Exit code: 2 if a file could not be used.
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig export session.mcap -o brass.uff --sample "brass small" --filtered
-      impact-rig export session.mcap -o hits --one-file-per-hit csv
-      impact-rig export session.mcap -o results.csv --what results
-      impact-rig export damaged.mcap -o sound.mcap
-      impact-rig export results.json --for mujoco --sample "steel small" -o steel.xml
-
-    Channels are called "aluminium large/3.1 hammer" (sample, impact, attempt, body) or
-    "aluminium large/mean hammer", in m/s^2. In a mean, time 0 is the middle of the hammer pulse.
-    A copy (.mcap) is without what has no valid checksum; exit code: 1 if the old one is damaged.
-    --for fits a simulator's contact law to the duration and restitution at the measured speed.
-    """)
+@_command
 @click.argument("recording", metavar="RUN", type=FILE)
 @options.make_output_option(
     "The file, whose suffix tells its format: .uff, .tdms, .mat, .h5, .csv, .json (results alone)"
@@ -451,16 +428,22 @@ def export() -> None:
 
     RUN is a recording (.mcap) or the folder of a run; with --for a results.json as well. No ROS is
     needed.
+
+    Examples:
+      impact-rig export session.mcap -o brass.uff --sample "brass small" --filtered
+      impact-rig export session.mcap -o hits --one-file-per-hit csv
+      impact-rig export session.mcap -o results.csv --what results
+      impact-rig export damaged.mcap -o sound.mcap
+      impact-rig export results.json --for mujoco --sample "steel small" -o steel.xml
+
+    Channels are called "aluminium large/3.1 hammer" (sample, impact, attempt, body) or
+    "aluminium large/mean hammer", in m/s^2. In a mean, time 0 is the middle of the hammer pulse.
+    A copy (.mcap) is without what has no valid checksum; exit code: 1 if the old one is damaged.
+    --for fits a simulator's contact law to the duration and restitution at the measured speed.
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig view runs/2026-05-04T10-00-00       in a window
-      impact-rig view session.mcap -o campaign.rrd   as a file for Rerun
-      impact-rig view results.json                   tables and figures alone
-    """)
+@_command
 @click.argument("paths", nargs=-1, required=True, metavar="RUN...", type=FILE)
 @options.make_output_option("Write a file for Rerun, which must not exist.", "FILE.rrd")
 @click.option(
@@ -473,18 +456,15 @@ def view() -> None:
     It shows every hit, the samples, the campaign and the tables. RUN is a recording (.mcap),
     the folder of a run, or results (.json). The viewer shows each campaign as a separate
     recording. No ROS is needed.
+
+    Examples:
+      impact-rig view runs/2026-05-04T10-00-00       in a window
+      impact-rig view session.mcap -o campaign.rrd   as a file for Rerun
+      impact-rig view results.json                   tables and figures alone
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig report runs/2025-01-31T12-00-00
-      impact-rig report session.mcap -o steel.html --set report.number=4711
-      impact-rig report runs/2025-01-31T12-00-00 --check
-      impact-rig report session.mcap --reject 17 --reason "loose cable" --who "A. Berg"
-    Nothing is overwritten. A browser prints the page on A4.
-    """)
+@_command
 @click.argument("path", metavar="RUN", type=FILE)
 @options.make_output_option("The HTML file. [report.html in RUN]")
 @click.option(
@@ -526,18 +506,24 @@ def report() -> None:
     What was measured and with what, tables with uncertainties and budgets, the paper's figures,
     traces with models and residuals, rejected hits and why. RUN is a recording (.mcap) or the
     folder of a run, or a results.json, which has no traces. No ROS is needed.
+
+    Examples:
+      impact-rig report runs/2025-01-31T12-00-00
+      impact-rig report session.mcap -o steel.html --set report.number=4711
+      impact-rig report runs/2025-01-31T12-00-00 --check
+      impact-rig report session.mcap --reject 17 --reason "loose cable" --who "A. Berg"
+    Nothing is overwritten. A browser prints the page on A4.
     """
 
 
-@_command("""
-    \b
-    Examples:
-      impact-rig doctor
-    Exit code: 0 if the rig can work, 1 if something that it needs is broken.
-    """)
+@_command
 def doctor() -> None:
     """See what is installed and what is broken.
 
     Lists Python, its libraries, ROS 2 and its settings, drivers, disk and shared memory, and lets
     two processes exchange a message.
+
+    Examples:
+      impact-rig doctor
+    Exit code: 0 if the rig can work, 1 if something that it needs is broken.
     """

@@ -4,8 +4,8 @@ import contextlib
 import math
 import os
 import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
@@ -53,32 +53,22 @@ def run_rig(processes: Sequence[NodeProcess], log: Path) -> Iterator[Callable[[]
     Yields a function that raises `RigError`, with the end of the log, once the rig has ended.
     """
     check_free(join_names("", (process.name for process in processes)))
-    with log.open("w", encoding="utf-8") as output:
+    with log.open("w", encoding="utf-8") as output, ThreadPoolExecutor(1) as thread:
         nodes = RunningNodes(output, on_page=_show_page)
-        failures: list[RigError] = []
-
-        def follow() -> None:
-            try:
-                nodes.run(processes)
-            except RigError as error:
-                failures.append(error)
-
-        thread = threading.Thread(target=follow, daemon=True)
 
         def check() -> None:
-            if failures:
-                raise failures[0]
-            if not thread.is_alive():
+            if running.done():
+                running.result()  # raises why they did not start
                 lines = log.read_text("utf-8", errors="replace").splitlines()[-SHOWN_LOG_LINES:]
                 raise RigError("\n".join([f"the rig has ended; the end of {log}:", *lines]))
 
+        running = thread.submit(nodes.run, processes)
         try:
-            thread.start()
             yield check
         finally:
             previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
             nodes.stop()
-            thread.join()
+            wait([running])
             signal.signal(signal.SIGINT, previous)
 
 

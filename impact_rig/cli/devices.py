@@ -3,7 +3,7 @@
 import contextlib
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.text import Text
@@ -42,7 +42,7 @@ Facts = dict[str, str]
 """Facts about a device, by name; an error is the fact `TROUBLE`."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class SurveyedDriver:
     """A driver, and the devices that it finds."""
 
@@ -75,14 +75,14 @@ def _survey(kind: str, driver: Driver) -> SurveyedDriver:
     found = SurveyedDriver(kind, driver.name, driver.package)
     try:
         loaded = driver.load()
-        found = replace(found, description=loaded.description, example=loaded.example)
+        found.description, found.example = loaded.description, loaded.example
         with contextlib.redirect_stdout(sys.stderr):  # a vendor's library may print
-            return replace(found, devices=tuple(loaded.find_devices()))
+            found.devices = tuple(loaded.find_devices())
     except (ModuleNotFoundError, RigError) as error:
-        return replace(found, trouble=_describe_trouble(error))
+        found.trouble = _describe_trouble(error)
     except Exception as error:  # noqa: BLE001 - a driver of others may raise anything
-        trouble = f"its search for devices failed: {type(error).__name__}: {error}"
-        return replace(found, trouble=trouble)
+        found.trouble = f"its search for devices failed: {type(error).__name__}: {error}"
+    return found
 
 
 def _describe_trouble(error: ModuleNotFoundError | RigError) -> str:

@@ -4,11 +4,9 @@ import os
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
-from enum import Enum
 from importlib import metadata, util
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.text import Text
 
@@ -19,22 +17,16 @@ from impact_rig.nodes.discovery import offer_profile, reserve_domain
 from impact_rig.present.console import ALARM, GOOD, WARNING, make_console, print_facts
 from impact_rig.results.numbers import format_count
 
-
-class Status(Enum):
-    """Severity of a finding; with a fault the rig cannot work."""
-
-    OK = "ok"
-    WARNING = "warning"
-    FAULT = "fault"
+OK, DOUBT, FAULT = STYLES = {"ok": GOOD, "warning": WARNING, "fault": ALARM}
+"""How bad a finding is, and how it is shown; with a fault the rig cannot work."""
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """One line of the doctor's report."""
 
     name: str
     text: str
-    status: Status = Status.OK
+    status: str = OK
     advice: str = ""  # empty without a fault
 
 
@@ -48,7 +40,6 @@ ADVICE = (
 )
 ROS_VARIABLES = ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE", "RMW_IMPLEMENTATION")
 EXIT_FAULT = 1
-STYLES = {Status.OK: GOOD, Status.WARNING: WARNING, Status.FAULT: ALARM}
 
 
 def has_ros() -> bool:
@@ -60,7 +51,7 @@ def check_library(library: Library) -> Finding:
     """Find a library and its version."""
     if util.find_spec(library.module) is None:
         is_optional = library.is_ros and not has_ros()
-        status = Status.WARNING if is_optional or not library.is_needed else Status.FAULT
+        status = DOUBT if is_optional or not library.is_needed else FAULT
         return Finding(library.name, "missing", status, library.advice)
     try:
         return Finding(library.name, metadata.version(library.name))
@@ -70,19 +61,19 @@ def check_library(library: Library) -> Finding:
 
 def check_ros() -> list[Finding]:
     """Return which ROS 2 is sourced, and its variables in the environment."""
-    distribution = os.environ.get("ROS_DISTRO", "")
-    found = Finding("ROS 2", distribution or ("from PyPI" if has_ros() else "none"))
-    if distribution not in ("", DISTRIBUTION):
+    found = os.environ.get("ROS_DISTRO", "")
+    finding = Finding("ROS 2", found or ("from PyPI" if has_ros() else "none"))
+    if found not in ("", DISTRIBUTION):
         advice = f"source ROS 2 {DISTRIBUTION}, or none: then it comes from PyPI"
-        found = Finding("ROS 2", distribution, Status.FAULT, advice)
-    return [found, *(Finding(name, os.environ.get(name, "unset")) for name in ROS_VARIABLES)]
+        finding = Finding("ROS 2", found, FAULT, advice)
+    return [finding, *(Finding(name, os.environ.get(name, "unset")) for name in ROS_VARIABLES)]
 
 
 def check_conversation() -> Finding:
     """Let a hammer's node answer a command, two processes, in an unused domain."""
     name = "two processes"
     if util.find_spec("rclpy") is None:
-        status = Status.FAULT if has_ros() else Status.WARNING
+        status = FAULT if has_ros() else DOUBT
         return Finding(name, "not tried: there is no rclpy", status)
     python = (sys.executable, "-P", "-m")
     try:
@@ -97,29 +88,24 @@ def check_conversation() -> Finding:
                     running.kill()
                 _, errors = running.communicate()
     except DeviceError as error:
-        return Finding(name, str(error), Status.FAULT)
+        return Finding(name, str(error), FAULT)
     if asked.returncode == 0:
         return Finding(name, "a node answers a command")
     reason = (asked.stderr or errors).decode(errors="replace").strip().splitlines()[-1]
-    return Finding(name, reason, Status.FAULT, ADVICE)
+    return Finding(name, reason, FAULT, ADVICE)
 
 
 def check_drivers() -> list[Finding]:
     """List the drivers of devices that are installed."""
-    try:
-        return [
-            Finding(title, ", ".join(find_drivers(group)))
-            for title, group in (("sources", SOURCES), ("holders", HOLDERS))
-        ]
-    except DeviceError as error:
-        return [Finding("drivers", str(error), Status.FAULT)]
+    groups = {"sources": SOURCES, "holders": HOLDERS}
+    return [Finding(title, ", ".join(find_drivers(group))) for title, group in groups.items()]
 
 
 def check_disk(folder: Path) -> Finding:
     """Check whether a campaign can be recorded in a folder."""
     if not os.access(folder, os.W_OK):
         advice = "change into a folder that you can write, or give --output"
-        return Finding("disk", f"{folder} cannot be written", Status.FAULT, advice)
+        return Finding("disk", f"{folder} cannot be written", FAULT, advice)
     return Finding("disk", f"{shutil.disk_usage(folder).free / 1e9:.1f} GB free in {folder}")
 
 
@@ -133,19 +119,15 @@ def run() -> None:
         *check_drivers(),
         check_disk(Path.cwd()),
     ]
-    faults = sum(finding.status is Status.FAULT for finding in findings)
+    faults = sum(finding.status == FAULT for finding in findings)
     console = make_console()
     rows = []
-    for item in findings:
-        advice = f"\n{item.advice}" if item.advice else ""
-        status = Text(item.status.value, style=STYLES[item.status])
-        rows.append((status, item.name, Text.assemble(item.text, (advice, "bold"))))
+    for name, text, status, advice in findings:
+        told = Text.assemble(text, (f"\n{advice}" * bool(advice), "bold"))
+        rows.append((Text(status, style=STYLES[status]), name, told))
     print_facts(console, rows)
     if faults:
         console.print(f"{format_count(faults, 'fault')}: see above.")
-    elif has_ros():
-        console.print("The rig can work.")
-    else:
-        console.print("Recordings and files can be analysed. What runs a rig needs ROS 2.")
-    if faults:
         raise SystemExit(EXIT_FAULT)
+    alone = "Recordings and files can be analysed. What runs a rig needs ROS 2."
+    console.print("The rig can work." if has_ros() else alone)

@@ -6,11 +6,7 @@ from typing import Any
 import click
 
 from impact_rig.analysis.analyze import judge
-from impact_rig.analysis.measured_files import (
-    MeasuredFiles,
-    TraceSeries,
-    make_series,
-)
+from impact_rig.analysis.measured_files import MeasuredFiles, TraceSeries, make_series
 from impact_rig.analysis.sources import find_repeated_files
 from impact_rig.cli.output import print_taken, raise_errors
 from impact_rig.core.given.errors import ParameterError, RigError

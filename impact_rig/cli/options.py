@@ -111,23 +111,14 @@ nodes_options = _combine(
         type=click.FloatRange(0.0, 1.0),
         help=f"{option_texts.FAULTS.text}: {FAULTS}. [{option_texts.FAULTS.default}]",
     ),
-    click.option(
-        "--continuous",
-        is_flag=True,
-        help=option_texts.CONTINUOUS.help,
-    ),
+    click.option("--continuous", is_flag=True, help=option_texts.CONTINUOUS.help),
     click.option(
         "--record-stream", is_flag=True, help="With --continuous: record all of the stream."
     ),
     notes_option,
     make_output_option(option_texts.OUTPUT.help, "FOLDER"),
     click.option("--page", is_flag=True, help=option_texts.PAGE.help),
-    make_list_option(
-        "--viewer",
-        "spawn|web|ADDRESS",
-        option_texts.VIEWER.text,
-        "viewers",
-    ),
+    make_list_option("--viewer", "spawn|web|ADDRESS", option_texts.VIEWER.text, "viewers"),
 )
 """Options of the commands that start the nodes of a rig."""
 resume_option = click.option(

@@ -10,13 +10,7 @@ import click
 
 from impact_rig.configuration.processes import RECORDING_NAME, REPORT_NAME
 from impact_rig.core.given.errors import RigError
-from impact_rig.present.console import (
-    GOOD,
-    make_console,
-    make_printable,
-    print_text,
-    print_trace,
-)
+from impact_rig.present.console import GOOD, make_console, make_printable, print_text, print_trace
 from impact_rig.results.wire import format_json
 
 if TYPE_CHECKING:

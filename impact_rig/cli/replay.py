@@ -50,11 +50,7 @@ def run(
 
 def _estimate(run: Run, *, as_json: bool) -> None:
     """Feed the hits of a run to a fresh estimator, and print the results."""
-    with (
-        options.use_private_domain(),
-        ReplayClient() as client,
-        show_progress() as follow,
-    ):
+    with options.use_private_domain(), ReplayClient() as client, show_progress() as follow:
         stage = f"replaying {run.path}"
         found = list(client.estimate(run, lambda done: follow(stage, done, run.size)))
     if not found:

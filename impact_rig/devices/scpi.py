@@ -303,25 +303,15 @@ class ScpiSource:
                 f"answers {position!r} to ACQ:TPOS?: it must be a whole number below {MEMORY}"
             )
         start = (int(position) - plan.pre_trigger_points) % MEMORY
-        hammer, *others = [
-            self._make_block(
-                channel,
-                instrument.ask_counts(
-                    f"ACQ:SOUR{channel.name}:DATA:START:N? {start},{plan.points}", plan.points
-                ),
-            )
-            for channel in plan.channels
-        ]
-        return Block(
-            first_sample=0,
-            sampling_rate=self._rate,
-            hammer=hammer,
-            specimen=others[0] if others else NOT_MEASURED,
-            last=True,
-            stamp=self._triggered - round(1e9 * plan.pre_trigger_points / self._rate),
-        )
+        hammer, *others = [self._read(channel, start, plan.points) for channel in plan.channels]
+        specimen = (*others, NOT_MEASURED)[0]
+        stamp = self._triggered - round(1e9 * plan.pre_trigger_points / self._rate)
+        return Block(0, self._rate, hammer, specimen, last=True, stamp=stamp)
 
-    def _make_block(self, channel: SourceChannel, counts: NDArray[np.int32]) -> ChannelBlock:
+    def _read(self, channel: SourceChannel, start: int, points: int) -> ChannelBlock:
+        """Return points of a channel, from a place of the ring on."""
+        query = f"ACQ:SOUR{channel.name}:DATA:START:N? {start},{points}"
+        counts = self._instrument.ask_counts(query, points)
         largest = 2 ** (self._board.bits - 1)
         volts = _take_range(channel.options)
         return channel.make_scale(volts / largest, volts, largest - 1).make_block(counts)

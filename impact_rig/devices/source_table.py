@@ -5,11 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from impact_rig.configuration.rig_file import (
-    PRE_TRIGGER_MARGIN,
-    SENSOR_KEYS,
-    take_trigger_level,
-)
+from impact_rig.configuration.rig_file import PRE_TRIGGER_MARGIN, SENSOR_KEYS, take_trigger_level
 from impact_rig.configuration.toml_table import TomlTable, make_values, parse_toml_table
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.setup import RigSetup
@@ -20,7 +16,7 @@ from impact_rig.devices.protocols import (
     HammerlessSource,
     SourceChannel,
 )
-from impact_rig.devices.speed_gate import take_speed_gate
+from impact_rig.devices.speed_gate import take_channel_name, take_speed_gate
 from impact_rig.devices.virtual.drivers import (
     KEYS,
     QUANTITIES,
@@ -157,13 +153,8 @@ def make_plan(table: TomlTable, setup: RigSetup) -> AcquisitionPlan:
     pre_trigger = table.take_quantity(
         "pre_trigger", "s", "300 us", PRE_TRIGGER_MARGIN * analysis.pre_trigger, low=0.0
     )
-    duration = table.take_quantity(
-        "record_duration",
-        "s",
-        "2.2 ms",
-        pre_trigger + analysis.record_duration - analysis.pre_trigger,
-        low=0.0,
-    )
+    usual = pre_trigger + analysis.record_duration - analysis.pre_trigger
+    duration = table.take_quantity("record_duration", "s", "2.2 ms", usual, low=0.0)
     rate = table.take_quantity("sampling_rate", "Hz", "2.5 MHz", low=1.0)
     level = _take_level(table, hammer, setup)
     specimen = _make_channel(table, "specimen", setup)
@@ -176,11 +167,8 @@ def _make_channel(table: TomlTable, name: str, setup: RigSetup) -> SourceChannel
     if name not in table or not sensors:
         return None
     channel = table.take_table(name)
-    key = channel.get("channel", "")
-    if isinstance(key, bool) or not isinstance(key, str | int):
-        raise channel.refuse("channel", "the device's name of the channel in quotes, or a number")
     return SourceChannel(
-        str(key),
+        take_channel_name(channel),
         sensors[0],
         setup.hammer_mass if sensors[0].quantity == "force" else math.nan,
         channel.without("channel", *SENSOR_KEYS),

@@ -116,6 +116,14 @@ class EdgeWatch:
         )
 
 
+def take_channel_name(table: TomlTable) -> str:
+    """Return the device's name of the channel of a sensor or barrier; empty: not given."""
+    name = table.get("channel", "")
+    if isinstance(name, bool) or not isinstance(name, str | int):
+        raise table.refuse("channel", "the device's name of the channel in quotes, or a number")
+    return str(name)
+
+
 def take_speed_gate(source: TomlTable, setup: RigSetup) -> SpeedGate | None:
     """Return the barrier of [source.impact_speed]; None: there is no such table.
 
@@ -128,9 +136,7 @@ def take_speed_gate(source: TomlTable, setup: RigSetup) -> SpeedGate | None:
         return None
     table = source.take_table("impact_speed")
     table.check_keys(*KEYS, "properties")  # of a channel of openDAQ
-    channel = table.get("channel", "")
-    if isinstance(channel, bool) or not isinstance(channel, str | int):
-        raise table.refuse("channel", "the device's name of the channel in quotes, or a number")
+    name = take_channel_name(table)
     if math.isnan(setup.pendulum_rate):
         raise table.make_error(
             "",
@@ -142,7 +148,7 @@ def take_speed_gate(source: TomlTable, setup: RigSetup) -> SpeedGate | None:
     if not 0.0 <= standard < distance:
         raise table.refuse("distance_uncertainty", "less than the distance")
     return SpeedGate(
-        name=str(channel),
+        name=name,
         level=table.take_number("level", 1e-9, default=1.0),
         distance=distance,
         distance_uncertainty=standard,

@@ -83,19 +83,12 @@ class StreamedSource(ABC):
         hammer, *others = [
             scale.make_block(counts[:, column]) for column, scale in enumerate(self.scales)
         ]
-        specimen = others[0] if others else NOT_MEASURED
+        specimen = (*others, NOT_MEASURED)[0]
         with self.changed:
             first = self.count + lost
             speed = self._measure_speed(first, counts)
-            self.blocks.append(
-                Block(
-                    first,
-                    self.sampling_rate,
-                    hammer,
-                    specimen,
-                    impact_speed=speed,
-                )
-            )
+            block = Block(first, self.sampling_rate, hammer, specimen, impact_speed=speed)
+            self.blocks.append(block)
             self.count = first + len(counts)
             while get_end(self.blocks[0]) <= self.count - self._capacity:
                 self.blocks.popleft()

@@ -20,13 +20,7 @@ from impact_rig.present.picture import (
 )
 from impact_rig.results.numbers import MICRO, format_error
 from impact_rig.results.palette import BLUE, GREEN, PURPLE, VERMILION, format_hex
-from impact_rig.results.traces import (
-    DRIVEN,
-    PRINTED,
-    AlignedHit,
-    LawCurves,
-    SampleTraces,
-)
+from impact_rig.results.traces import DRIVEN, PRINTED, AlignedHit, LawCurves, SampleTraces
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,10 +33,7 @@ MakePanel = Callable[..., Any]
 TITLES = ("a) hammer", "b) sample")
 LONGEST = 8.0
 """Largest time of a figure [contact times], our choice: the pulse is a tenth of its width then."""
-MODEL_NAMES = {
-    DRIVEN: "force-driven model",
-    PRINTED: "model as printed",
-}
+MODEL_NAMES = {DRIVEN: "force-driven model", PRINTED: "model as printed"}
 LOOKS: dict[str, dict[str, Any]] = {
     DRIVEN: {"color": format_hex(VERMILION), "linestyle": (0, (5, 1.5))},
     PRINTED: {"color": format_hex(PURPLE), "linestyle": (0, (5, 1.5, 1, 1.5))},

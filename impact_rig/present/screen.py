@@ -6,13 +6,7 @@ from itertools import accumulate
 from rich.console import Console
 
 from impact_rig.core.given.records import IMPORTED, MEASURED, join_origins
-from impact_rig.present.console import (
-    ALARM,
-    TITLE,
-    print_item,
-    print_table,
-    print_text,
-)
+from impact_rig.present.console import ALARM, TITLE, print_item, print_table, print_text
 from impact_rig.results.batch import BatchCampaign, tabulate_batch, tabulate_changes
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.numbers import format_count

@@ -160,10 +160,7 @@ def run_rig(
 
 
 def run_virtual_rig(
-    folder: Path,
-    *,
-    rig_file: str | Path | None = None,
-    **source: Unpack[SourceKeys],
+    folder: Path, *, rig_file: str | Path | None = None, **source: Unpack[SourceKeys]
 ) -> AbstractContextManager[RunningRig]:
     """Run a virtual rig: `run_rig` with seed 1 where nothing else is said."""
     return run_rig(rig_file, folder, **source)

@@ -223,10 +223,7 @@ def score_node(
     scores = []
     for name in dict.fromkeys(label.sample for label in hits):
         judged = [
-            (
-                _read_truth(rig.find_truth(label), quantity),
-                *found.get(key, NOTHING),
-            )
+            (_read_truth(rig.find_truth(label), quantity), *found.get(key, NOTHING))
             for label, key in zip(hits, known, strict=True)
             if label.sample == name
         ]

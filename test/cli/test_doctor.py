@@ -3,7 +3,7 @@
 import pytest
 
 from impact_rig.cli import doctor
-from impact_rig.cli.doctor import Status, check_conversation, check_library, check_ros
+from impact_rig.cli.doctor import DOUBT, FAULT, OK, check_conversation, check_library, check_ros
 from impact_rig.cli.libraries import LIBRARIES, Library, describe_missing, explain_missing
 from impact_rig.core.given.errors import RigError
 
@@ -13,7 +13,7 @@ from .conftest import finish, start_command, start_python
 @pytest.mark.parametrize(("is_needed", "status"), [(True, "fault"), (False, "warning")])
 def test_what_is_missing_matters_as_much_as_it_is_needed(is_needed, status):
     finding = check_library(Library("absent_here", "absent-here", is_needed))
-    assert (finding.status.value, finding.text) == (status, "missing")
+    assert (finding.status, finding.text) == (status, "missing")
     assert finding.advice
 
 
@@ -29,13 +29,13 @@ def test_a_module_belongs_to_the_library_that_brings_it():
 def test_another_distribution_is_a_fault(monkeypatch):
     monkeypatch.setenv("ROS_DISTRO", "humble")
     finding = check_ros()[0]
-    assert (finding.status, finding.text) == (Status.FAULT, "humble")
+    assert (finding.status, finding.text) == (FAULT, "humble")
     assert "jazzy" in finding.advice
 
 
 def test_a_folder_that_cannot_be_written_is_a_fault(tmp_path):
-    assert doctor.check_disk(tmp_path).status is Status.OK
-    assert doctor.check_disk(tmp_path / "absent").status is Status.FAULT
+    assert doctor.check_disk(tmp_path).status == OK
+    assert doctor.check_disk(tmp_path / "absent").status == FAULT
 
 
 def test_this_installation_is_healthy():
@@ -47,17 +47,17 @@ def test_this_installation_is_healthy():
 def test_a_middleware_that_is_not_there_is_named(monkeypatch):
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_unknown")
     finding = check_conversation()
-    assert finding.status is Status.FAULT
+    assert finding.status == FAULT
     assert "rmw_unknown" in finding.text
 
 
 def test_without_ros_it_says_so(monkeypatch):
     monkeypatch.setattr(doctor.util, "find_spec", lambda _: None)
     finding = check_conversation()
-    assert (finding.status, finding.text) == (Status.WARNING, "not tried: there is no rclpy")
+    assert (finding.status, finding.text) == (DOUBT, "not tried: there is no rclpy")
     (rclpy,) = (item for item in LIBRARIES if item.module == "rclpy")
-    assert check_library(rclpy).status is Status.WARNING
+    assert check_library(rclpy).status == DOUBT
     monkeypatch.setenv("ROS_DISTRO", "jazzy")  # which is sourced, and should have it
-    assert check_conversation().status is check_library(rclpy).status is Status.FAULT
+    assert check_conversation().status == check_library(rclpy).status == FAULT
     code = "import sys; import impact_rig.cli.doctor; print('rclpy' in sys.modules)"
     assert finish(start_python("-c", code)) == (0, "False\n", "")

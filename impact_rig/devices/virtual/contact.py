@@ -98,11 +98,8 @@ class Contact:
         force = np.zeros(time.size)
         depth, speed = self._solution.sol(scaled[inside])
         height = self.equivalent_mass * self.impact_speed / self.time_unit
-        force[inside] = (
-            height
-            * np.maximum(depth, 0.0) ** self.exponent
-            * (1.0 + self.damping * self.impact_speed * speed)
-        )
+        loss = 1.0 + self.damping * self.impact_speed * speed
+        force[inside] = height * np.maximum(depth, 0.0) ** self.exponent * loss
         return force
 
     def simulate(

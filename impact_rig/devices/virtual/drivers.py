@@ -9,7 +9,7 @@ from typing import Any, ClassVar, TypeVar
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.given.errors import DeviceError
 from impact_rig.core.given.records import Block, HitLabel
-from impact_rig.core.given.sensors import Sensor
+from impact_rig.core.given.sensors import CHANNELS, Sensor
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.devices.drivers import read_example
 from impact_rig.devices.protocols import (
@@ -94,11 +94,9 @@ class VirtualSource:
             pre_trigger=plan.pre_trigger,
         )
         self._settings = replace(self._settings, digitizer=digitizer, gate=plan.gate)
-        self._digitizer = (
-            StreamingDigitizer(self._settings, plan.block_size, plan.depth)
-            if plan.continuous
-            else TriggeredDigitizer(plan.block_size)
-        )
+        self._digitizer = TriggeredDigitizer(plan.block_size)
+        if plan.continuous:
+            self._digitizer = StreamingDigitizer(self._settings, plan.block_size, plan.depth)
         self._rig = None
         # What the first hit needs, which then waits for it no more.
         is_law = self._settings.plant is Plant.CONTACT
@@ -218,12 +216,10 @@ def make_virtual_plan(table: TomlTable) -> AcquisitionPlan:
         If a value cannot be meant; the message names its line.
     """
     digitizer = read_digitizer(table)
+    scales = digitizer.hammer_full_scale, digitizer.specimen_full_scale
     hammer, specimen = (
         SourceChannel(name, Sensor(name, full_scale=scale))
-        for name, scale in (
-            ("hammer", digitizer.hammer_full_scale),
-            ("specimen", digitizer.specimen_full_scale),
-        )
+        for name, scale in zip(CHANNELS, scales, strict=True)
     )
     return AcquisitionPlan(
         sampling_rate=digitizer.sampling_rate,

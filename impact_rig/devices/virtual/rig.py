@@ -307,15 +307,8 @@ def _scatter_physics(nominal: HitPhysics, duration: float, force: float) -> HitP
     if nominal.contact is not None:
         contact = nominal.contact.scatter(duration, force)
         return replace(nominal, model=contact.make_model(), contact=contact)
-    model = nominal.model
-    return replace(
-        nominal,
-        model=replace(
-            model,
-            contact_time=model.contact_time * duration,
-            peak_force=model.peak_force * force,
-        ),
-    )
+    time, peak = nominal.model.contact_time * duration, nominal.model.peak_force * force
+    return replace(nominal, model=replace(nominal.model, contact_time=time, peak_force=peak))
 
 
 def _slow_down(physics: HitPhysics, contact: Contact, height: float) -> HitPhysics:
@@ -436,9 +429,8 @@ class VirtualRig:
         physics_source: np.random.Generator,
         fault_source: np.random.Generator,
     ) -> tuple[FloatArray, FloatArray]:
-        start = -digitizer.pre_trigger + digitizer.trigger_jitter * float(
-            physics_source.standard_normal()
-        )
+        jitter = digitizer.trigger_jitter * float(physics_source.standard_normal())
+        start = -digitizer.pre_trigger + jitter
 
         def simulate(first: float, physics: HitPhysics = physics) -> FloatArray:
             rate = digitizer.sampling_rate * self._truth.clock
@@ -456,14 +448,11 @@ class VirtualRig:
                 else simulate(start - delay, _slow_down(physics, physics.contact, height))
             )
         hammer_peak = float(np.max(np.abs(traces[0])))
+        to_full_scale = digitizer.hammer_full_scale / hammer_peak
         if Fault.OVERLOAD in faults:
-            traces *= fault_source.uniform(*OVERLOAD_RANGE) * (
-                digitizer.hammer_full_scale / hammer_peak
-            )
+            traces *= fault_source.uniform(*OVERLOAD_RANGE) * to_full_scale
         elif Fault.WEAK_HIT in faults:
-            traces *= fault_source.uniform(*WEAK_RANGE) * (
-                digitizer.hammer_full_scale / hammer_peak
-            )
+            traces *= fault_source.uniform(*WEAK_RANGE) * to_full_scale
         if Fault.DEAD_CHANNEL in faults:
             traces[fault_source.integers(2)] = 0.0
         return traces[0], traces[1]

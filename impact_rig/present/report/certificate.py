@@ -151,11 +151,7 @@ def _list_results(runs: Sequence[ReportedCampaign], stated: Particulars) -> "Nod
         for kind, is_result in (("results", True), ("additional values", False))
         if (found := [item for item in results if item.is_result is is_result])
     ]
-    return [
-        *_name(TITLE),
-        ("usedMethods", [("usedMethod", method)]),
-        ("results", told),
-    ]
+    return [*_name(TITLE), ("usedMethods", [("usedMethod", method)]), ("results", told)]
 
 
 def _describe_item(body: str, stated: Particulars) -> "Nodes":
@@ -228,10 +224,7 @@ def _name(text: str) -> Nodes:
 
 
 def _address(name: str, address: str) -> Nodes:
-    return [
-        *_name(name),
-        ("location", [("further", [("content", address or NOT_STATED)])]),
-    ]
+    return [*_name(name), ("location", [("further", [("content", address or NOT_STATED)])])]
 
 
 def _clean(text: str) -> str:

@@ -20,12 +20,7 @@ from impact_rig.core.given.setup import (
 )
 from impact_rig.present.report.page import Facts, Folded, Paragraph, Part, Section
 from impact_rig.results.campaign import Results
-from impact_rig.results.numbers import (
-    MEGA,
-    MISSING,
-    format_time,
-    is_dated,
-)
+from impact_rig.results.numbers import MEGA, MISSING, format_time, is_dated
 from impact_rig.results.table import (
     Column,
     Table,

@@ -176,9 +176,7 @@ def _lay_out_campaign(hammer_unit: str, last_record: int) -> rrb.Container:
     )
     return layout.Horizontal(
         layout.Vertical(
-            _make_text_view("Measured and expected", entities.TABLES),
-            verdicts,
-            row_shares=[2, 1],
+            _make_text_view("Measured and expected", entities.TABLES), verdicts, row_shares=[2, 1]
         ),
         layout.Vertical(*trends),
         column_shares=[3, 2],
@@ -187,22 +185,14 @@ def _lay_out_campaign(hammer_unit: str, last_record: int) -> rrb.Container:
 
 
 def _show_records(last: int) -> rrb.TimeAxis:
-    """Return an axis over all records, with room for the points of the outer ones."""
-    if not last:
-        return _show_all()
-    sdk = import_rerun()
-    ends = (sdk.TimeRangeBoundary.absolute(seconds=end) for end in (0.5, last + 0.5))
-    return sdk.blueprint.TimeAxis(view_range=sdk.TimeRange(*ends))
+    """Return an axis over all records, with room for the points of the outer ones.
 
-
-def _show_all() -> rrb.TimeAxis:
-    """Return an axis over the whole time line, of which else the minute at the cursor is shown.
-
-    It is for plots over hits; a record of milliseconds would be a stroke on it.
+    Where the last one is not known, it is the whole time line: else the minute at the cursor.
     """
     sdk = import_rerun()
-    end = sdk.TimeRangeBoundary.infinite()
-    return sdk.blueprint.TimeAxis(view_range=sdk.TimeRange(end, end))
+    make = sdk.TimeRangeBoundary
+    ends = [make.absolute(seconds=end) for end in (0.5, last + 0.5)] if last else [make.infinite()]
+    return sdk.blueprint.TimeAxis(view_range=sdk.TimeRange(ends[0], ends[-1]))
 
 
 def _make_text_view(name: str, path: Path) -> rrb.TextDocumentView:

@@ -11,8 +11,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,30 +55,13 @@ Shade = tuple[int, int, int] | tuple[int, int, int, int]
 """Red, green, blue and perhaps opacity, 0 to 255."""
 
 
-@dataclass(frozen=True)
-class Line:
-    """The look of one column. Lines of one name share their entry in the legend."""
+class Look(NamedTuple):
+    """The look of one column. Those of one name share their entry in the legend."""
 
     name: str
     colour: Shade
-    width: float
-
-
-@dataclass(frozen=True)
-class Mark:
-    """The look of one column of points."""
-
-    name: str
-    colour: Shade
-    marker: str
-    size: float
-
-
-@dataclass(frozen=True)
-class _Drawn:
-    path: str
-    count: int
-    is_points: bool
+    size: float  # width of a line, size of a mark [points]
+    marker: str = ""  # of points; empty: a line
 
 
 class PlotLog:
@@ -95,19 +77,19 @@ class PlotLog:
         self._rr = import_rerun()
         self._stream = stream
         self._versions: Counter[Path] = Counter()
-        self._shown: dict[Path, list[_Drawn]] = {}
+        self._shown: dict[Path, list[tuple[str, Sequence[Look]]]] = {}
         self._said: dict[Path, str] = {}  # by the family that shows nothing else
 
-    def draw_lines(
+    def draw(
         self,
         family: Path,
         time: FloatArray,
         values: NDArray[Any],
-        lines: Sequence[Line],
+        looks: Sequence[Look],
         *,
         keeps_peaks: bool = True,
     ) -> str:
-        """Draw lines beside what the family shows already.
+        """Draw lines or points beside what the family shows already.
 
         Parameters
         ----------
@@ -116,9 +98,9 @@ class PlotLog:
         time : ndarray, shape (n,)
             [s]
         values : ndarray, shape (n, columns)
-            A NaN breaks its line.
-        lines : sequence of Line
-            One per column.
+            A NaN breaks its line, or has no point.
+        looks : sequence of Look
+            One per column: all lines, or all points.
         keeps_peaks : bool
             Where several points share a pixel, draw the lowest and the highest. Not for a few
             points whose order matters.
@@ -128,34 +110,28 @@ class PlotLog:
         str
             Path of the entity.
         """
-        path = self._add(family, len(lines), is_points=False)
-        style = self._rr.SeriesLines(
-            names=[line.name for line in lines],
-            colors=_pack([line.colour for line in lines]),
-            widths=[line.width for line in lines],
-            aggregation_policy="MinMax" if keeps_peaks else "Off",
-        )
-        self._stream.log(path, style, static=True)
-        self._send(path, time, values)
+        path = self.add(family, looks, keeps_peaks=keeps_peaks)
+        if time.size:
+            nanoseconds = np.rint(time * 1e9).astype("timedelta64[ns]")
+            indexes = [self._rr.TimeColumn(HIT_TIME, duration=nanoseconds)]
+            self._stream.send_columns(path, indexes=indexes, columns=[make_scalars(values)])
         return path
 
-    def draw_points(
-        self, family: Path, time: FloatArray, values: NDArray[Any], marks: Sequence[Mark]
-    ) -> str:
-        """Draw points; as `draw_lines`, but a NaN has no point."""
-        path = self.add_points(family, marks)
-        self._send(path, time, values)
-        return path
-
-    def add_points(self, family: Path, marks: Sequence[Mark]) -> str:
-        """Return the path of a new entity whose points the caller logs, on any timeline."""
-        path = self._add(family, len(marks), is_points=True)
-        style = self._rr.SeriesPoints(
-            names=[mark.name for mark in marks],
-            colors=_pack([mark.colour for mark in marks]),
-            markers=[mark.marker for mark in marks],
-            marker_sizes=[mark.size for mark in marks],
-        )
+    def add(self, family: Path, looks: Sequence[Look], *, keeps_peaks: bool = True) -> str:
+        """Return the path of a new entity whose values the caller logs, on any timeline."""
+        self._versions[family] += 1
+        path = str(self._rr.new_entity_path([*family, str(self._versions[family])]))
+        self._shown.setdefault(family, []).append((path, looks))
+        names, shades, sizes, markers = (list(column) for column in zip(*looks, strict=True))
+        if markers[0]:
+            style = self._rr.SeriesPoints(
+                names=names, colors=_pack(shades), markers=markers, marker_sizes=sizes
+            )
+        else:
+            policy = "MinMax" if keeps_peaks else "Off"
+            style = self._rr.SeriesLines(
+                names=names, colors=_pack(shades), widths=sizes, aggregation_policy=policy
+            )
         self._stream.log(path, style, static=True)
         return path
 
@@ -165,9 +141,9 @@ class PlotLog:
             return
         self.hide(family)
         self._said[family] = sentence
-        line = Line(sentence, GREY, MEAN_WIDTH)
+        line = Look(sentence, GREY, MEAN_WIDTH)
         place = (*family, SENTENCE)
-        self.draw_lines(place, np.array([0.0, MOMENT]), np.zeros((2, 1)), [line])
+        self.draw(place, np.array([0.0, MOMENT]), np.zeros((2, 1)), [line])
 
     def write_in_blanks(self, families: Iterable[Path], sentence: str) -> None:
         """Say it in the plots that show nothing."""
@@ -179,33 +155,15 @@ class PlotLog:
         """Hide all lines at or below `parent`; without it, all."""
         for family in [item for item in self._shown if item[: len(parent)] == parent]:
             self._said.pop(family[:-1], None)
-            for drawn in self._shown.pop(family):
-                self._hide(drawn)
-
-    def _hide(self, drawn: _Drawn) -> None:
-        archetype = self._rr.SeriesPoints if drawn.is_points else self._rr.SeriesLines
-        hidden = archetype.from_fields(
-            visible_series=[False] * drawn.count,
-            names=[EARLIER] * drawn.count,
-            colors=_pack([GREY] * drawn.count),
-        )
-        self._stream.log(drawn.path, hidden, static=True)
-
-    def _add(self, family: Path, count: int, *, is_points: bool) -> str:
-        self._versions[family] += 1
-        path = str(self._rr.new_entity_path([*family, str(self._versions[family])]))
-        self._shown.setdefault(family, []).append(_Drawn(path, count, is_points))
-        return path
-
-    def _send(self, path: str, time: FloatArray, values: NDArray[Any]) -> None:
-        if time.size == 0:
-            return
-        nanoseconds = np.rint(time * 1e9).astype("timedelta64[ns]")
-        self._stream.send_columns(
-            path,
-            indexes=[self._rr.TimeColumn(HIT_TIME, duration=nanoseconds)],
-            columns=[make_scalars(values)],
-        )
+            for path, looks in self._shown.pop(family):
+                count = len(looks)
+                archetype = self._rr.SeriesPoints if looks[0].marker else self._rr.SeriesLines
+                hidden = archetype.from_fields(
+                    visible_series=[False] * count,
+                    names=[EARLIER] * count,
+                    colors=_pack([GREY] * count),
+                )
+                self._stream.log(path, hidden, static=True)
 
 
 def make_scalars(values: NDArray[Any]) -> rr.ComponentColumn:
@@ -265,9 +223,9 @@ def draw_aligned_hits(plots: PlotLog, hits: Sequence[AlignedHit]) -> None:
         shown = [hit for hit in hits if hit.traces.shape[0] > row]
         if shown:
             time, values = _join_hits(shown, row)
-            line = Line("each hit", (*MEASURED[body], HIT_OPACITY), HIT_WIDTH)
+            line = Look("each hit", (*MEASURED[body], HIT_OPACITY), HIT_WIDTH)
             family = (*make_body_path(shown[0].label.sample, body), entities.OVERLAY)
-            plots.draw_lines(family, time, values, [line] * len(shown))
+            plots.draw(family, time, values, [line] * len(shown))
 
 
 def _join_hits(hits: Sequence[AlignedHit], row: int) -> tuple[FloatArray, Float32Array]:
@@ -296,17 +254,17 @@ def draw_sample(plots: PlotLog, traces: SampleTraces) -> None:
     _draw_points(plots, traces)
 
 
-def _gather_lines(traces: SampleTraces, row: int) -> tuple[list[FloatArray], list[Line]]:
+def _gather_lines(traces: SampleTraces, row: int) -> tuple[list[FloatArray], list[Look]]:
     """Return the lines of one body: its mean, the driven model, the residual."""
     body, model = BODIES[row], traces.find_model(DRIVEN)
     mean = traces.mean[row]
     if model is None:
-        return [mean], [Line(f"{body}, mean (no model)", MEASURED[body], MEAN_WIDTH)]
+        return [mean], [Look(f"{body}, mean (no model)", MEASURED[body], MEAN_WIDTH)]
     error = format_error(model.mse_percent[row])
     return [mean, model.traces[row], traces.compute_residual(model)[row]], [
-        Line(f"{body}, mean", MEASURED[body], MEAN_WIDTH),
-        Line(f"{body}, model (MSE {error} %)", CALCULATED[body], MODEL_WIDTH),
-        Line(f"{body}, residual of the model", GREY, MODEL_WIDTH),
+        Look(f"{body}, mean", MEASURED[body], MEAN_WIDTH),
+        Look(f"{body}, model (MSE {error} %)", CALCULATED[body], MODEL_WIDTH),
+        Look(f"{body}, residual of the model", GREY, MODEL_WIDTH),
     ]
 
 
@@ -315,7 +273,7 @@ def _replace_lines(
     family: Path,
     time: FloatArray,
     columns: Sequence[FloatArray],
-    lines: Sequence[Line],
+    lines: Sequence[Look],
 ) -> None:
     """Draw smooth lines, every second point and the peaks; they replace older ones."""
     is_drawn = np.zeros(time.size, dtype=bool)
@@ -325,7 +283,7 @@ def _replace_lines(
     rows = np.flatnonzero(is_drawn)
     values = np.stack([column[rows].astype(np.float32) for column in columns], axis=1)
     plots.hide(family)
-    plots.draw_lines(family, time[rows], values, lines)
+    plots.draw(family, time[rows], values, lines)
 
 
 def _draw_contact(plots: PlotLog, traces: SampleTraces, row: int) -> None:
@@ -333,11 +291,11 @@ def _draw_contact(plots: PlotLog, traces: SampleTraces, row: int) -> None:
         return
     half = traces.contact_time / 2
     top = CONTACT_HEIGHT * find_peak(traces.mean[row])
-    plots.draw_lines(
+    plots.draw(
         (*make_body_path(traces.name, BODIES[row]), entities.CONTACT),
         np.array([-half - EDGE, -half, half, half + EDGE]),
         np.array([[0.0], [top], [top], [0.0]]),
-        [Line(f"contact, {traces.contact_time * MICRO:.2f} µs", CONTACT, CONTACT_WIDTH)],
+        [Look(f"contact, {traces.contact_time * MICRO:.2f} µs", CONTACT, CONTACT_WIDTH)],
         keeps_peaks=False,
     )
 
@@ -348,22 +306,22 @@ def _draw_points(plots: PlotLog, traces: SampleTraces) -> None:
     if points:
         times, levels = np.array(points).T
         name = f"half amplitude, {traces.half_amplitude_width * MICRO:.2f} µs wide"
-        plots.draw_points(
+        plots.draw(
             (*make_body_path(traces.name, entities.HAMMER), entities.POINTS),
             times,
             levels[:, np.newaxis],
-            [Mark(name, CONTACT, "diamond", POINT_SIZE)],
+            [Look(name, CONTACT, POINT_SIZE, "diamond")],
         )
     peaks = traces.peak_points
     if peaks:
         values = np.full((len(peaks), len(peaks)), np.nan)
         np.fill_diagonal(values, [height for *_, height in peaks])
-        plots.draw_points(
+        plots.draw(
             (*make_body_path(traces.name, entities.SPECIMEN), entities.POINTS),
             np.array([time for _, time, _ in peaks]),
             values,
             [
-                Mark(f"{name}, {height:.1f} m/s²", CONTACT, PEAK_MARKERS[name], POINT_SIZE)
+                Look(f"{name}, {height:.1f} m/s²", CONTACT, POINT_SIZE, PEAK_MARKERS[name])
                 for name, _, height in peaks
             ],
         )
@@ -383,11 +341,11 @@ def draw_law(plots: PlotLog, sample: str, law: ContactLaw, curves: LawCurves | N
         return
     exponent, restitution = format_quantity(law.exponent, 3), format_quantity(law.restitution, 3)
     models = [
-        Line(f"law, n = {exponent}, e = {restitution}", BLUE, MODEL_WIDTH),
-        Line("versed-sine, lasting τp", VERMILION, MODEL_WIDTH),
+        Look(f"law, n = {exponent}, e = {restitution}", BLUE, MODEL_WIDTH),
+        Look("versed-sine, lasting τp", VERMILION, MODEL_WIDTH),
     ]
     forces = [curves.law, curves.versed_sine]
-    lines = [Line("mean", GREY, MEAN_WIDTH), *models]
+    lines = [Look("mean", GREY, MEAN_WIDTH), *models]
     _replace_lines(plots, pulse, curves.time, [curves.measured, *forces], lines)
     left = [curves.measured - force for force in forces]
     _replace_lines(plots, residual, curves.time, left, models)

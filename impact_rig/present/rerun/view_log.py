@@ -20,8 +20,7 @@ from impact_rig.present.rerun.markdown import (
     format_verdict,
 )
 from impact_rig.present.rerun.plots import (
-    Line,
-    Mark,
+    Look,
     PlotLog,
     draw_aligned_hits,
     draw_law,
@@ -47,7 +46,7 @@ HIT_WIDTH = 1.5
 """Line width of the last hit [points]."""
 TREND_SIZE = 3.0
 """Size of one hit's point in a trend [points]."""
-LINES = (Line("hammer", HAMMER, HIT_WIDTH), Line("sample", SPECIMEN, HIT_WIDTH))
+LINES = (Look("hammer", HAMMER, HIT_WIDTH), Look("sample", SPECIMEN, HIT_WIDTH))
 ACCEPTED = "accepted"
 REJECTED = "rejected"
 TRENDS = {
@@ -137,7 +136,7 @@ class ViewLog:
     def log_hit(self, traces: HitTraces) -> None:
         """Show the traces of a record; they replace the last one's."""
         self._plots.hide(entities.HITS)
-        path = self._plots.draw_lines(entities.HITS, traces.time, traces.values, LINES)
+        path = self._plots.draw(entities.HITS, traces.time, traces.values, LINES)
         label = traces.label
         self._stream.log(
             path,
@@ -246,17 +245,17 @@ class ViewLog:
             by_time[hit.time.tobytes()].append(hit)
         for group in by_time.values():
             values = np.concatenate([hit.values for hit in group], axis=1)
-            self._plots.draw_lines(entities.HITS, group[0].time, values, LINES * len(group))
+            self._plots.draw(entities.HITS, group[0].time, values, LINES * len(group))
 
     def _begin_trend(self, quantity: str) -> str:
         """Return the entity of a trend; each campaign has new ones."""
         if quantity not in self._trends:
             self._plots.hide((*entities.TRENDS, quantity))
             marks = [
-                Mark(ACCEPTED, TRENDS[quantity], "circle", TREND_SIZE),
-                Mark(REJECTED, GREY, "cross", TREND_SIZE),
+                Look(ACCEPTED, TRENDS[quantity], TREND_SIZE, "circle"),
+                Look(REJECTED, GREY, TREND_SIZE, "cross"),
             ]
-            self._trends[quantity] = self._plots.add_points((*entities.TRENDS, quantity), marks)
+            self._trends[quantity] = self._plots.add((*entities.TRENDS, quantity), marks)
         return self._trends[quantity]
 
     def _log_lines(

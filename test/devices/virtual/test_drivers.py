@@ -11,11 +11,7 @@ from impact_rig.core.given.errors import DeviceError, ParameterError
 from impact_rig.core.given.records import HitLabel
 from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Fault, Plant
-from impact_rig.devices.virtual.drivers import (
-    VirtualSource,
-    make_virtual_plan,
-    read_virtual_rig,
-)
+from impact_rig.devices.virtual.drivers import VirtualSource, make_virtual_plan, read_virtual_rig
 from impact_rig.devices.virtual.rig import (
     DigitizerSettings,
     FaultPlan,

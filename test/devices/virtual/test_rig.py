@@ -202,9 +202,7 @@ class TestFaults:
         assert {item.reason for item in judged.rejections} == {REASONS[fault]}
 
     @given(
-        label=labels,
-        seed=st.integers(0, 1000),
-        faults=st.sets(st.sampled_from(Fault), min_size=2),
+        label=labels, seed=st.integers(0, 1000), faults=st.sets(st.sampled_from(Fault), min_size=2)
     )
     def test_several_at_once_are_never_accepted_nor_taken_for_another(self, label, seed, faults):
         hit = strike(label, seed=seed, faults=FaultPlan(1.0, tuple(faults)))

@@ -75,9 +75,7 @@ def test_the_measurement_can_be_traced_back(read):
     assert bodies[HOSTILE][-1] == "control sample"
 
 
-def test_instruments_stand_with_certificates_and_what_was_calibrated_too_long_ago(
-    read,
-):
+def test_instruments_stand_with_certificates_and_what_was_calibrated_too_long_ago(read):
     head, *rows = read.find_table("Instruments")
     found = {row[0]: dict(zip(head, row, strict=True)) for row in rows}
     assert list(found) == ["hammer sensor", "sample sensor", "balance"]

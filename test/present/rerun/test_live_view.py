@@ -35,10 +35,7 @@ def test_who_comes_late_gets_everything_and_only_this_host_reaches_it(
     viewer(port)
     path, kept = tmp_path / "view.rrd", tmp_path / "kept.rrd"
     view = open_view(
-        output=str(path),
-        connect=make_viewer_address(port),
-        web=True,
-        announce=announced.append,
+        output=str(path), connect=make_viewer_address(port), web=True, announce=announced.append
     )
     assert {item.laddr.ip for item in list_listeners(psutil.Process().pid)} == {"127.0.0.1"}
     view.log.log_setup("rig 7", ["steel small"])

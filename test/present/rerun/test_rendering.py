@@ -11,11 +11,7 @@ import numpy as np
 import pytest
 
 from impact_rig.core.given.setup import PAPER_SETUP
-from impact_rig.present.rerun.blueprint import (
-    TAB_CAMPAIGN,
-    TAB_HIT,
-    TAB_SAMPLE,
-)
+from impact_rig.present.rerun.blueprint import TAB_CAMPAIGN, TAB_HIT, TAB_SAMPLE
 from impact_rig.present.rerun.viewers import find_free_port
 from impact_rig.results import palette
 
@@ -155,9 +151,7 @@ def viewer(open_viewer, campaign, contacts):
 def early_viewer(open_viewer):
     """Return a viewer of a rig before its first hit."""
     times = [sample.reference_contact_time for sample in PAPER_SETUP.samples.samples]
-    return open_viewer(
-        lambda log: log.log_setup("rig", PAPER_SETUP.samples.names, times),
-    )
+    return open_viewer(lambda log: log.log_setup("rig", PAPER_SETUP.samples.names, times))
 
 
 def count_ink(pixels, colour):
@@ -240,10 +234,7 @@ TRACES = (palette.HAMMER, palette.CONTACT), (palette.SPECIMEN, *MODELS, palette.
             (TAB_SAMPLE, "steel large"),
             list_sample_views("steel large", *TRACES, SENTENCE, SENTENCE),
         ),
-        (
-            (TAB_CAMPAIGN,),
-            TABLES | list_trends(palette.CONTACT, palette.HAMMER, palette.SPECIMEN),
-        ),
+        ((TAB_CAMPAIGN,), TABLES | list_trends(palette.CONTACT, palette.HAMMER, palette.SPECIMEN)),
     ],
     ids=["hit", "all samples", "with a law", "without a law", "campaign"],
 )
