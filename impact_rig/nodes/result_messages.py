@@ -14,7 +14,7 @@ from builtin_interfaces.msg import Time
 from impact_rig_msgs import msg
 from numpy.typing import NDArray
 
-from impact_rig.core.estimates.comparison import ModelComparison
+from impact_rig.core.estimates.model import ModelComparison
 from impact_rig.core.estimates.paper_method import HammerEstimate
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.estimates.speed_exponents import SpeedExponents

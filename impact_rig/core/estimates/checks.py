@@ -33,7 +33,7 @@ from impact_rig.core.given.sensors import CHANNELS
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.hit.momenta import Hold, Passage, follow_momentum, weigh_sample
-from impact_rig.core.hit.tail import ZERO_AFTER
+from impact_rig.core.hit.pulse_width import ZERO_AFTER
 from impact_rig.core.mean.mean_hit import MeanHit, follow_mean
 from impact_rig.core.mean.trends import check_hits, follow_series
 

@@ -50,9 +50,9 @@ from impact_rig.core.given.records import FloatArray
 from impact_rig.core.given.sensors import Sensor
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.momenta import Hold
-from impact_rig.core.hit.pulse_width import PulseWidth, measure_pulse
+from impact_rig.core.hit.pulse_width import ZERO_AFTER, PulseWidth, measure_pulse
 from impact_rig.core.hit.pulses import VERSED_SINE
-from impact_rig.core.hit.tail import ZERO_AFTER, compute_share
+from impact_rig.core.hit.tail import compute_share
 from impact_rig.core.mean.mean_hit import MeanHit, follow_mean
 from impact_rig.core.mean.trends import check_hits, follow_series
 

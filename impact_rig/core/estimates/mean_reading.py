@@ -33,7 +33,8 @@ from impact_rig.core.hit.judging import FilteredHit
 from impact_rig.core.hit.momenta import Hold
 from impact_rig.core.hit.pulse_width import (
     BASE,
-    PulseErrors,
+    BY_NOISE,
+    WIDENING,
     TraceQuality,
     compute_peak_excess,
     compute_quantisation_error,
@@ -43,7 +44,6 @@ from impact_rig.core.hit.pulse_width import (
     measure_pulse,
 )
 from impact_rig.core.hit.pulses import PULSE_SHAPES
-from impact_rig.core.hit.tail import ZERO_AFTER
 from impact_rig.core.mean.mean_hit import MeanHit, follow_mean, make_mean, shift_hit, sum_up
 from impact_rig.core.mean.trends import follow_series
 
@@ -243,20 +243,14 @@ def _make_readings(
 
 
 def _make_errors(
-    errors: PulseErrors, factor: float, rig: RigNumbers, *, scatters: bool
+    errors: Mapping[str, float], factor: float, rig: RigNumbers, *, scatters: bool
 ) -> UncertainNumber:
     """Return what is wrong with a width, in s; what noise does, unless the hits scatter by it."""
     # A known error that is not corrected (GUM F.2.4.5), alike on every sample of the rig.
-    total = factor * errors.low_pass * rig.low_pass
-    for source, error in (
-        ("quantisation", errors.quantisation),
-        ("trend of the baseline", errors.trend),
-        ("sampling", errors.sampling),
-        ("peak reading", errors.peak_reading),
-        (ZERO_AFTER, errors.correction),
-        *([] if scatters else [("noise", errors.noise), ("zero of the baseline", errors.zero)]),
-    ):
-        total = total + make_input(source, 0.0, factor * error)
+    total = factor * errors[WIDENING] * rig.low_pass
+    for source, error in errors.items():
+        if source != WIDENING and not (scatters and source in BY_NOISE):
+            total = total + make_input(source, 0.0, factor * error)
     return total
 
 

@@ -13,10 +13,15 @@ from impact_rig.core.estimates.checks import (
     check_speed,
     use_measured_speed,
 )
-from impact_rig.core.estimates.comparison import ModelComparison, compare_with_model
 from impact_rig.core.estimates.contact_law import NO_LAW, ContactLaw
 from impact_rig.core.estimates.mean_reading import HammerPulse, look_at_pulse
-from impact_rig.core.estimates.model import Body, ImpactModel, ModelVariant
+from impact_rig.core.estimates.model import (
+    Body,
+    ImpactModel,
+    ModelComparison,
+    ModelVariant,
+    compare_with_model,
+)
 from impact_rig.core.estimates.paper_method import (
     MOMENT,
     NAN,

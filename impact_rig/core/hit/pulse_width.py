@@ -182,24 +182,18 @@ class TraceQuality:
     zero_uncertainty: float = 0.0  # of the zero under the pulse, by corrections
 
 
-@dataclass(frozen=True)
-class PulseErrors:
-    """Standard uncertainties of a pulse's width at one level [points], by cause."""
-
-    noise: float  # white noise at crossings and peak: random from hit to hit
-    zero: float  # noise of the mean baseline: random from hit to hit
-    trend: float  # a baseline that is not level, extrapolated to the pulse
-    quantisation: float  # what the noise does not dither away
-    sampling: float  # the peak between the points, and straight lines between points
-    peak_reading: float  # the highest of several noisy points on a flat top is too high
-    low_pass: float  # signed: by so much the low-pass widens a versed-sine of this width
-    correction: float = 0.0  # of the zero under the pulse
+ZERO_AFTER = "zero after the impact"
+"""Source of the uncertainty of what is corrected, in budgets."""
+WIDENING = "low-pass"
+"""Source of what the low-pass widens."""
+BY_NOISE = ("noise", "zero of the baseline")
+"""Sources of errors that are random from hit to hit."""
 
 
 def estimate_pulse_errors(
     trace: FloatArray, pulse: PulseWidth, quality: TraceQuality, level: float = HALF
-) -> PulseErrors:
-    """Estimate what may be wrong with the width of a pulse.
+) -> dict[str, float]:
+    """Estimate standard uncertainties of the width of a pulse [points], by their sources.
 
     Parameters
     ----------
@@ -226,18 +220,26 @@ def estimate_pulse_errors(
     interpolation = chord * (
         _compute_bend(upright, ends[0]) / rise + _compute_bend(upright, ends[1]) / fall
     )
-    return PulseErrors(
-        noise=quality.noise * reading,
-        zero=quality.raw_noise / math.sqrt(quality.baseline_points) * by_zero,
-        trend=trend * lever * by_zero,
-        quantisation=compute_quantisation_error(quality.resolution, quality.dither) * reading,
-        sampling=math.hypot(top * curvature * by_peak, interpolation),
-        peak_reading=compute_peak_excess(quality.noise, curvature, quality.relative_cutoff)
-        * by_peak,
-        low_pass=(ends[1] - ends[0])
+    noise, of_baseline = BY_NOISE
+    return {
+        # White noise at crossings and peak.
+        noise: quality.noise * reading,
+        # Noise of the mean baseline.
+        of_baseline: quality.raw_noise / math.sqrt(quality.baseline_points) * by_zero,
+        # A baseline that is not level, extrapolated to the pulse.
+        "trend of the baseline": trend * lever * by_zero,
+        # What the noise does not dither away.
+        "quantisation": compute_quantisation_error(quality.resolution, quality.dither) * reading,
+        # The peak between the points, and straight lines between points.
+        "sampling": math.hypot(top * curvature * by_peak, interpolation),
+        # The highest of several noisy points on a flat top is too high.
+        "peak reading": by_peak
+        * compute_peak_excess(quality.noise, curvature, quality.relative_cutoff),
+        # Signed: by so much the low-pass widens a versed-sine of this width.
+        WIDENING: (ends[1] - ends[0])
         * compute_low_pass_widening(2.0 * width * quality.relative_cutoff, level),
-        correction=quality.zero_uncertainty * by_zero,
-    )
+        ZERO_AFTER: quality.zero_uncertainty * by_zero,
+    }
 
 
 def _compute_slope(

@@ -12,10 +12,6 @@ from impact_rig.core.given.records import FloatArray
 from impact_rig.core.given.setup import AnalysisSettings
 from impact_rig.core.hit.pulse_width import PulseWidth
 
-ZERO_AFTER = "zero after the impact"
-"""Source of the uncertainty of what is corrected, in budgets."""
-
-
 PARTS = 16
 """Of the tail [-]: their means take noise and ringing out."""
 SHORTEST_PART = 8

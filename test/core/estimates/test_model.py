@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from scipy import ndimage
 from scipy.integrate import quad
 
-from impact_rig.core.estimates.comparison import compare_trace, compare_with_model
 from impact_rig.core.estimates.model import (
     Body,
     ImpactModel,
     ModelVariant,
+    compare_trace,
+    compare_with_model,
     compute_peak_force,
     simulate_impact,
 )
