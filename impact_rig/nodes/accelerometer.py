@@ -129,10 +129,12 @@ class AccelerometerNode(DeviceNode):
 
     def diagnose(self) -> dict[str, Any]:
         """Return how much was streamed, and to how many."""
-        return {
-            **(self._thread.diagnose() if self._thread else {}),
-            "subscribers": self._blocks.get_subscription_count(),
-        }
+        figures = {"subscribers": self._blocks.get_subscription_count()}
+        if self._thread is not None:
+            flow = self._thread.flow
+            figures |= {"blocks sent": flow.blocks, "points sent": flow.points}
+            figures["points lost"] = flow.missing_points
+        return figures
 
     # Campaign and set-up.
 

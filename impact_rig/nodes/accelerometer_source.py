@@ -196,15 +196,6 @@ class SourceThread:
         """End an arming whose hammer was disarmed, unless its contact has come."""
         self._orders.put(lambda: self._withdraw(arming))
 
-    def diagnose(self) -> dict[str, Any]:
-        """Return the flow for the diagnostics."""
-        flow = self.flow
-        return {
-            "blocks sent": flow.blocks,
-            "points lost": flow.missing_points,
-            "points sent": flow.points,
-        }
-
     # Called in the thread.
 
     def _run(self) -> None:

@@ -11,7 +11,7 @@ import os
 import random
 import shutil
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -60,9 +60,13 @@ def offer_profile() -> Iterator[None]:
     try:
         yield
     finally:
-        for name in os.environ.keys() - before.keys():
-            del os.environ[name]
-        os.environ.update(before)
+        _restore_environment(before)
+
+
+def _restore_environment(before: Mapping[str, str]) -> None:
+    for name in os.environ.keys() - before.keys():
+        del os.environ[name]
+    os.environ.update(before)
 
 
 def _check_shared_memory() -> None:
@@ -113,16 +117,13 @@ def reserve_domain(domains: Sequence[int] = DOMAINS) -> Iterator[int]:
 @contextmanager
 def use_own_domain() -> Iterator[int]:
     """Let all nodes that start in the block, in any process, be in a ROS domain of their own."""
-    names = ("ROS_DOMAIN_ID", DISCOVERY)
-    before = {name: os.environ[name] for name in names if name in os.environ}
+    before = dict(os.environ)
     with reserve_domain() as domain:
-        os.environ.update(zip(names, (str(domain), "LOCALHOST"), strict=True))
+        os.environ.update({"ROS_DOMAIN_ID": str(domain), DISCOVERY: "LOCALHOST"})
         try:
             yield domain
         finally:
-            for name in names:
-                os.environ.pop(name, None)
-            os.environ.update(before)
+            _restore_environment(before)
 
 
 def _is_in_use(domain: int) -> bool:

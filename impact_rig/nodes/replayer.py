@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from impact_rig_msgs.msg import ReplayerState
-from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 
 from impact_rig.configuration.node_claim import check_free, join_names
@@ -109,8 +108,9 @@ class ReplayerNode(RigNode):
         self._message = "no recording"
         self._publish = self.advertise_state(interfaces.REPLAYER_STATE)
         self.create_timer(1.0 / self.pace, self._publish_state)
-        self.offer(interfaces.PAUSE_REPLAYER, self._pause)
-        self.offer(interfaces.RESUME_REPLAYER, self._resume)
+        paused, playing = ReplayerState.PAUSED, ReplayerState.PLAYING
+        self.offer(interfaces.PAUSE_REPLAYER, lambda: self._switch(paused, "paused"))
+        self.offer(interfaces.RESUME_REPLAYER, lambda: self._switch(playing, "replaying"))
 
     def configure(self) -> None:
         """Open the recording and announce its topics, where no rig is up."""
@@ -209,9 +209,7 @@ class ReplayerNode(RigNode):
             self._count += 1
             self._next = next(self._messages, None)
         # Neither the next pass nor the end comes before all of this one has arrived.
-        if self._next is None and all(
-            publisher.wait_for_all_acked(Duration()) for publisher in self._outputs.values()
-        ):
+        if self._next is None and self.wait_for_acks(list(self._outputs.values()), 0.0):
             self._passes += 1
             if self._passes == self.get_value("loop"):
                 self._finish()
@@ -228,17 +226,11 @@ class ReplayerNode(RigNode):
         if problem:
             self.report_fault(problem)
 
-    def _pause(self) -> Answer:
-        return self._switch(ReplayerState.PLAYING, ReplayerState.PAUSED, "paused")
-
-    def _resume(self) -> Answer:
-        return self._switch(ReplayerState.PAUSED, ReplayerState.PLAYING, "replaying")
-
-    def _switch(self, before: int, after: int, message: str) -> Answer:
-        if self._phase not in (before, after):
+    def _switch(self, state: int, message: str) -> Answer:
+        if self._phase not in (ReplayerState.PLAYING, ReplayerState.PAUSED):
             return False, f"nothing is being replayed: {self._message}"
-        if self._phase == before:
-            self._set_state(after, message)
+        if self._phase != state:
+            self._set_state(state, message)
         return True, message
 
     def _set_state(self, state: int, message: str) -> None:

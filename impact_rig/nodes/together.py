@@ -22,7 +22,6 @@ SHARED = (
     "asyncio",
     "concurrent.futures.thread",
     "diagnostic_msgs.msg",
-    "impact_rig.configuration.rig_file",
     "impact_rig.core.session",
     "impact_rig.devices.virtual.drivers",
     "impact_rig.recordings.scan",

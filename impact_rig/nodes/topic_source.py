@@ -4,8 +4,10 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import starmap
 from typing import Any, ClassVar
 
 import numpy as np
@@ -112,13 +114,10 @@ unit = "m/s^2"               # or g, N, V …: where the type of the message doe
     @classmethod
     def find_devices(cls) -> tuple[FoundDevice, ...]:
         """Return the topics of other nodes that may hold samples."""
-        listener = Listener()
-        try:
+        with closing(Listener()) as listener:
             time.sleep(cls.patience)
             found = listener.list_topics()
-        finally:
-            listener.close()
-        return tuple(FoundDevice(topic, kind) for topic, kind in found.items())
+        return tuple(starmap(FoundDevice, found.items()))
 
     def open_device(self, plan: AcquisitionPlan) -> None:
         """Listen, and learn from the first messages what they hold and how fast they come.

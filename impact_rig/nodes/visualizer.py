@@ -40,10 +40,7 @@ def is_shown(number: int) -> bool:
     From the hundredth hit on it is every tenth, from the thousandth on every hundredth, and so on:
     more would be a black band.
     """
-    step = 1
-    while number >= step * 100:
-        step *= 10
-    return number % step == 0
+    return number % 10 ** max(0, len(str(number)) - 2) == 0
 
 
 Finding: TypeAlias = (
@@ -80,8 +77,7 @@ class ShownCampaign:
             case RecordedTruth():
                 self._faults[found.label] = found.truth.faults
             case HitResults():
-                label = found.label
-                self._hits[label] = replace(found, injected_faults=self._faults.get(label, ()))
+                self._hits[found.label] = self.add_faults(found)
                 for kept in (self._hits, self._faults):
                     if len(kept) > self._largest:
                         del kept[next(iter(kept))]
@@ -94,21 +90,15 @@ class ShownCampaign:
                 models.pop(found.models[0].model, None)
                 models[found.models[0].model] = found
 
-    def find_hit(self, label: HitLabel) -> HitResults:
-        """Return a hit with its newest verdict."""
-        return self._hits[label]
+    def add_faults(self, hit: HitResults) -> HitResults:
+        """Return a hit with the faults that were built into it."""
+        return replace(hit, injected_faults=self._faults.get(hit.label, ()))
 
     def make_results(self) -> Results:
         """Return the results so far."""
-        estimates = self.estimates
-        return Results(
-            setup=self.setup,
-            hammer=self._hammer,
-            samples=tuple(
-                estimates[name] for name in self.setup.samples.names if name in estimates
-            ),
-            hits=tuple(self._hits.values()),
-        )
+        names = filter(self.estimates.__contains__, self.setup.samples.names)
+        samples = tuple(self.estimates[name] for name in names)
+        return Results(self.setup, self._hammer, samples, tuple(self._hits.values()))
 
     def make_traces(self, sample: str) -> SampleTraces:
         """Return the newest mean of one sample, with its models and widths."""
@@ -276,8 +266,8 @@ class VisualizerNode(RigNode):
             return
         campaign.add(found)
         if isinstance(found, HitResults):
-            verdict, stamp = campaign.find_hit(found.label), received.stamp
-            self._log(lambda log: log.log_verdicts([verdict], [stamp]))
+            verdict = campaign.add_faults(found)
+            self._log(lambda log: log.log_verdicts([verdict], [received.stamp]))
         if isinstance(found, SampleTraces):
             self._counts["comparisons"] += 1
             self._latest["traces", found.name] = partial(

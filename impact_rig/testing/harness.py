@@ -14,9 +14,9 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from impact_rig.core.given.setup import PAPER_SETUP
-from impact_rig.nodes.async_node import RESEND_PERIOD
 from impact_rig.nodes.interfaces import SETUP, Topic
 from impact_rig.nodes.listener import BackgroundNode
+from impact_rig.nodes.managed_node import RESEND_PERIOD
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.rig_node import RigNode

@@ -16,19 +16,10 @@ import rclpy
 from impact_rig_msgs.srv import GetResults
 from terminal import run_program
 
-from impact_rig.configuration.processes import (
-    ACTIVE,
-    DISCOVERY,
-    NETWORK,
-    PROFILES,
-)
+from impact_rig.configuration.processes import ACTIVE, DISCOVERY, NETWORK, PROFILES
 from impact_rig.core.given.errors import DeviceError
 from impact_rig.nodes import discovery, interfaces
-from impact_rig.nodes.discovery import (
-    DOMAINS,
-    offer_profile,
-    reserve_domain,
-)
+from impact_rig.nodes.discovery import DOMAINS, offer_profile, reserve_domain
 
 OPEN = {
     "FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml",

@@ -63,10 +63,6 @@ class Rig:
         found = self.states.wait(lambda messages: any(condition(item) for item in messages))
         return next(item for item in found if condition(item))
 
-    def wait_for_newest(self, condition):
-        """Wait until the newest state fulfils a condition; return it."""
-        return self.states.wait(lambda messages: condition(messages[-1]))[-1]
-
     def wait_for_loss(self):
         return self.wait(lambda item: item.disarmed_by == HammerState.LOSS)
 
@@ -76,35 +72,17 @@ def rig(harness):
     return Rig(harness)
 
 
-def test_the_hammer_goes_when_armed_held_recorded_and_the_accelerometers_are_armed_for_this_hit(
-    rig,
-):
-    rig.start()
-    answer = rig.release()
-    assert answer.success, answer.message
-    (command,) = rig.releases.wait_for_count(1)
-    assert (command.record, command.sample, command.impact, command.swing_time) == (
-        4, "steel small", 2, 0.01,
-    )  # fmt: skip
-    seen = rig.states.wait(lambda messages: messages[-1].message == "back in the holder")
-    assert [item.state for item in seen][-2:] == [HammerState.SWINGING, HammerState.HELD]
-
-
-def test_the_hammer_refuses_with_the_reason(rig):
-    rig.start(arming=OTHER, arm=False)
+def test_the_hammer_refuses_with_the_reason_and_says_not_yet_while_others_are_not_ready(rig):
+    rig.start(arming=AcquisitionState(message="ready"), arm=False)
     assert "not armed: arm it first" in rig.ask().message
-    assert rig.call(interfaces.ARM_HAMMER).success
-    assert "armed for record 3" in rig.ask().message
-    assert not rig.releases.messages
-
-
-def test_the_hammer_says_not_yet_while_others_are_not_ready(rig):
-    rig.start(arming=AcquisitionState(message="ready"))
+    rig._harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)
+    assert "the accelerometers are not armed (ready): call accel" in rig.ask().message
+    rig.acquisition.publish(OTHER)
+    rig._harness.wait_until(lambda: rig.hammer._armed_record == OTHER.record)
     answer = rig.ask()
     assert (answer.success, answer.later) == (False, True)
-    assert answer.message == (
-        "the accelerometers are not armed (ready): call accelerometer/arm first"
-    )
+    assert "armed for record 3" in answer.message
+    assert not rig.releases.messages
     rig.acquisition.publish(ARMED)
     assert rig.release().success
 
@@ -203,23 +181,6 @@ def frozen(harness, start_process):
     return hammer, states
 
 
-def wake(hammer, states):
-    threading.Event().wait(interfaces.LEASE + 0.2)
-    states.messages.clear()
-    hammer.process.send_signal(signal.SIGCONT)
-
-
-def test_who_stood_still_takes_the_enable_back_before_anything_else(harness, frozen):
-    hammer, states = frozen
-    wake(hammer, states)
-    state = states.wait_for_count(1)[0]  # the first that it says
-    assert (state.armed, state.disarmed_by) == (False, HammerState.LOSS)
-    # Or the end of another's lease, which it learns of as soon as it runs.
-    assert state.message.startswith(
-        ("the hammer node stood still for 2.", "the accelerometer node")
-    )
-
-
 @pytest.mark.parametrize("asks_to_arm", [False, True])
 def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(
     harness, frozen, asks_to_arm
@@ -232,12 +193,14 @@ def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(
         harness.wait_until(client.service_is_ready)
     armed = arm.call_async(Act.Request()) if asks_to_arm else None
     released = release.call_async(Release.Request(**HIT))
-    wake(hammer, states)
-
+    threading.Event().wait(interfaces.LEASE + 0.2)
+    states.messages.clear()
+    hammer.process.send_signal(signal.SIGCONT)
     if armed is not None:
         assert "stood still" in harness.wait(armed).message
     assert "not armed (the hammer node stood still" in harness.wait(released).message
-    states.wait_for_count(1)
+    first = states.wait_for_count(1)[0]  # before anything else that was asked
+    assert first.disarmed_by == HammerState.LOSS
     assert not any(state.armed for state in states.messages)
     assert not releases.messages
     # When all is known again, a person arms, and the hammer goes.
@@ -254,7 +217,7 @@ def test_the_end_of_the_process_does_not_let_go(rig, harness, start_process, tmp
     path = tmp_path / "rig.toml"
     path.write_text(f'{read_template()}\n[holder]\ndriver = "serial"\nport = "{board.port}"\n')
     process = start_process("hammer", rig_file=str(path))
-    rig.wait_for_newest(lambda state: state.message == "held, not armed")
+    rig.wait(lambda state: state.message == "held, not armed")
     harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)
     process.process.send_signal(signal.SIGINT)
     process.wait()
@@ -263,10 +226,16 @@ def test_the_end_of_the_process_does_not_let_go(rig, harness, start_process, tmp
     board.stop()
 
 
-def test_one_arming_lets_the_hammer_go_once_whatever_is_asked(harness, rig):
+def test_one_arming_lets_the_hammer_go_once_whatever_is_asked(rig):
     rig.start()
-    assert rig.release().success
-    rig.wait(lambda item: item.message == "back in the holder")
+    answer = rig.release()
+    assert answer.success, answer.message
+    (command,) = rig.releases.wait_for_count(1)
+    assert (command.record, command.sample, command.impact, command.swing_time) == (
+        4, "steel small", 2, 0.01,
+    )  # fmt: skip
+    seen = rig.states.wait(lambda messages: messages[-1].message == "back in the holder")
+    assert [item.state for item in seen][-2:] == [HammerState.SWINGING, HammerState.HELD]
     # Said again, as to who comes late: no other arming.
     rig.acquisition.publish(ARMED)
     assert rig.release().success  # The answer to the first one may have been lost.

@@ -120,6 +120,7 @@ def test_what_comes_before_its_set_up_waits_for_it(harness, tmp_path):
             )
             identities[found].fill(verdict)
             deliver(impacts, verdict)
+        deliver(setups, setup)  # to who comes late: nothing begins afresh
         assert list_records() == [[11], [12, 22]][stamp - 1]
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from impact_rig.core.given.records import HitLabel
 from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP
-from impact_rig.core.hit.pulse_width import measure_pulse
 from impact_rig.core.session import Session
 from impact_rig.devices.virtual.choices import Fault
 from impact_rig.devices.virtual.rig import (
@@ -45,20 +44,6 @@ def judge(label, blocks):
         hit, align_hit(label, hit.filtered), (2000.0, 4000.0), NO_IDENTITY
     )
     return interfaces.IMPACT_TRACE.convert(message)
-
-
-def test_the_middle_of_a_hit_s_pulse_is_at_time_zero(shown):
-    traces = judge(*strike())
-    assert shown.is_laid_over(traces)
-    hit = traces.aligned
-    middle = hit.start_time + measure_pulse(hit.traces[0]).middle / hit.sampling_rate
-    assert middle == pytest.approx(0.0, abs=0.02 / hit.sampling_rate)
-
-
-def test_a_hit_that_the_estimator_rejects_is_not_laid_over_the_others(shown):
-    traces = judge(*strike())
-    assert not shown.is_laid_over(replace(traces, accepted=False))
-    assert shown.is_laid_over(traces)
 
 
 def test_of_a_long_series_ever_fewer_hits_are_shown(shown):

@@ -193,19 +193,8 @@ def test_a_wrong_key_of_a_driver_and_its_missing_library_are_named(rig, old, new
     assert all(word in node.fault for word in words)
 
 
-@pytest.fixture
-def start(harness):
-    """Return a function that starts the node, and gives it the paper's set-up."""
-
-    def start(**parameters):
-        harness.add(AccelerometerNode, trigger_timeout=0.01, **parameters)
-        harness.tell_setup()
-
-    return start
-
-
-def test_refuses_an_unknown_sample_by_name_and_to_arm_twice_until_disarmed(harness, start, blocks):
-    start()
+def test_refuses_an_unknown_sample_by_name_and_to_arm_twice_until_disarmed(harness, rig):
+    rig(source="")
     answer = arm(harness, sample="tin")
     assert not answer.success
     assert "unknown sample 'tin'" in answer.message
