@@ -42,7 +42,7 @@ from impact_rig.nodes.intake import Received
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.rig_node import Answer, RigNode
 from impact_rig.recordings.fields import NANOSECONDS, NO_ID, from_message
-from impact_rig.status.states import HammerPlace, HammerStatus, Step, Task
+from impact_rig.status.states import Disarming, HammerPlace, HammerStatus, Step, Task
 
 LOOK_PERIOD = 0.5
 """How often a campaign checks whether its pause is over [s]."""
@@ -519,7 +519,12 @@ class CampaignNode(RigNode):
         return None
 
     def _on_hammer_state(self, received: Received[HammerStatus]) -> None:
-        self._hammer = received.value
+        before, self._hammer = self._hammer, received.value
+        campaign, hammer = self._campaign, self._hammer
+        is_ours = before.armed and not hammer.armed and hammer.disarmed_by is Disarming.CAMPAIGN
+        # A word that was given while the campaign's own disarming was on its way still counts.
+        if campaign and is_ours and campaign.seen == before.number:
+            campaign.seen = hammer.number
 
     def _on_impact(self, received: Received[Impact]) -> None:
         if self._campaign is not None:

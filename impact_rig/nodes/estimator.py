@@ -84,8 +84,8 @@ class EstimatorNode(RigNode):
         self.listen(interfaces.ACCELERATION, self._on_block)
         self.listen(interfaces.STREAM, self._on_stream_block)
         self.listen(interfaces.OVERRULE, self._on_overrule)
-        # The newest with its stamp, until it is on the disk; and the newest stamp there [ns].
-        self._unstored: tuple[Overrule, int] | None = None
+        # Each with its stamp, until it is on the disk; and the newest stamp there [ns].
+        self._unstored: dict[Overrule, int] = {}
         self._stored_overrule = 0
         self.listen(interfaces.OVERRULE_STORED, self._on_stored_overrule)
         self.create_service(OverruleHit, interfaces.OVERRULE_HIT, self._on_overrule_hit)
@@ -145,6 +145,7 @@ class EstimatorNode(RigNode):
     def _begin(self, message: msg.RigSetup, setup: RigSetup, recording: str) -> None:
         self._setup, self._ledger = message, Ledger(Session(setup, keeps_hits=True), recording)
         self._incomplete.clear()
+        self._unstored.clear()
         if self._cutter is None or setup.analysis != self._cutter.settings:
             self._cutter = StreamCutter(setup.analysis)
         if recording:
@@ -230,15 +231,15 @@ class EstimatorNode(RigNode):
                     f"record {overrule.record}: a report says why a person decided on a hit, and"
                     " who did: give a reason and a name"
                 )
-            if self._unstored is None or self._unstored[0] != overrule:
+            if overrule not in self._unstored:
                 stamp = self._follow(self._ledger, overrule)
-                self._unstored = overrule, stamp if self._ledger.recording else 0
+                self._unstored[overrule] = stamp if self._ledger.recording else 0
         except RigError as error:
             response.message = str(error)
             return response
-        response.success = self._stored_overrule >= self._unstored[1]
+        response.success = self._stored_overrule >= self._unstored[overrule]
         if response.success:
-            self._unstored = None
+            del self._unstored[overrule]
         else:
             response.later, response.message = True, "the recorder has not stored it yet"
         return response

@@ -47,6 +47,10 @@ def make_qos(depth: int, *, latched: bool) -> QoSProfile:
     )
 
 
+SERVICES = make_qos(1000, latched=False)
+"""Of the rig's services: by default of ROS 2 the eleventh request that waits drops the first."""
+
+
 def keep(message: Any) -> Any:
     """Return a message unchanged: all its values are possible."""
     return message

@@ -154,6 +154,11 @@ class RigNode(ManagedNode):
 
     # Services and campaigns.
 
+    def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Any:
+        """Create a service with room for many requests at once: none is dropped unanswered."""
+        options.setdefault("qos_profile", interfaces.SERVICES)
+        return super().create_service(srv_type, srv_name, callback, **options)
+
     def offer_act(
         self, name: str, act: Callable[[str], Answer], state: NumberedState | None = None
     ) -> None:

@@ -125,3 +125,42 @@ def test_a_run_that_is_resumed_keeps_what_a_person_made_of_its_hits(harness, ask
     assert second.rejected[0].reasons == [BY_HAND]
     live = find_results(harness)
     assert analyze_again(harness) == live
+
+
+def test_of_many_questions_at_once_each_is_answered_or_refused(harness):
+    client = start_rig(harness)
+    result = run(harness, client, samples=[NAME], impacts=2).result
+    overrules = harness.peer.create_client(
+        OverruleHit, interfaces.OVERRULE_HIT, qos_profile=interfaces.SERVICES
+    )
+    harness.wait_until(overrules.service_is_ready)
+    asked = [
+        Overrule(
+            campaign_id=result.setup.campaign_id, record=1 + number % 3, verdict=Overrule.REJECT,
+            reason=f"loose cable {number}", who="Ann",
+        )
+        for number in range(150)
+    ]  # fmt: skip
+    left = {
+        number: overrules.call_async(OverruleHit.Request(overrule=overrule))
+        for number, overrule in enumerate(asked)
+    }
+    answers = {}
+
+    def are_answered():
+        for number, future in [*left.items()]:
+            if not future.done():
+                continue
+            if (answer := future.result()).later:
+                request = OverruleHit.Request(overrule=asked[number])
+                left[number] = overrules.call_async(request)
+            else:
+                answers[number] = left.pop(number), answer.success
+        return not left
+
+    harness.wait_until(are_answered, 30.0)
+    assert [answers[number][1] for number in range(150)] == [
+        number % 3 < 2 for number in range(150)
+    ]
+    decided = analyze(Run(harness.recording)).campaigns[-1].overrules
+    assert len(decided) == 100

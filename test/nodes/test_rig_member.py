@@ -2,9 +2,15 @@
 
 from typing import Any
 
-from impact_rig_msgs.msg import RecorderState
+import pytest
+from impact_rig_msgs.msg import CampaignState, RecorderState
+from impact_rig_msgs.srv import JoinCampaign
 
+from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.hammer import HammerNode
+from impact_rig.nodes.identity import Identity, make_id
+from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.rig_member import RigMember
 from impact_rig.nodes.rig_node import RigNode
 
@@ -52,3 +58,27 @@ def test_a_replay_of_its_states_does_not_keep_it_alive(harness):
     harness.peer.destroy_publisher(publisher)
     harness.wait_until(lambda: recorder.is_gone)
     assert recorder.state.uri == "a.mcap"
+
+
+@pytest.mark.parametrize("word", ["its end", "its silence"])
+def test_a_campaign_that_is_over_or_silent_for_a_lease_binds_no_hammer(harness, monkeypatch, word):
+    """A hammer that stood still at its end has not heard of that."""
+    hammer = harness.add(HammerNode)
+    states = harness.advertise(interfaces.CAMPAIGN_STATE)
+    first, second = Identity(make_id()), Identity(make_id())
+
+    def join(identity):
+        setup = identity.fill(setup_to_msg(PAPER_SETUP, stamp_to_msg(7)))
+        name = interfaces.make_join_name("hammer")
+        return harness.call(JoinCampaign, name, JoinCampaign.Request(setup=setup))
+
+    assert join(first).success
+    states.publish(first.fill(CampaignState(state=CampaignState.COUNTING)))
+    harness.wait_until(lambda: hammer._is_bound)
+    assert "takes part in a campaign that goes on" in join(second).message
+    if word == "its end":
+        states.publish(first.fill(CampaignState(state=CampaignState.ENDED)))
+        harness.wait_until(lambda: not hammer._is_bound)
+    else:
+        monkeypatch.setattr(interfaces, "LEASE", 0.0)
+    assert join(second).success
