@@ -27,7 +27,6 @@ from impact_rig.nodes.result_messages import (
     estimate_to_msg,
     hit_to_msg,
     overrule_to_msg,
-    record_to_msg,
     trace_to_msg,
 )
 from impact_rig.nodes.rig_node import RigNode
@@ -343,7 +342,7 @@ class EstimatorNode(RigNode):
         stamp = self.get_clock().now().to_msg()
         response.hammer = estimate_to_msg(results.hammer, stamp, identity)
         response.samples = [estimate_to_msg(item, stamp, identity) for item in results.samples]
-        response.speed_exponents = [record_to_msg(item) for item in results.speed_exponents]
+        response.speed_exponents = [estimate_to_msg(item) for item in results.speed_exponents]
         for estimate, message in zip(results.samples, response.samples, strict=True):
             self._estimate.publish(message)
             if estimate.name in self._incomplete:

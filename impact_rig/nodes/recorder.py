@@ -20,11 +20,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 
-from impact_rig.configuration.processes import (
-    RECORDING_NAME,
-    choose_run_folder,
-    split_names,
-)
+from impact_rig.configuration.processes import RECORDING_NAME, choose_run_folder, split_names
 from impact_rig.core.given.errors import FileError, ParameterError, RigError
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes import interfaces
@@ -172,11 +168,8 @@ class RecorderNode(RigNode):
                 self._stored.publish(newest)  # an estimator that missed it waits for it
         else:
             # What has ended, as where the disk was full, no command starts again.
-            advice = (
-                "start the recorder"
-                if self.fault is None
-                else ("end the rig, see to it, and go on by `impact-rig up --resume`")
-            )
+            ended = "end the rig, see to it, and go on by `impact-rig up --resume`"
+            advice = ended if self.fault else "start the recorder"
             response.message = f"nothing is being recorded ({self._message}): {advice}"
 
     def autostart(self) -> None:
@@ -335,8 +328,8 @@ class RecorderNode(RigNode):
 
     def _record_own(self, writer: RecordingWriter, topic: Topic) -> None:
         # All of several states in quick succession are wanted, not only the last.
-        qos = topic.deepen(self.queue_depth).qos
-        self._record(writer, topic, qos, (describe_qos(topic.qos),), is_own=True)
+        deep = topic.deepen(self.queue_depth)
+        self._record(writer, deep, (describe_qos(topic.qos),), is_own=True)
 
     def _record_discovered(
         self,
@@ -350,7 +343,7 @@ class RecorderNode(RigNode):
                 raise FileError(f"it has several types: {', '.join(types)}")
             offers = tuple(describe_qos(item.qos_profile) for item in publishers)
             qos = adapt_qos(publishers, self.queue_depth)
-            self._record(writer, Topic(topic, import_type(types[0]), qos), qos, offers)
+            self._record(writer, Topic(topic, import_type(types[0]), qos), offers)
         except RigError as error:
             self._skipped[topic] = str(error)
             self.get_logger().warning(f"{topic} is not recorded: {error}")
@@ -359,7 +352,6 @@ class RecorderNode(RigNode):
         self,
         writer: RecordingWriter,
         topic: Topic,
-        qos: QoSProfile,
         offers: tuple[OfferedQos, ...],
         *,
         is_own: bool = False,
@@ -399,7 +391,7 @@ class RecorderNode(RigNode):
             topic.type,
             topic.name,
             accept_message_info(on_message),
-            qos,
+            topic.qos,
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=True,
         )

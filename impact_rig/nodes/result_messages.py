@@ -24,7 +24,7 @@ from impact_rig.core.given.quantity import make_result
 from impact_rig.core.given.records import FloatArray
 from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.hit.overrules import Overrule
-from impact_rig.nodes.identity import Identity
+from impact_rig.nodes.identity import NO_IDENTITY, Identity
 from impact_rig.nodes.messages import make_message, stamp_to_msg
 from impact_rig.recordings.fields import fill_message, from_message
 from impact_rig.recordings.messages import (
@@ -37,10 +37,14 @@ from impact_rig.results.campaign import HitResults, Results, hit_results_from_ju
 from impact_rig.results.traces import AlignedHit, JudgedTraces, ModelTraces, SampleTraces
 
 
-def record_to_msg(record: SampleEstimate | HammerEstimate | SpeedExponents) -> Any:
-    """Return a result as the message of the same name."""
+def estimate_to_msg(
+    record: SampleEstimate | HammerEstimate | SpeedExponents,
+    stamp: Time | None = None,
+    identity: Identity = NO_IDENTITY,
+) -> Any:
+    """Return a result as the message of the same name; exponents have no stamp and no id."""
     message = make_message(type(record).__name__)
-    return fill_message(message, make_result(record), make_message)
+    return identity.fill(fill_message(message, make_result(record), make_message), stamp)
 
 
 def hit_to_msg(judged: JudgedHit, identity: Identity) -> msg.Impact:
@@ -116,13 +120,6 @@ def results_from_msg(message: Any, faults: Mapping[int, Sequence[str]]) -> Resul
             from_message(SpeedExponents, each) for each in message.speed_exponents
         ),
     )
-
-
-def estimate_to_msg(
-    estimate: SampleEstimate | HammerEstimate, stamp: Time, identity: Identity
-) -> Any:
-    """Return a sample's or the hammer's estimate as a message."""
-    return identity.fill(record_to_msg(estimate), stamp)
 
 
 def comparison_to_msg(

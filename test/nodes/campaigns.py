@@ -8,6 +8,7 @@ from impact_rig_msgs.msg import CampaignState
 from impact_rig_msgs.srv import Act
 from rclpy.action import ActionClient
 
+from impact_rig.devices.virtual.drivers import VirtualHolder
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode
@@ -87,3 +88,14 @@ class Onlooker:
         raise AssertionError("no question was expected")
 
     put_back = let_go = mount
+
+
+class RealHolder(VirtualHolder):
+    """Holds a hammer."""
+
+    hammerless = False
+
+
+def arm(harness):
+    """Arm the hammer, as a person does, once it can be."""
+    harness.wait_until(lambda: harness.call(Act, interfaces.ARM_HAMMER).success)

@@ -114,19 +114,6 @@ def test_the_plan_has_what_the_goal_asks_for():
     assert (resumed.campaign_id, resumed.plan) == (setup.campaign_id, setup.plan)
 
 
-def test_an_impossible_goal_and_one_beside_another_end_with_the_reason(harness, start):
-    client = start()
-    impossible = run(harness, client, samples=["tin"], impacts=1)
-    handle, feedback = begin(harness, client, impacts=1000)
-    feedback.wait(lambda got: got[-1].impact >= 1)
-    second = run(harness, client, impacts=1)
-    assert impossible.result.message.startswith("unknown sample 'tin'")
-    assert second.result.message.startswith("another campaign is running")
-    assert {impossible.status, second.status} == {GoalStatus.STATUS_ABORTED}
-    assert handle.status == GoalStatus.STATUS_EXECUTING
-    harness.wait(handle.cancel_goal_async())
-
-
 def test_every_angle_of_a_manual_holder_is_asked_for(harness, start, tmp_path):
     rig_file = tmp_path / "rig.toml"
     rig_file.write_text(read_template() + '[holder]\ndriver = "manual"\n', "utf-8")

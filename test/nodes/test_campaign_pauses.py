@@ -21,7 +21,7 @@ from impact_rig.nodes.intake import Received
 from impact_rig.nodes.ledger import Ledger
 from impact_rig.status.states import Step
 
-from .campaigns import Onlooker, begin, cancel, start_rig
+from .campaigns import Onlooker, RealHolder, arm, begin, cancel, start_rig
 
 STRIKING, PAUSED = CampaignState.STRIKING, CampaignState.PAUSED
 START_PATIENCE = 60.0
@@ -61,11 +61,6 @@ def check_that_no_hit_is_double_or_missing(result):
     hits = [*result.accepted, *result.rejected]
     assert len({hit.record for hit in hits}) == len(hits)
     assert [hit.impact for hit in result.accepted] == list(range(1, len(result.accepted) + 1))
-
-
-def arm(harness):
-    """Arm the hammer, as a person does, once it can be."""
-    harness.wait_until(lambda: harness.call(Act, interfaces.ARM_HAMMER).success)
 
 
 def test_whatever_disarms_the_hammer_a_person_arms_it(harness):
@@ -125,12 +120,6 @@ def test_where_nobody_is_there_a_silent_estimator_ends_it_while_its_process_live
             client.run(goal, Onlooker(stop), longest_pause=1.0)
         still = harness.peer.create_client(GetResults, interfaces.GET_RESULTS)
         harness.wait_until(still.service_is_ready)
-
-
-class RealHolder(VirtualHolder):
-    """Holds a hammer."""
-
-    hammerless = False
 
 
 @pytest.mark.parametrize("holder", [VirtualHolder, RealHolder])

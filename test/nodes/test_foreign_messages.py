@@ -3,6 +3,8 @@
 import math
 
 import mcap.reader
+import pytest
+from bench.stranger import TOPICS, Stranger
 from impact_rig_msgs import msg
 from impact_rig_msgs.action import RunCampaign
 from rclpy.serialization import serialize_message
@@ -11,13 +13,10 @@ from std_msgs.msg import String
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.nodes.recorder import RecorderNode
+from impact_rig.nodes.visualizer import VisualizerNode
 from impact_rig.recordings.scan import Scan
 
-from .campaigns import run, start_rig
-
-
-def list_warnings(harness):
-    return [warning for node in harness.nodes for warning in node.intake.strangers]
+from .campaigns import arm, begin, cancel, run, start_rig
 
 
 def read_health(path):
@@ -31,7 +30,7 @@ def test_one_campaign_after_the_other_has_no_foreign_message_and_no_loss(harness
     client = start_rig(harness)
     for _ in range(3):
         assert run(harness, client, samples=["steel small"], impacts=2).result.success
-    assert not list_warnings(harness)
+    assert not any(node.intake.strangers for node in harness.nodes)
     harness.run(harness.find(RecorderNode).close)
     assert read_health(harness.recording)["messages_lost"] == "0"
     states = Scan(harness.recording).read_messages(lambda it: it.topic == "/hammer/state")
@@ -123,3 +122,38 @@ def test_a_rig_without_a_namespace_does_not_record_another_rig(harness, tmp_path
     topics = {it.topic for it in Scan(harness.recording).read_channels()}
     assert "/recorder/state" in topics
     assert {name for name in topics if name.startswith("/bench/")} == {"/bench/temperature"}
+
+
+COUNT = 150
+"""How often; part `foreign` of the bench does it for longer."""
+
+
+@pytest.mark.parametrize("with_ids", [False, True], ids=["other ids", "ids read from the wire"])
+def test_a_stranger_ends_no_node_and_nothing_of_it_is_recorded(harness, tmp_path, with_ids):
+    client = start_rig(harness)
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
+    harness.add(VisualizerNode, output=str(tmp_path / "session.rrd"))
+    handle, feedback = begin(harness, client, samples=["steel small"], impacts=1000)
+    feedback.wait(lambda messages: messages[-1].impact > 1)
+    stranger = harness.run(lambda: Stranger(harness.peer, 7, TOPICS))
+    harness.wait_until(lambda: any(stranger.identity.campaign_id))
+    harness.run(stranger.begin)
+    feedback.wait(lambda messages: "/peer speaks on " in messages[-1].message)
+    for number in range(COUNT):
+        harness.run(lambda: stranger.publish(with_ids=with_ids))
+        if not with_ids:
+            harness.run(stranger.ask)
+            if number % 5 == 0:
+                harness.settle()
+    harness.settle()
+    assert all(node.is_active for node in harness.nodes)
+    harness.run(stranger.end)
+    seen = feedback.messages[-1].impact
+    arm(harness)
+    feedback.wait(lambda messages: messages[-1].impact > seen + 1)
+    result = cancel(harness, handle).result
+    harness.run(harness.find(RecorderNode).close)
+    messages = Scan(harness.recording).read_messages()
+    assert {hit.sample for hit in (*result.accepted, *result.rejected)} == {"steel small"}
+    assert stranger.list_recorded(messages) == []
+    assert read_health(harness.recording)["messages_lost"] == "0"

@@ -5,12 +5,11 @@ from impact_rig_msgs.msg import CampaignState, HammerState, Overrule
 from impact_rig_msgs.srv import Act, ConfirmSample, OverruleHit
 
 from impact_rig.configuration.toml_table import TomlTable
-from impact_rig.devices.virtual.drivers import VirtualHolder
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.recordings.fields import stamp_from_msg
 
-from .campaigns import begin, cancel, run, start_rig
+from .campaigns import RealHolder, begin, cancel, run, start_rig
 
 FIRST, SECOND = "steel small", "brass small"
 NOTICE = 0.4  # [s]
@@ -128,12 +127,6 @@ def test_notice_is_given_before_each_release_and_an_act_in_it_holds_the_hammer_b
     (release,) = rig.releases.messages
     assert stamp_from_msg(release.header.stamp) >= stamp_from_msg(state.until)
     assert len(result.accepted) == 1
-
-
-class RealHolder(VirtualHolder):
-    """Holds a hammer."""
-
-    hammerless = False
 
 
 @pytest.mark.parametrize(("stated", "lead_time"), [(None, 3.0), (0.0, 0.0)])

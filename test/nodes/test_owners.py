@@ -11,11 +11,7 @@ from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.rig_node import RigNode
 
-from .campaigns import begin, cancel, start_rig
-
-
-def arm(harness):
-    harness.wait_until(lambda: harness.call(Act, interfaces.ARM_HAMMER).success)
+from .campaigns import arm, begin, cancel, start_rig
 
 
 def go_on(harness, feedback):
