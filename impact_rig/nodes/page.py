@@ -124,7 +124,7 @@ class PageNode(RigNode):
             self.listen(topic, callback)
         # Stops that the hammer has answered to, and whose state has not come yet.
         self._stops: list[tuple[Future[Answer], Answer]] = []
-        self._open_stop = Form({}, "")  # the newest that was asked for
+        self._open_stop = Form({}, "", "")  # the newest that was asked for
         self._told = ""  # of the address, besides itself
         self._hands.start()
         self.create_timer(SHOW_PERIOD, self._show)
@@ -258,7 +258,8 @@ class PageNode(RigNode):
             if hasattr(asked := getattr(request, "goal", request), "by"):
                 self._fill(asked, act, form)
             if act == STOP:
-                self._begin_stop(form)
+                self._open_stop = form
+                self._status.stop_asked_at = self._status.stop_asked_at or self._status.clock()
             if not client.service_is_ready():
                 who = ANSWERERS.get(act, name.partition("/")[0])
                 raise DeviceError(f"not done: the {who} does not answer")
@@ -308,12 +309,6 @@ class PageNode(RigNode):
         if not state.stamp:
             raise DeviceError("not done: the rig has not said anything yet")
         fill_act(request, state, form.by)
-
-    def _begin_stop(self, form: Form) -> None:
-        """Show that a stop waits for the hammer's word; it waits for no lock."""
-        self._open_stop = form
-        if self._status.stop_asked_at is None:
-            self._status.stop_asked_at = self._status.clock()
 
     def _settle_stops(self) -> None:
         """Answer to stops once the hammer's own state says that it is stopped."""

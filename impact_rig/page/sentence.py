@@ -146,12 +146,9 @@ def _say_task(status: RigStatus) -> Sentence:
 def _say_by_hand(status: RigStatus, until: int | None) -> Sentence:
     """Return the step of a hit by hand: the hammer must be back before it is let go again."""
     last, since = status.last_hit, status.compute_rest()
-    if last is not None and since < READ_REJECTION:
-        if question := ask_mass(status):
-            return Sentence("bad", f"IS THIS {last.sample}?", f"Catch the hammer. {question}")
-        if not last.accepted:
-            detail = f"Catch the hammer: {advise(last)}."
-            return Sentence("bad", f"REJECTED: {word(last)}", detail)
+    if since < READ_REJECTION and (verdict := _say_verdict(status)).kind == "bad":
+        detail = f"Catch the hammer. {verdict.detail[:1].upper()}{verdict.detail[1:]}"
+        return replace(verdict, detail=detail)
     if since < CATCH:
         return Sentence("wait", "CATCH", f"Catch the hammer. {say_place(status)}")
     if since < PULL_BACK:

@@ -85,13 +85,12 @@ class Form:
 
     fields: Mapping[str, tuple[str, ...]]
     who: str
-    address: str = ""
+    address: str
 
     @property
     def by(self) -> str:
         """Who acts, and where."""
-        place = f" ({self.address})" if self.address else ""
-        return f"{self.who or 'somebody'} at the page{place}"
+        return f"{self.who or 'somebody'} at the page ({self.address})"
 
     def __getitem__(self, name: str) -> str:
         """Return the first value of a field; empty: it is not there."""

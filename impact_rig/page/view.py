@@ -107,6 +107,8 @@ def make_view(status: RigStatus, disk: str = "") -> SimpleNamespace:
 def _find_moment(status: RigStatus) -> Button | None:
     """Return the one act that is asked for now; None: there is none."""
     campaign, hammer = status.campaign, status.hammer
+    if "hammer" in status.list_silent():
+        return None
     if hammer.is_stopped:
         return Button("reset", "Reset the stop")
     if campaign.task is Task.MOUNT:

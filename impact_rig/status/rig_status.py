@@ -74,6 +74,7 @@ class RigStatus:
     # When the newest hits came, by `clock`.
     _struck: deque[float] = field(default_factory=lambda: deque(maxlen=PACE_HITS))
     _health: dict[str, tuple[NodeHealth, float]] = field(default_factory=dict)
+    _back_at: float = -math.inf  # when a person last said so of the hammer, by `clock`
     _state_came: dict[str, float] = field(default_factory=dict)  # [s], by node
 
     def begin(self, setup: RigSetup | None, *, is_trial: bool = False) -> None:
@@ -91,6 +92,8 @@ class RigStatus:
             case CampaignStatus():
                 self.campaign, self._state_came["campaign"] = status, self.clock()
             case HammerStatus():
+                if self.hammer.is_away and not status.is_away:
+                    self._back_at = self.clock()
                 self.hammer, self._state_came["hammer"] = status, self.clock()
             case RecorderStatus():
                 self.recorder = status
@@ -157,8 +160,9 @@ class RigStatus:
         return self.hits[max(self.hits)] if self.hits else None
 
     def compute_rest(self) -> float:
-        """Return how long ago the last hit came [s]; infinite: there is none."""
-        return self.clock() - self._struck[-1] if self._struck else math.inf
+        """Return how long ago the last hit came [s]; infinite: none, or it is back since."""
+        is_new = self._struck and self._struck[-1] >= self._back_at
+        return self.clock() - self._struck[-1] if is_new else math.inf
 
     def compute_time_left(self) -> float:
         """Return how long the hits that are missing take at the pace so far [s]; NaN: unknown."""

@@ -74,7 +74,9 @@ class Person(RigClient):
         fields = {"samples": [SAMPLE], "impacts": 1, **goal}
         wanted = RunCampaign.Goal(campaign_id=id_to_msg(make_id()), **fields)
         request = GOAL.Request(goal_id=wanted.campaign_id, goal=wanted)
+        before = self.campaign.number
         self.call(GOAL, SEND_GOAL, request, PATIENCE)
+        self.wait_for(lambda: self.campaign.number > before + 1, f"the campaign {goal}")
 
     def arm(self) -> None:
         """Arm the hammer; a hammer that stood still refuses for a while."""
@@ -159,14 +161,9 @@ class Page:
             connection.getresponse()
 
 
-ACTS = {
-    "arm": ("page", "hammer"),
-    "start": ("page", "campaign", "hammer"),
-    "mounted": ("page", "campaign", "hammer"),
-    "back": ("page", "campaign", "hammer"),
-    "go on": ("page", "campaign", "hammer"),
-}
-"""Acts, and the nodes on the way of each."""
+ACTS = ("arm", "start", "mounted", "back", "go on")
+NODES = ("page", "campaign", "hammer")
+"""On the way of an act."""
 
 
 def measure_acts(bench: Bench) -> Iterator[Figure]:
@@ -184,8 +181,7 @@ def measure_acts(bench: Bench) -> Iterator[Figure]:
         with Person() as person:
             person.wait_for(lambda: bool(person.hammer.stamp and person.campaign.stamp), "the rig")
             for number in range(bench.extent.acts):
-                act = dice.choice(list(ACTS))
-                victim = dice.choice(ACTS[act])
+                act, victim = dice.choice(ACTS), dice.choice(NODES)
                 around, seconds = dice.uniform(-AROUND, AROUND), dice.uniform(*FREEZE)
                 person.end()
                 form, process = person.prepare(act), running[victim]

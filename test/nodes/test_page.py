@@ -6,6 +6,7 @@ import signal
 import threading
 import urllib.parse
 
+import pytest
 from builtin_interfaces.msg import Time
 from impact_rig_msgs.msg import CampaignState
 from impact_rig_msgs.srv import JoinCampaign
@@ -34,10 +35,21 @@ def act(server, name, **fields):
     return answer
 
 
-def test_a_stop_is_confirmed_while_messages_keep_the_page_busy(harness, start_process):
-    start_process("hammer").wait_for("active")
-    page = harness.add(PageNode, port=0)
-    harness.wait_until(lambda: page._status.hammer is not NO_HAMMER)
+@pytest.fixture
+def hammer(start_process):
+    started = start_process("hammer")
+    started.wait_for("active")
+    return started
+
+
+@pytest.fixture
+def page(harness, hammer):
+    shown = harness.add(PageNode, port=0)
+    harness.wait_until(lambda: shown._status.hammer is not NO_HAMMER)
+    return shown
+
+
+def test_a_stop_is_confirmed_while_messages_keep_the_page_busy(harness, page):
     free = threading.Event()
     busy = threading.Thread(target=harness.run, args=(lambda: free.wait(60.0),))
     busy.start()
@@ -55,11 +67,7 @@ def test_a_stop_is_confirmed_while_messages_keep_the_page_busy(harness, start_pr
         busy.join()
 
 
-def test_an_answer_that_comes_too_late_ends_nothing(harness, start_process):
-    hammer = start_process("hammer")
-    hammer.wait_for("active")
-    page = harness.add(PageNode, port=0)
-    harness.wait_until(lambda: page._status.hammer is not NO_HAMMER)
+def test_an_answer_that_comes_too_late_ends_nothing(harness, hammer, page):
     page._server.patience = 0.2
     hammer.process.send_signal(signal.SIGSTOP)
     try:
@@ -72,12 +80,8 @@ def test_an_answer_that_comes_too_late_ends_nothing(harness, start_process):
 
 
 def test_a_stop_that_no_tab_repeats_is_asked_again_of_a_hammer_that_comes_back(
-    harness, start_process
+    harness, hammer, page, start_process
 ):
-    hammer = start_process("hammer")
-    hammer.wait_for("active")
-    page = harness.add(PageNode, port=0)
-    harness.wait_until(lambda: page._status.hammer is not NO_HAMMER)
     hammer.process.kill()
     page._server.patience = 0.2
     assert not act(page._server, "stop")["done"]

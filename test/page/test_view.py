@@ -45,12 +45,8 @@ RUNNING = CampaignStatus(
 )
 
 
-def make_status(campaign=RUNNING, hits=(), **hammer):
-    status = RigStatus(campaign=campaign, hammer=HammerStatus(HammerPlace.HELD, **hammer))
-    status.begin(PAPER_SETUP)
-    for hit in hits:
-        status.add_hit(hit)
-    return status
+def make_status(campaign=RUNNING, hits=()):
+    return make_aged_status(campaign, hits, {})[0]
 
 
 @pytest.mark.parametrize(
@@ -121,6 +117,7 @@ def test_silence_goes_before_a_stop_and_a_stop_before_everything():
     assert sentence.detail == "Stopped by Anna. To go on: reset the stop, then arm."
     now[0] = 2.01
     assert make_sentence(status).headline == f"THE HAMMER DOES NOT ANSWER: {SWITCH}"
+    assert make_view(status).moment is None
     assert make_view(status).armed == "not known"
 
 
@@ -191,6 +188,11 @@ def test_by_hand_the_hammer_is_back_before_it_is_let_go_again():
     ]
     status.keep(replace(RUNNING, task=Task.NOTHING))
     assert make_sentence(status).headline == pull
+    # Who has said that it is back holds it.
+    status, now = make_aged_status(asked, (GOOD,), {**by_hand, "state": HammerPlace.AWAY})
+    now[0] = 0.1
+    status.keep(HammerStatus(**by_hand))
+    assert make_sentence(status).headline == "RELEASE"
 
 
 def test_what_nodes_say_is_told_without_names_of_options_and_services():
