@@ -18,6 +18,7 @@ from impact_rig.recordings.schemas import decode_message
 from .conftest import PATIENCE
 from .page_rig import (
     ARM_FIRST,
+    MILLISECONDS,
     expect,
     frozen,
     give_name,
@@ -46,8 +47,8 @@ def count_hits(page):
 
 
 def wait_to_read(page):
-    """Wait as long as a new sentence takes to be read."""
-    page.wait_for_timeout(1100.0)
+    """Wait until the sentence stands long enough to be read."""
+    page.wait_for_function("() => performance.now() - newSince > READING")
 
 
 def ask_for(page, sample="steel small"):
@@ -135,7 +136,7 @@ def test_rule_3_an_act_that_a_frozen_server_or_node_takes_late_is_not_done(page,
             page.keyboard.press("Enter")
             page.wait_for_timeout(2300.0)
         # The sentence may also have become another one meanwhile.
-        expect(page.locator("#answer")).to_contain_text("not done: ")
+        expect(page.locator("#answer")).to_contain_text("not done: ", timeout=MILLISECONDS)
         say(page, "MOUNT steel small")
     assert count_hits(page) == 0
 
