@@ -4,6 +4,7 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any
@@ -81,18 +82,19 @@ def tabulate_batch(campaigns: Sequence[BatchCampaign]) -> list[Table]:
         for sample in campaign.results.samples
     ]
     places = [place for place, _, _ in rows]
+    shown = ["" if place == before else place for before, place in pairwise(["", *places])]
     kinds = [results.find_origin(sample.name).kind for _, results, sample in rows]
     columns = [
-        make_text_column(
-            "Recording, campaign" if several else "Recording",
-            [
-                "" if row and places[row - 1] == place else place
-                for row, place in enumerate(places)
-            ],
-        ),
+        make_text_column("Recording, campaign" if several else "Recording", shown),
         make_text_column("Sample", [sample.name for _, _, sample in rows]),
         make_text_column("Origin", kinds if len(set(kinds)) > 1 else [""] * len(kinds)),
-        make_optional("Hits", [_format_hits(sample) for _, _, sample in rows]),
+        make_optional(
+            "Hits",
+            [
+                f"{it.impacts_accepted} of {it.impacts_accepted + it.impacts_rejected}"
+                for _, _, it in rows
+            ],
+        ),
     ]
     columns += [
         Column(_make_header(item), [item.format(item.read(sample)) for _, _, sample in rows])
@@ -165,11 +167,6 @@ def shorten_paths(paths: Sequence[Path]) -> list[str]:
 
 def _make_header(measurand: Measurand) -> str:
     return f"{measurand.sample_symbol} [{measurand.unit}]"
-
-
-def _format_hits(sample: SampleEstimate) -> str:
-    total = sample.impacts_accepted + sample.impacts_rejected
-    return f"{sample.impacts_accepted} of {total}"
 
 
 def _tabulate_spread(samples: Sequence[SampleEstimate]) -> list[Table]:

@@ -196,11 +196,8 @@ def find_common(results: Results) -> set[Note | Check]:
     common = set.intersection(*map(set, notes)) if notes else set()
     explained = plant.explained if plant is not None else frozenset()
     common |= {note for own in notes for note in own if note.about in explained}
-    return {*common, *(check for check in CHECKS if _is_of_all(check, struck))}
-
-
-def _is_of_all(check: Check, samples: Sequence[SampleEstimate]) -> bool:
-    return all(map(math.isfinite, map(check.compare, samples)))
+    checks = (it for it in CHECKS if all(map(math.isfinite, map(it.compare, struck))))
+    return {*common, *checks}
 
 
 def _list_own(sample: SampleEstimate) -> list[Note]:

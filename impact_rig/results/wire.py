@@ -54,13 +54,9 @@ class WireError(RigError):
 def _make_key(field: StoredField, kind: str = "") -> str:
     """Return the name of a field in JSON; `kind` is a key of `NUMBERS`."""
     said = field.description
-    unit = (
-        said.unit.replace("/", "_per_")
-        .replace("^n", "_n")
-        .replace("^", "")
-        .replace(" ", "_")
-        .lower()
-    )
+    unit = said.unit.lower()
+    for sign, word in (("/", "_per_"), ("^n", "_n"), ("^", ""), (" ", "_")):
+        unit = unit.replace(sign, word)
     return "_".join(part for part in (said.written or field.name, kind, unit) if part)
 
 
@@ -117,8 +113,12 @@ def from_json(kind: type[Record], content: Any, place: str = "") -> Record:
             values[field.name] = from_json(field.hint, content, place)
         else:
             values[field.name] = _read_value(field.hint, content, _make_key(field), place)
-        if (problem := field.description.explain(values[field.name])) is not None:
+        found = values[field.name]
+        if (problem := field.description.explain(found)) is not None:
             raise WireError(f"{_join(place, _make_key(field))} {problem}")
+        if isinstance(found, Quantity) and (wrong := found.find_impossible(field.description)):
+            kind = next(kind for kind, each in NUMBERS.items() if each == wrong[0])
+            raise WireError(f"{_join(place, _make_key(field, kind))} {wrong[1]}")
     try:
         return kind(**values)
     except WireError:
@@ -140,14 +140,7 @@ def _read_quantity(field: StoredField, content: Mapping[str, Any], place: str) -
         for number, line in enumerate(lines)
         if isinstance(line, Mapping) and line.get("quantity") == field.name
     )
-    found = Quantity(**numbers, budget=budget)
-    if (problem := field.description.explain(found)) is not None:
-        raise WireError(f"{_join(place, _make_key(field))} {problem}")
-    if (impossible := found.find_impossible(field.description)) is not None:
-        name, problem = impossible
-        kind = next(kind for kind, each in NUMBERS.items() if each == name)
-        raise WireError(f"{_join(place, _make_key(field, kind))} {problem}")
-    return found
+    return Quantity(**numbers, budget=budget)
 
 
 def _read_value(hint: Any, content: Mapping[str, Any], key: str, place: str) -> Any:

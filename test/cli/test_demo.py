@@ -1,6 +1,7 @@
 """The demo: real processes from hammer release to the table, and the recording they leave."""
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -13,7 +14,7 @@ from terminal import run_program
 
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.devices.virtual.rig import FaultPlan, VirtualRigSettings
-from impact_rig.results.results_file import results_to_json
+from impact_rig.results.results_file import read_results, results_to_json
 from impact_rig.results.wire import format_json
 
 from .conftest import finish, start_command
@@ -125,6 +126,18 @@ def test_contact_laws_are_found_at_every_angle_whatever_a_viewer_does(tmp_path, 
     origin = [item for item in metadata if item.name == "impact_rig"]
     assert origin[-1].metadata["notes"] == "bench 3"
     assert (folder / "session.rrd").stat().st_size > 0
+
+
+def test_a_hit_that_weighs_less_than_nothing_costs_a_campaign_no_results(tmp_path):
+    source = 'driver = "virtual"\nrecord_duration = "1.2 ms"\nscheduled_faults = "1:lost_block"'
+    (tmp_path / "rig.toml").write_text(f"{read_template()}\n[source]\n{source}\n", "utf-8")
+    words = ("--rig-file", "rig.toml", *CHOSEN[:2], "--impacts", 2, "--output", "run")
+    code, _, errors = finish(start_demo(*words, cwd=tmp_path))
+    assert code == 0, errors
+    lost, *others = read_results(tmp_path / "run" / "results.json").hits
+    assert "the sample moves as -" in str(lost.findings[0])
+    assert math.isnan(lost.sample_mass)
+    assert [hit.accepted for hit in (lost, *others)] == [False, True, True]
 
 
 def test_ctrl_c_in_the_middle_ends_everything_and_leaves_a_stream_that_reads(tmp_path):

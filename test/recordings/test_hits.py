@@ -17,30 +17,24 @@ FIRST = HitLabel("brass", record=1)
 SECOND = HitLabel("brass", record=2, impact=2)
 
 
-def add(watch, label, *starts, last=True, points=100, stream_id=NO_ID):
-    """Add a block for each first sample; the last of them ends the record, unless told so."""
-    ended = []
-    for start in starts:
-        is_last = last and start == starts[-1]
-        stamp = SimpleNamespace(sec=0, nanosec=1000 + start)
-        ended += watch.add(
-            SimpleNamespace(
-                **asdict(label),
-                header=SimpleNamespace(stamp=stamp),
-                stream_id=SimpleNamespace(uuid=stream_id),
-                first_sample=start,
-                last=is_last,
-                hammer=SimpleNamespace(counts=range(points), values=()),
-            )
-        )
-    return ended
+def make_block(label, start, stream_id=NO_ID):
+    """Return a block of a record as a message."""
+    return SimpleNamespace(
+        **asdict(label),
+        header=SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=1000 + start)),
+        stream_id=SimpleNamespace(uuid=stream_id),
+        first_sample=start,
+        last=False,
+        hammer=SimpleNamespace(counts=range(100), values=()),
+    )
 
 
 @pytest.mark.parametrize(("label", "stream_id"), [(SECOND, NO_ID), (FIRST, b"another stream  ")])
 def test_the_next_record_ends_one_whose_last_block_never_came(label, stream_id):
     watch = RecordWatch()
-    add(watch, FIRST, 0, 100, last=False)
-    (count,) = add(watch, label, 0, last=False, stream_id=stream_id)
+    for start in (0, 100):
+        watch.add(make_block(FIRST, start))
+    (count,) = watch.add(make_block(label, 0, stream_id))
     assert (count.label, count.blocks) == (FIRST, 2)
     assert watch.unfinished.blocks == 1
 

@@ -102,10 +102,14 @@ def read_beside(path):
     return [item for item in Scan(path).read() if not isinstance(item, RawMessage)]
 
 
-def damage_chunk(path: Path, number: int) -> None:
-    """Flip a bit near the end of a chunk."""
+def find_first_chunk(path: Path) -> mcap.records.ChunkIndex:
     with path.open("rb") as file:
-        chunk = mcap.reader.make_reader(file).get_summary().chunk_indexes[number]
+        return mcap.reader.make_reader(file).get_summary().chunk_indexes[0]
+
+
+def damage_first_chunk(path: Path) -> None:
+    """Flip a bit near its end."""
+    chunk = find_first_chunk(path)
     content = bytearray(path.read_bytes())
     content[chunk.chunk_start_offset + chunk.chunk_length - 5] ^= 1
     path.write_bytes(content)
@@ -141,7 +145,7 @@ def test_zeros_that_a_power_cut_left_at_the_end_are_no_damage(path):
 
 
 def test_damage_before_the_end_of_a_file_never_closed_is_named(path):
-    damage_chunk(path, 0)
+    damage_first_chunk(path)
     cut_off_summary(path)
     with pytest.raises(
         FileError,
@@ -178,8 +182,7 @@ def list_damages(path):
 
 def test_an_index_whose_checksum_does_not_fit_is_not_believed(path):
     content = path.read_bytes()
-    with path.open("rb") as file:
-        first = mcap.reader.make_reader(file).get_summary().chunk_indexes[0]
+    first = find_first_chunk(path)
     place = first.chunk_start_offset.to_bytes(8, "little") + first.chunk_length.to_bytes(
         8, "little"
     )
@@ -191,8 +194,7 @@ def test_an_index_whose_checksum_does_not_fit_is_not_believed(path):
 
 @pytest.mark.parametrize("shift", [0, 1])
 def test_an_index_that_names_a_chunk_elsewhere_is_told(path, shift):
-    with path.open("rb") as file:
-        first = mcap.reader.make_reader(file).get_summary().chunk_indexes[0]
+    first = find_first_chunk(path)
     place, length = first.chunk_start_offset, first.chunk_length.to_bytes(8, "little")
     old, new = (number.to_bytes(8, "little") + length for number in (place, place + shift))
     rename_in_summary(path, old, new)

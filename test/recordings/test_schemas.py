@@ -12,6 +12,7 @@ from impact_rig.recordings.records import Channel, RawMessage
 from impact_rig.recordings.schemas import (
     MAX_LISTED,
     MAX_SCHEMA,
+    SEPARATOR,
     MessageDefinition,
     check_interfaces,
     decode_message,
@@ -21,7 +22,7 @@ from impact_rig.recordings.schemas import (
 from .conftest import OUR_MESSAGES
 
 NAME = "test_msgs/msg/Test"
-RULE = "\n" + "=" * 80 + "\n"
+RULE = f"\n{SEPARATOR}\n"
 EMPTY = b"\0\1\0\0"
 
 
@@ -102,9 +103,6 @@ def test_numbers_may_be_many_but_messages_in_a_list_not():
     with pytest.raises(FileError, match=f"it has {size + 8} byte, {MAX_LISTED} are read at most"):
         decode(schema, EMPTY + length(size) + bytes(size))
     assert len(decode(schema, EMPTY + length(1000) + bytes(1000)).a) == 1000
-
-
-SEPARATOR = "=" * 80
 
 
 def list_parts(text: str) -> list[str]:
@@ -190,7 +188,7 @@ def test_comments_and_constants_are_no_difference():
     ],
 )  # fmt: skip
 def test_the_first_difference_is_named(old, new, told):
-    old, new = (text.replace("===", "=" * 80) for text in (old, new))
+    old, new = (text.replace("===", SEPARATOR) for text in (old, new))
     with pytest.raises(FileError) as error:
         check(old, new)
     assert told in str(error.value)
