@@ -9,21 +9,22 @@ from lifecycle_msgs.msg import State
 
 from impact_rig.core.given.records import HitLabel
 from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP
+from impact_rig.devices.virtual.choices import Fault
+from impact_rig.devices.virtual.rig import (
+    FaultPlan,
+    ScheduledFault,
+    VirtualRig,
+    VirtualRigSettings,
+)
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
 from impact_rig.nodes.visualizer import VisualizerNode
 
-from .test_visualizer_campaign import RIG
-
 pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 
 SETUP = setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
-
-
-def strike(record, impact):
-    return RIG.strike(HitLabel(CONTROL_SAMPLE, record=record, impact=impact))
 
 
 @pytest.fixture
@@ -62,7 +63,9 @@ def test_all_there_is_to_see_ends_up_in_the_file(harness, tmp_path, read):
     harness.advertise(interfaces.SETUP).publish(SETUP)
     publisher = harness.advertise(interfaces.ACCELERATION)
     harness.wait_until(lambda: publisher.get_subscription_count() == 2)
-    hits = [strike(1, 1), strike(2, 2)]
+    faults = FaultPlan(scheduled=(ScheduledFault(Fault.WEAK_HIT, 2),))
+    rig = VirtualRig(PAPER_SETUP, VirtualRigSettings(faults=faults))
+    hits = [rig.strike(HitLabel(CONTROL_SAMPLE, record, record)) for record in (1, 2)]
     for hit in hits:
         for block in hit.split(1000, 10**18):
             publisher.publish(block_to_msg(block))

@@ -8,51 +8,12 @@ import pytest
 from impact_rig.core.given.records import HitLabel
 from impact_rig.core.given.setup import CONTROL_SAMPLE, PAPER_SETUP
 from impact_rig.core.session import Session
-from impact_rig.devices.virtual.choices import Fault
-from impact_rig.devices.virtual.rig import (
-    FaultPlan,
-    ScheduledFault,
-    VirtualRig,
-    VirtualRigSettings,
-)
+from impact_rig.devices.virtual.rig import VirtualRig, VirtualRigSettings
 from impact_rig.nodes import interfaces, messages, result_messages
 from impact_rig.nodes.identity import NO_IDENTITY
 from impact_rig.nodes.visualizer import ShownCampaign
 from impact_rig.results.campaign import results_from_session
 from impact_rig.results.traces import align_hit, sample_traces_from_estimate
-
-FAULTS = FaultPlan(scheduled=(ScheduledFault(Fault.WEAK_HIT, 2),))
-RIG = VirtualRig(PAPER_SETUP, VirtualRigSettings(faults=FAULTS))
-"""Its second record is a weak hit."""
-
-
-def strike(record=1):
-    label = HitLabel(CONTROL_SAMPLE, record=record, impact=record)
-    return label, RIG.strike(label).split(1000, 0)
-
-
-@pytest.fixture
-def shown():
-    return ShownCampaign(PAPER_SETUP)
-
-
-def judge(label, blocks):
-    """Return a hit's traces as the estimator publishes them."""
-    session = Session(PAPER_SETUP)
-    (hit,) = [hit for block in blocks for hit in session.feed(block)]
-    message = result_messages.trace_to_msg(
-        hit, align_hit(label, hit.filtered), (2000.0, 4000.0), NO_IDENTITY
-    )
-    return interfaces.IMPACT_TRACE.convert(message)
-
-
-def test_of_a_long_series_ever_fewer_hits_are_shown(shown):
-    traces = judge(*strike())
-    assert sum(shown.is_laid_over(traces) for _ in range(120)) == 99 + 3
-    # Each sample counts for itself.
-    other = replace(traces.aligned, label=HitLabel("steel small", record=2000))
-    assert shown.is_laid_over(replace(traces, aligned=other))
-
 
 NAMES = ("steel small", CONTROL_SAMPLE)
 STAMP = messages.stamp_to_msg(10**18)
@@ -63,7 +24,7 @@ class Told:
 
     def __init__(self):
         self.session = Session(PAPER_SETUP)
-        self.verdicts, self.truths, self.faults = [], [], {}
+        self.verdicts, self.traces, self.truths, self.faults = [], [], [], {}
         rig = VirtualRig(PAPER_SETUP, VirtualRigSettings())
         for record, name in enumerate(NAMES, start=1):
             hit = rig.strike(HitLabel(name, record))
@@ -74,6 +35,11 @@ class Told:
                 for judged in self.session.feed(block):
                     verdict = result_messages.hit_to_msg(judged, NO_IDENTITY)
                     self.verdicts.append(interfaces.IMPACT.convert(verdict))
+                    aligned = align_hit(judged.label, judged.filtered)
+                    message = result_messages.trace_to_msg(
+                        judged, aligned, (2000.0, 4000.0), NO_IDENTITY
+                    )
+                    self.traces.append(interfaces.IMPACT_TRACE.convert(message))
         self.found = self.session.estimate_all()
 
     def tell(self, campaign):
@@ -123,6 +89,12 @@ def test_traces_are_those_of_the_session(told, campaign):
             assert model.mse_percent == other.mse_percent
         for name in ("contact_time", "half_amplitude_width", "second_peak_time"):
             assert getattr(shown, name) == pytest.approx(getattr(expected, name), nan_ok=True)
+
+
+def test_of_a_long_series_ever_fewer_hits_of_each_sample_are_shown(told):
+    shown = ShownCampaign(PAPER_SETUP)
+    for traces in told.traces:
+        assert sum(shown.is_laid_over(traces) for _ in range(120)) == 99 + 3
 
 
 def test_an_endless_campaign_keeps_its_newest_hits(told):

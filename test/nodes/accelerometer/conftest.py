@@ -10,7 +10,7 @@ from impact_rig.configuration.rig_file import read_template
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 
-from .desk_rig import SAMPLE, SOURCE
+from .desk_rig import SOURCE
 
 
 @pytest.fixture
@@ -50,11 +50,7 @@ def rig(harness, module, blocks, tmp_path):
         node = harness.add(
             AccelerometerNode,
             rig_file=str(path),
-            **{
-                "trigger_timeout": 0.01,
-                "reconnect_period": 0.02,
-                **parameters,
-            },
+            **{"trigger_timeout": 0.01, "reconnect_period": 0.02, **parameters},
         )
         harness.wait_until(lambda: node._blocks.get_subscription_count() >= subscribers)
         harness.tell_setup()
@@ -78,16 +74,6 @@ def release(harness):
     """Return a function that lets the hammer go for a record."""
     publisher = harness.advertise(interfaces.RELEASE)
 
-    def run(record, latest_contact=0.0):
-        publisher.publish(
-            HammerRelease(
-                record=record,
-                sample=SAMPLE,
-                impact=1,
-                attempt=1,
-                swing_time=0.0,
-                latest_contact=latest_contact,
-            )
-        )
-
-    return run
+    return lambda record, latest_contact=0.0: publisher.publish(
+        HammerRelease(record=record, latest_contact=latest_contact)
+    )

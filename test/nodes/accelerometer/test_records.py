@@ -121,19 +121,6 @@ def test_a_hammer_that_is_disarmed_after_the_contact_takes_no_hit_away(
     assert (len(got), any(block.disarmed for block in got)) == (5, False)
 
 
-def test_a_hit_may_come_until_the_latest_contact(harness, desk, rig, blocks, release):
-    node = rig(trigger_timeout=0.0)
-    record = arm(harness).record
-    release(record, latest_contact=60.0)
-    wait_for_release(harness, node)
-    reads = desk.reads
-    # The trigger's time limit is over at once; the latest contact holds.
-    harness.wait_until(lambda: desk.reads > reads + 2)
-    desk.deliver(make_record())
-    got = blocks.wait(lambda got: got and got[-1].last)
-    assert got[-1].triggered
-
-
 def test_an_arming_without_a_release_waits_until_it_is_disarmed(harness, desk, rig, blocks):
     rig()
     assert arm(harness).success
