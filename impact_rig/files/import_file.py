@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from impact_rig.configuration.rig_file import RESPONSE_KEYS, parse_response, parse_settings
 from impact_rig.configuration.toml_table import TomlTable, parse_toml_table, read_toml_file
@@ -15,17 +15,10 @@ from impact_rig.core.given.quantity import Comparable
 from impact_rig.files.plan import ChannelPlan, ChannelUse
 
 CHANNEL_KEYS = (
-    "channel",
-    "unit",
-    "sensitivity",
-    "full_scale",
-    "mass",
-    "mass_uncertainty",
-    *RESPONSE_KEYS,
-)
+    "channel", "unit", "sensitivity", "full_scale", "mass", "mass_uncertainty", *RESPONSE_KEYS,
+)  # fmt: skip
 PRE_TRIGGER_PART = 0.1  # of a record, before its hit; as 0.2 ms of 2 ms
 NAN = math.nan
-_T = TypeVar("_T")
 
 
 @dataclass(frozen=True)
@@ -184,38 +177,25 @@ def add_options(file: ImportFile, options: MeasurementOptions) -> ImportFile:
     ParameterError
         If a value is wrong.
     """
+    given = {name: getattr(options, name) for name in options.given}
+
+    def choose(**names: str) -> dict[str, Any]:
+        """Return the fields for which an option of this name is given."""
+        return {key: given[name] for key, name in names.items() if name in given}
+
     plan = file.plan
-    hammer = replace(
-        plan.hammer,
-        unit=_choose(options.hammer_unit, plan.hammer.unit),
-        channel=_choose(options.hammer_channel, plan.hammer.channel),
-    )
-    specimen = replace(
-        plan.specimen, channel=_choose(options.sample_channel, plan.specimen.channel)
-    )
-    settings = dict(file.settings)
-    if options.cutoff is not None:
-        settings["cutoff_frequency"] = options.cutoff
+    hammer = replace(plan.hammer, **choose(unit="hammer_unit", channel="hammer_channel"))
+    specimen = replace(plan.specimen, **choose(channel="sample_channel"))
+    settings = {**file.settings, **choose(cutoff_frequency="cutoff")}
     if options.record_duration is not None:
         settings["record_duration"] = options.record_duration
         settings.setdefault("pre_trigger", PRE_TRIGGER_PART * options.record_duration)
     return replace(
         file,
-        plan=replace(
-            plan,
-            hammer=hammer,
-            specimen=specimen,
-            sampling_rate=_choose(options.rate, plan.sampling_rate),
-        ),
-        sample=_choose(options.sample, file.sample),
-        hammer_mass=_choose(options.hammer_mass, file.hammer_mass),
-        sample_mass=_choose(options.sample_mass, file.sample_mass),
+        plan=replace(plan, hammer=hammer, specimen=specimen, **choose(sampling_rate="rate")),
         settings=settings,
+        **choose(sample="sample", hammer_mass="hammer_mass", sample_mass="sample_mass"),
     )
-
-
-def _choose(given: _T | None, stated: _T) -> _T:
-    return stated if given is None else given
 
 
 def _parse_plan(document: TomlTable, hammer: TomlTable, specimen: TomlTable) -> ChannelPlan:
@@ -235,15 +215,12 @@ def _parse_use(table: TomlTable) -> ChannelUse:
     channel = table.get("channel", "")
     if isinstance(channel, bool) or not isinstance(channel, str | int):
         raise table.refuse("channel", "a name in quotes or a whole number")
-    unit = table.take_text("unit")
-    full_scale, full_scale_unit = 0.0, "m/s^2"
-    sensitivity = None
-    stated = parse_response(table)
+    use = ChannelUse(str(channel), table.take_text("unit"), stated=parse_response(table))
     with table.locating():
         if "full_scale" in table:
-            full_scale, full_scale_unit = parse_reading(
-                f"full_scale of {table.place}", table["full_scale"]
-            )
+            of = parse_reading(f"full_scale of {table.place}", table["full_scale"])
+            use = replace(use, full_scale=of[0], full_scale_unit=of[1])
         if "sensitivity" in table:
-            sensitivity = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
-        return ChannelUse(str(channel), unit, sensitivity, full_scale, full_scale_unit, stated)
+            found = parse_sensitivity(f"sensitivity of {table.place}", table["sensitivity"])
+            use = replace(use, sensitivity=found)
+        return use

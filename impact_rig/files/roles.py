@@ -11,26 +11,13 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 
 from impact_rig.core.given.errors import ParameterError, SignalError
 from impact_rig.files.measurement import MeasuredChannel, Measurement
-from impact_rig.files.names import (
-    PARTS,
-    Measured,
-    find_kind,
-    find_unit,
-    says_hammer,
-    says_sample,
-)
+from impact_rig.files.names import PARTS, Measured, find_kind, find_unit, says_hammer, says_sample
 from impact_rig.files.plan import ROLES, ChannelPlan, ChannelUse
-from impact_rig.files.questions import (
-    CHOICE,
-    SHOWN_CHANNELS,
-    Missing,
-    Questions,
-    list_channels,
-)
+from impact_rig.files.questions import CHOICE, SHOWN_CHANNELS, Missing, Questions, list_channels
 from impact_rig.files.times import (
     LARGEST_TIME_ERROR,
     TIME_UNITS,
@@ -333,14 +320,13 @@ def _describe_taken(body: str, channel: MeasuredChannel, use: ChannelUse) -> str
 def guess_roles(channels: Channels) -> list[str]:
     """Return a role for each channel as a proposal, by place."""
     time = find_clock(channels)
-    left, roles = ["hammer", "specimen"], list[str]()
-    for channel in channels:
-        if channel is time:
-            roles.append("time")
-        else:
-            is_free = left and not channel.flaw and not is_clock(channel.values)
-            roles.append(left.pop(0) if is_free else "skip")
-    return roles
+    left = ["hammer", "specimen"]
+
+    def guess(channel: MeasuredChannel) -> str:
+        is_free = left and not channel.flaw and not is_clock(channel.values)
+        return "time" if channel is time else left.pop(0) if is_free else "skip"
+
+    return [guess(channel) for channel in channels]
 
 
 def _refuse_nothing(measurement: Measurement, time: MeasuredChannel | None) -> SignalError:
@@ -374,12 +360,8 @@ def _assign_columns(measurement: Measurement, roles: tuple[str, ...]) -> list[Ro
 def _make_roles(
     hammers: Channels, specimens: Channels, time: MeasuredChannel | None
 ) -> list[Roles]:
-    """Return the channels of each hit: the first of each make the first."""
-    if not specimens:
-        return [Roles(hammer, None, time) for hammer in hammers]
-    return [
-        Roles(hammer, specimen, time) for hammer, specimen in zip(hammers, specimens, strict=True)
-    ]
+    """Return the channels of each hit: the first of each make the first; samples may be none."""
+    return [Roles(hammer, specimen, time) for hammer, specimen in zip_longest(hammers, specimens)]
 
 
 def _pair(
@@ -408,18 +390,15 @@ def _find_by_name(measurement: Measurement, name: str) -> list[MeasuredChannel]:
     """Return the channel of a name or a number, or all that fit a pattern with * or ?."""
     channels = measurement.channels
     same = [channel for channel in channels if channel.name == name]
-    if len(same) == 1:
-        return same
     if len(same) > 1:
         raise SignalError(
             f"{measurement.path} has {len(same)} channels {name!r}: name one by its number"
         )
-    if name.isdecimal() and 1 <= int(name) <= len(channels):
-        return [channels[int(name) - 1]]
+    if not same and name.isdecimal() and 1 <= int(name) <= len(channels):
+        same = [channels[int(name) - 1]]
     pattern = re.compile(re.escape(name).replace(r"\*", ".*").replace(r"\?", "."))
-    fitting = [channel for channel in channels if pattern.fullmatch(channel.name)]
-    if fitting:
-        return fitting
+    if found := same or [channel for channel in channels if pattern.fullmatch(channel.name)]:
+        return found
     raise SignalError(
         f"{measurement.path} has no channel {name!r}: it has {list_channels(measurement)}"
     )

@@ -4,11 +4,7 @@ import re
 
 import pytest
 
-from impact_rig.configuration.parameters import (
-    PARAMETERS,
-    check_parameter_file,
-    check_parameters,
-)
+from impact_rig.configuration.parameters import PARAMETERS, check_parameter_file, check_parameters
 from impact_rig.configuration.processes import list_rig_processes
 from impact_rig.core.given.errors import ParameterError
 

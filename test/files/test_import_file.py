@@ -5,11 +5,7 @@ import pytest
 from impact_rig.configuration.units import parse_reading, parse_sensitivity
 from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.core.given.sensors import Sensitivity
-from impact_rig.files.import_file import (
-    parse_import_file,
-    read_import_file,
-    read_import_template,
-)
+from impact_rig.files.import_file import parse_import_file, read_import_file, read_import_template
 from impact_rig.files.plan import ChannelUse
 
 

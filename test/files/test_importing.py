@@ -18,12 +18,7 @@ from impact_rig.core.given.sensors import Sensitivity
 from impact_rig.core.given.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.core.hit.detection import ImpactDetector
 from impact_rig.files.channels import map_channels
-from impact_rig.files.importing import (
-    check_series,
-    choose_window,
-    read_hits,
-    write_imported,
-)
+from impact_rig.files.importing import check_series, choose_window, read_hits, write_imported
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 from impact_rig.files.plan import ChannelPlan, ChannelUse
 from impact_rig.recordings.records import MetadataRecord, RawMessage

@@ -21,7 +21,7 @@ from impact_rig.files.formats.bounds import check_size
 from impact_rig.files.formats.rates import compute_stated_rate, states_unit
 from impact_rig.files.measurement import NANOSECONDS, MeasuredChannel, Measurement, keep_values
 from impact_rig.files.names import PARTS, split_name
-from impact_rig.files.times import TIME_UNITS, Axis, find_axis, is_clock, read_clock
+from impact_rig.files.times import TIME_UNITS, Axis, Clock, find_axis, is_clock, read_clock
 
 UNIT_NAMES = {"unit", "units", "unit string", "quantity.label"}
 """Names of arrays that say in what unit others are, in small letters, underscores as blanks."""
@@ -114,10 +114,7 @@ def _make_channels(
         if rates:
             nearest = _find_nearest(rates, array)
             has_unit = states_unit(get_last_part(nearest.name))
-            stated |= {
-                "sampling_rate": read_stated_rate(nearest),
-                "time_unit": "s" if has_unit else "",
-            }
+            stated |= Clock(read_stated_rate(nearest), "s" if has_unit else "").stated
         fitting = [clock for clock in clocks if clock.values.size == max(array.values.shape)]
         if fitting:
             is_spectrum = [_find_axis(clock) is Axis.FREQUENCY for clock in fitting]

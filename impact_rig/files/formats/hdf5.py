@@ -35,11 +35,7 @@ def _says_rate(name: str) -> bool:
     return is_rate_name(name) or is_step_name(name)
 
 
-FAMILIES = (
-    _says_rate,
-    UNIT_NAMES.__contains__,
-    START_NAMES.__contains__,
-)
+FAMILIES = (_says_rate, UNIT_NAMES.__contains__, START_NAMES.__contains__)
 """Whether a name says one of these; in a family all say the same."""
 NAME = "name"
 """Ours: a name may have slashes, which part groups here."""

@@ -21,12 +21,7 @@ from impact_rig.files.formats.uff import read_uff, write_uff
 from impact_rig.files.formats.wav import read_wav
 from impact_rig.files.measurement import Measurement
 from impact_rig.recordings.new_file import open_regular, write_new_file
-from impact_rig.recordings.source import (
-    POINTER,
-    find_recordings,
-    is_other_form,
-    refuse_pointer,
-)
+from impact_rig.recordings.source import POINTER, find_recordings, is_other_form, refuse_pointer
 
 Read = Callable[[Path], Measurement]
 Write = Callable[[Path, Measurement], None]
@@ -42,9 +37,7 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
     ".parquet": (read_parquet, write_parquet),
     ".wav": (read_wav, None),
     ".csv": (read_any_text, write_text),
-    ".txt": (read_any_text, None),
-    ".dat": (read_any_text, None),
-    ".tsv": (read_any_text, None),
+    **dict.fromkeys((".txt", ".dat", ".tsv", ".asc"), (read_any_text, None)),
     ".npy": (read_npy, None),
     ".npz": (read_npz, None),
     ".mcap": (read_bag, None),
@@ -56,7 +49,6 @@ FORMATS: dict[str, tuple[Read, Write | None]] = {
     **dict.fromkeys(
         (".wfm", ".trc", ".bin", ".isf"), (partial(read_apart, "RigolWFM.wfm", read_scope), None)
     ),
-    ".asc": (read_any_text, None),
 }
 """Reader and writer of a format, by suffix; None: it is not written."""
 WRITABLE = tuple(suffix for suffix, (_, write) in FORMATS.items() if write)

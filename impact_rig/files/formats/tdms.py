@@ -13,12 +13,7 @@ import numpy as np
 
 from impact_rig.files.formats.arrays import NamedArray, make_measurement, read_stated_rate
 from impact_rig.files.formats.bounds import check_size
-from impact_rig.files.measurement import (
-    NANOSECONDS,
-    ORIGIN,
-    Measurement,
-    make_unique,
-)
+from impact_rig.files.measurement import NANOSECONDS, ORIGIN, Measurement, make_unique
 from impact_rig.files.times import TIME_UNITS, normalize_time_unit, round_rate
 
 STEP, START, UNIT = "wf_increment", "wf_start_offset", "unit_string"

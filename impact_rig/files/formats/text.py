@@ -319,8 +319,7 @@ def _find_rate(path: Path, statements: dict[str, list[str]]) -> tuple[float, str
 def _find_start(statements: dict[str, list[str]]) -> float:
     """Return the time of the first point that a file states [s]; 0: it states none."""
     for name in STARTS & statements.keys():
-        match = STATEMENT.search(statements[name][0].strip())
-        if match:
+        if match := STATEMENT.search(statements[name][0].strip()):
             return float(match[1].replace(",", "."))
     return 0.0
 
@@ -348,33 +347,29 @@ def _find_table(
             break
         first -= 1
     above_lines = [text for number, text in lines if number < plain[first].number]
-    _refuse_decimal_commas(path, above_lines[-1:], style, kinds)
+    _refuse_decimal_commas(path, "".join(above_lines[-1:]), style, kinds)
     headings, beside = _read_headings(above_lines, style, kinds)
     columns = tuple(
-        cell
-        for cell, kind in enumerate(kinds)
-        if kind != NOTHING or headings[cell][0] or headings[cell][1]
+        cell for cell, kind in enumerate(kinds) if kind != NOTHING or any(headings[cell])
     )
     statements = _collect_statements(above_lines, style) | beside
     for _, text in plain[first : last + 1]:
         cells = zip(style.split(text), kinds, strict=True)
         _add_statement(statements, [cell for cell, kind in cells if kind == NOTHING])
-    heading = above_lines[-1] if above_lines else ""
-    table = Layout(style, plain[first].number, kinds, columns, heading)
+    table = Layout(style, plain[first].number, kinds, columns, "".join(above_lines[-1:]))
     return table, headings, statements
 
 
-def _refuse_decimal_commas(path: Path, above: Sequence[str], style: Style, kinds: str) -> None:
+def _refuse_decimal_commas(path: Path, above: str, style: Style, kinds: str) -> None:
     """Refuse commas that part columns and are decimal, too: a row has two cells for each name."""
     cells = len(kinds.rstrip(NOTHING))
-    for line in above:
-        names = line.lstrip(BLANKS_AND_MARKS).split(",")
-        is_heading = len(names) > 1 and not any(map(style.is_number, names))
-        if style.delimiter == "," and is_heading and cells == 2 * len(names):
-            raise FileError(
-                f"{path} has {len(names)} names and {cells} cells in a row: its decimal sign is a"
-                " comma, as what parts its columns; export it with semicolons or decimal points"
-            )
+    names = above.lstrip(BLANKS_AND_MARKS).split(",")
+    is_heading = len(names) > 1 and not any(map(style.is_number, names))
+    if style.delimiter == "," and is_heading and cells == 2 * len(names):
+        raise FileError(
+            f"{path} has {len(names)} names and {cells} cells in a row: its decimal sign is a"
+            " comma, as what parts its columns; export it with semicolons or decimal points"
+        )
 
 
 def _find_longest_run(path: Path, lines: Sequence[TextLine]) -> tuple[int, int, Style, str]:
@@ -415,6 +410,10 @@ def _join_kinds(kinds: str, others: str) -> str:
     return joined if len(joined) == len(kinds) else ""
 
 
+def _split_quoted(text: str, delimiter: str) -> list[str]:
+    return next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
+
+
 def unquote(text: str) -> str:
     """Return a line without quotes; where all cells stand in quotes semicolons part them."""
     if '"' not in text:
@@ -423,7 +422,7 @@ def unquote(text: str) -> str:
     if inner.count('"') == 2 and inner[0] == inner[-1] == '"':  # noqa: PLR2004 - a pair
         return inner[1:-1]
     delimiter = next((sign for sign in ";\t" if sign in text), ",")
-    cells = next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
+    cells = _split_quoted(text, delimiter)
     has_commas = delimiter == "," and text.count('"') == 2 * len(cells)
     return (";" if has_commas else delimiter).join(cells)
 
@@ -582,13 +581,8 @@ def _parse_numbers(text: str, table: Layout) -> FloatArray:
                 pa.system_memory_pool(),
             )
             return np.stack([column.to_numpy() for column in found.columns], axis=1)
-    return np.loadtxt(
-        data,
-        delimiter=delimiter,
-        comments=None,
-        usecols=table.columns if delimiter else None,
-        ndmin=2,
-    )
+    used = table.columns if delimiter else None
+    return np.loadtxt(data, delimiter=delimiter, comments=None, usecols=used, ndmin=2)
 
 
 def _read_headings(
@@ -612,14 +606,12 @@ def _read_headings(
     # Beside the names of all columns statements may stand, their values below them.
     reach = width if len(names) <= width else used
     headings = [_split_heading_cell(cell) for cell in names[:reach]]
+    units = [cell.strip("()[] ") for cell in last]
     if has_units:
-        units = [cell.strip("()[] ") for cell in last]
         headings = [(name, unit) for (name, _), unit in zip(headings, units, strict=False)]
     elif _are_units(last[:used]):
-        units = [cell.strip("()[] ") for cell in last[:reach]]
-        headings = [
-            (cell, unit if is_unit(unit) else "") for cell, unit in zip(last, units, strict=False)
-        ]
+        pairs = zip(last[:reach], units, strict=False)
+        headings = [(cell, unit if is_unit(unit) else "") for cell, unit in pairs]
     headings += [("", "")] * (width - len(headings))
     beside = zip(names[reach:], last[reach:], strict=False) if has_units else ()
     return headings, {name.lower(): [value] for name, value in beside if name}
@@ -661,10 +653,7 @@ def _split_heading(line: str, style: Style, kinds: str) -> list[str] | None:
         text = unquote(text)
     delimiters = dict.fromkeys((style.delimiter, ",", ";", "\t"))
     splits = [
-        [
-            cell.strip()
-            for cell in next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
-        ]
+        list(map(str.strip, _split_quoted(text, delimiter)))
         for delimiter in delimiters
         if delimiter is not None and (delimiter in text or used == 1)
     ]
@@ -697,12 +686,10 @@ def _is_beside(cell: str) -> bool:
 
 def _are_units(cells: Sequence[str]) -> bool:
     """Return whether all are units, in brackets, or say that samples are counted."""
+    ends = ("", "[]", "()")
     return all(
-        (cell[:1] + cell[-1:]) in ("[]", "()")
-        or is_unit(cell)
-        or normalize_time_unit(cell) == SAMPLES
+        cell[:1] + cell[-1:] in ends or is_unit(cell) or normalize_time_unit(cell) == SAMPLES
         for cell in cells
-        if cell
     )
 
 
@@ -772,14 +759,11 @@ def write_text(path: Path, measurement: Measurement) -> None:
             headings.insert(0, f"{TIME} [s]")
         headings = [f"'{name}" if name.startswith(FORMULA_MARKS) else name for name in headings]
         csv.writer(file, lineterminator="\n", quoting=csv.QUOTE_ALL).writerow(headings)
-        csv.writer(file, lineterminator="\n").writerows(
-            itertools.zip_longest(*columns, fillvalue="")
-        )
+        rows = itertools.zip_longest(*columns, fillvalue="")
+        csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 def _make_heading(name: str, unit: str) -> str:
     name = " ".join(name.split())
-    is_clear = (
-        name and not is_unit(name) and not Style().is_number(name) and split_name(name)[0] == name
-    )
-    return name if is_clear and not unit else f"{name} [{unit}]"
+    is_odd = is_unit(name) or Style().is_number(name) or split_name(name)[0] != name
+    return name if name and not (is_odd or unit) else f"{name} [{unit}]"

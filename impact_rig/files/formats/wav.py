@@ -5,11 +5,7 @@ import struct
 from pathlib import Path
 
 from impact_rig.core.given.errors import FileError
-from impact_rig.files.measurement import (
-    MeasuredChannel,
-    Measurement,
-    keep_values,
-)
+from impact_rig.files.measurement import MeasuredChannel, Measurement, keep_values
 
 BYTE_ORDERS = {b"RIFF": "<", b"RIFX": ">", b"RF64": "<"}
 CHUNK_HEADER = 8

@@ -12,11 +12,7 @@ import scipy.io
 from pyarrow import parquet
 
 from impact_rig.core.given.errors import FileError, RigError
-from impact_rig.files.formats.registry import (
-    WRITABLE,
-    read_measurement,
-    write_measurement,
-)
+from impact_rig.files.formats.registry import WRITABLE, read_measurement, write_measurement
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 
 from .foreign import RATE, TRACE, describe
