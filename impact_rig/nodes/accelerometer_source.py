@@ -241,16 +241,14 @@ class SourceThread:
 
     def _withdraw(self, arming: Arming) -> None:
         if self._arming is arming and not self._has_begun:
-            self._end(arming, is_judged=False, is_disarmed=True)
+            self._end(arming, is_disarmed=True)
             self._on_ended(arming, "the hammer was disarmed before the contact")
 
-    def _end(self, arming: Arming, *, is_judged: bool, is_disarmed: bool = False) -> None:
-        if self._arming is not arming:
-            return
-        if not self._plan.continuous:
-            self._source.disarm()
-        is_awaited = arming.is_released and not is_judged
-        self._end_record(is_awaited=is_awaited, is_disarmed=is_disarmed)
+    def _end(self, arming: Arming, *, is_judged: bool = False, is_disarmed: bool = False) -> None:
+        if self._arming is arming:
+            if not self._plan.continuous:
+                self._source.disarm()
+            self._end_record(is_judged=is_judged, is_disarmed=is_disarmed)
 
     def _read(self) -> None:
         deadline = self._compute_deadline()
@@ -269,7 +267,7 @@ class SourceThread:
             self._on_ended(arming, COMPLETE if arming.is_released else early)
         elif time.monotonic() >= self._compute_deadline():
             why = "the record breaks off" if self._has_begun else "no impact came in time"
-            self._end(arming, is_judged=False)
+            self._end(arming)
             self._on_ended(arming, why)
 
     def _compute_deadline(self) -> float:
@@ -278,9 +276,10 @@ class SourceThread:
             return math.inf
         return self._next_due if self._has_begun else self._arming.latest_contact
 
-    def _end_record(self, *, is_awaited: bool, is_disarmed: bool = False) -> None:
+    def _end_record(self, *, is_judged: bool = False, is_disarmed: bool = False) -> None:
         """End the record of the arming under way, if there is one or a verdict is awaited."""
-        if self._has_begun or is_awaited:
+        is_released = self._arming is not None and self._arming.is_released
+        if self._has_begun or (is_released and not is_judged):
             points = self._record_points if self._has_begun else 0
             self._publish_end(points, is_disarmed=is_disarmed)
         self._arming, self._has_begun = None, False
@@ -288,7 +287,7 @@ class SourceThread:
     def _finish(self) -> None:
         """End the record under way, and a stream that has begun."""
         if self._arming is not None:
-            self._end_record(is_awaited=self._arming.is_released)
+            self._end_record()
         if self._plan.continuous and self.flow.blocks:
             self._publish_end()
 

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +17,6 @@ from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.process import run_node
 from impact_rig.nodes.rig_node import Answer, RigNode
 from impact_rig.recordings.fields import NANOSECONDS
-from impact_rig.recordings.records import Channel
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.schemas import check_interfaces, find_message_definition
 
@@ -56,10 +56,15 @@ class RunToReplay:
     def __init__(self, run: Run) -> None:
         self.run = run
         self._types = {topic.type_name: topic for topic in INPUTS}
-        self.topics = {
-            self._types[channel.type_name].name: self._types[channel.type_name]
-            for channel in self._list_channels()
-        }
+        self.topics: dict[str, Topic] = {}
+        for scan in run.scans:
+            for channel in filter(partial(run.is_wanted, self._types), scan.read_channels()):
+                try:
+                    check_interfaces(channel, find_message_definition(channel.type_name))
+                except FileError as error:
+                    raise FileError(f"{scan.path}: {error}") from None
+                topic = self._types[channel.type_name]
+                self.topics[topic.name] = topic
         if interfaces.ACCELERATION.name not in self.topics:
             raise FileError(
                 f"{run.path} holds nothing to replay, no hits of a rig: `impact-rig analyze` finds"
@@ -67,17 +72,6 @@ class RunToReplay:
             )
         ranges = [scan.read_time_range() for scan in run.scans]
         self.duration = sum(last - first for first, last in ranges)  # [ns], of all files
-
-    def _list_channels(self) -> Iterator[Channel]:
-        for scan in self.run.scans:
-            for channel in scan.read_channels():
-                if not self.run.is_wanted(self._types, channel):
-                    continue
-                try:
-                    check_interfaces(channel, find_message_definition(channel.type_name))
-                except FileError as error:
-                    raise FileError(f"{scan.path}: {error}") from None
-                yield channel
 
     def read_messages(self) -> Iterator[RecordedMessage]:
         """Yield the messages in file order."""

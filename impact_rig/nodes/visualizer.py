@@ -33,16 +33,6 @@ from impact_rig.recordings.new_file import choose_free
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.traces import JudgedTraces, SampleTraces, TraceAssembler
 
-
-def is_shown(number: int) -> bool:
-    """Whether the hit of this number, counted from 1 for each sample, is shown.
-
-    From the hundredth hit on it is every tenth, from the thousandth on every hundredth, and so on:
-    more would be a black band.
-    """
-    return number % 10 ** max(0, len(str(number)) - 2) == 0
-
-
 Finding: TypeAlias = (
     RecordedTruth | HitResults | JudgedTraces | SampleEstimate | HammerEstimate | SampleTraces
 )
@@ -64,12 +54,16 @@ class ShownCampaign:
         self._traces: dict[str, dict[str, SampleTraces]] = {}  # each with one model
 
     def is_laid_over(self, traces: JudgedTraces) -> bool:
-        """Return whether a hit is laid over the others: an accepted one, of many only some."""
+        """Return whether a hit is laid over the others: an accepted one, of many only some.
+
+        From a sample's hundredth hit on it is every tenth, from the thousandth on every hundredth,
+        and so on: more would be a black band.
+        """
         if not traces.accepted:
             return False
         sample = traces.aligned.label.sample
-        self._numbers[sample] += 1
-        return is_shown(self._numbers[sample])
+        self._numbers[sample] = number = self._numbers[sample] + 1
+        return number % 10 ** max(0, len(str(number)) - 2) == 0
 
     def add(self, found: Finding) -> None:
         """Keep a finding in place of the older one of its hit, sample or model."""

@@ -199,9 +199,6 @@ class RigStatus:
         """Return levels of the hammer's channel, by name [m/s^2]; empty: they are not known."""
         if self.setup is None or not self.full_scale:
             return ()
-        analysis = self.setup.analysis
-        levels = (
-            ("least peak", analysis.minimum_peak),
-            ("largest peak", analysis.maximum_peak),
-        )
-        return tuple((name, part * self.full_scale) for name, part in levels)
+        analysis, whole = self.setup.analysis, self.full_scale
+        least, largest = analysis.minimum_peak * whole, analysis.maximum_peak * whole
+        return ("least peak", least), ("largest peak", largest)

@@ -164,9 +164,10 @@ def test_an_operator_who_does_not_let_go_is_not_waited_for_for_ever(rig, start_b
     assert state.state == HammerState.HELD
 
 
-@pytest.fixture
-def frozen(harness, start_process):
-    """Return a hammer process, armed, that stood still for longer than a lease."""
+@pytest.mark.parametrize("asks_to_arm", [False, True])
+def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(
+    harness, start_process, asks_to_arm
+):
     acquisition = harness.advertise(interfaces.ACQUISITION_STATE)
     recorder = harness.advertise(interfaces.RECORDER_STATE)
     hammer = start_process("hammer", swing_time=0.01)
@@ -178,14 +179,6 @@ def frozen(harness, start_process):
     assert harness.call(Act, interfaces.ARM_HAMMER).success
     states.wait(lambda messages: messages[-1].armed)
     hammer.process.send_signal(signal.SIGSTOP)
-    return hammer, states
-
-
-@pytest.mark.parametrize("asks_to_arm", [False, True])
-def test_what_was_asked_of_a_stopped_process_does_not_fire_when_it_goes_on(
-    harness, frozen, asks_to_arm
-):
-    hammer, states = frozen
     releases = harness.listen(interfaces.RELEASE)
     arm = harness.peer.create_client(Act, interfaces.ARM_HAMMER)
     release = harness.peer.create_client(Release, interfaces.RELEASE_HAMMER)
