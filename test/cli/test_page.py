@@ -94,7 +94,7 @@ def test_the_inputs_are_shown_and_a_trial_hit_suggests_and_does_not_count(page):
 HASTY = """
 import impact_rig.cli.campaign as campaign
 from impact_rig.cli.main import cli
-campaign.UNATTENDED_PAUSE = 1.0
+campaign.UNATTENDED_PAUSE = 0.5
 cli()
 """
 """The command line, where a pause that nobody sees ends soon."""
@@ -114,7 +114,7 @@ def test_a_pause_at_the_page_of_a_demo_lasts_longer_than_one_that_nobody_sees(br
         page.keyboard.press("p")
         say(page, "PAUSED")
         before = hits.count()
-        page.wait_for_timeout(3000.0)
+        page.wait_for_timeout(1500.0)
         say(page, "PAUSED")
         assert hits.count() == before
         press(page, "Go on")
@@ -217,19 +217,13 @@ def test_everybody_can_use_the_page_in_each_state(page, rig):
 
 
 def test_up_ends_with_a_sentence_where_the_page_cannot_be_served(tmp_path):
-    wrong = tmp_path / "wrong.pem"
-    wrong.write_text("no certificate")
-    for setting, told in (
-        (f"certificate={wrong}", "certificate .*wrong.pem cannot be used"),
-        ("address=192.0.2.1", "cannot listen at 192.0.2.1:8000"),
-    ):
-        process = start_command(
-            "up", "--output", tmp_path / setting[:3], "--no-visualizer", "--page",
-            "--set", f"page.{setting}", stderr=subprocess.STDOUT,
-            env={"ROS_DOMAIN_ID": None, "XDG_STATE_HOME": str(tmp_path)},
-        )  # fmt: skip
-        output, _ = process.communicate(timeout=PATIENCE)
-        assert process.returncode
-        assert re.search(told, output)
-        assert "Traceback" not in output
-        assert "ready" not in output
+    process = start_command(
+        "up", "--output", tmp_path / "run", "--no-visualizer", "--page",
+        "--set", "page.address=192.0.2.1", stderr=subprocess.STDOUT,
+        env={"ROS_DOMAIN_ID": None, "XDG_STATE_HOME": str(tmp_path)},
+    )  # fmt: skip
+    output, _ = process.communicate(timeout=PATIENCE)
+    assert process.returncode
+    assert "cannot listen at 192.0.2.1:8000" in output
+    assert "Traceback" not in output
+    assert "ready" not in output
