@@ -59,6 +59,14 @@ def offer_profile() -> Iterator[None]:
         os.environ[PROFILES[0]] = str(Path(__file__).with_name("fast_dds_network.xml"))
     try:
         yield
+    except RuntimeError as error:  # of rclpy
+        if before.get("ROS_SECURITY_ENABLE") != "true":
+            raise
+        keystore = before.get("ROS_SECURITY_KEYSTORE", "which is not set")
+        raise DeviceError(
+            f"ROS_SECURITY_ENABLE is true, and ROS_SECURITY_KEYSTORE ({keystore}) has no keys for"
+            f" this node: make some by `ros2 security`, or unset the first ({error})"
+        ) from None
     finally:
         _restore_environment(before)
 

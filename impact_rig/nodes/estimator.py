@@ -35,13 +35,7 @@ from impact_rig.recordings.fields import stamp_from_msg
 from impact_rig.recordings.messages import overrule_from_msg
 from impact_rig.results.traces import align_hit
 
-LIBRARIES = (
-    "GTC",
-    "scipy.fft",
-    "scipy.interpolate",
-    "scipy.ndimage",
-    "scipy.optimize",
-)
+LIBRARIES = ("GTC", "scipy.fft", "scipy.interpolate", "scipy.ndimage", "scipy.optimize")
 """Modules that the core loads when it first needs them: no hit waits for that."""
 
 

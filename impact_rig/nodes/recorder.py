@@ -19,6 +19,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
+from std_msgs.msg import String
 
 from impact_rig.configuration.processes import RECORDING_NAME, choose_run_folder, split_names
 from impact_rig.core.given.errors import FileError, ParameterError, RigError
@@ -30,6 +31,7 @@ from impact_rig.nodes.interfaces import Topic
 from impact_rig.nodes.listener import adapt_qos, import_type
 from impact_rig.nodes.messages import stamp_to_msg
 from impact_rig.nodes.rig_node import PARAMETERS, RigNode
+from impact_rig.recordings.contents import LONGEST_NOTE, MOST_NOTES
 from impact_rig.recordings.hits import BlockCount, RecordCount, RecordWatch
 from impact_rig.recordings.messages import STREAM_TYPE, count_points
 from impact_rig.recordings.new_file import DiskFullError, choose_free
@@ -46,14 +48,6 @@ from impact_rig.recordings.schemas import find_message_definition
 from impact_rig.recordings.source import SUFFIX
 from impact_rig.recordings.writer import RecordingWriter
 from impact_rig.version import __version__
-
-FINDINGS = (
-    interfaces.IMPACT,
-    interfaces.IMPACT_TRACE,
-    interfaces.ESTIMATE,
-    interfaces.HAMMER_ESTIMATE,
-    interfaces.COMPARISON,
-)
 
 
 def describe_qos(profile: QoSProfile) -> OfferedQos:
@@ -131,8 +125,8 @@ class RecorderNode(RigNode):
         for topic in interfaces.RECORDED_TOPICS:
             if self.resolve_topic_name(topic.name) in self._left_out:
                 continue
-            # What was found is recorded as it came.
-            is_found = topic in FINDINGS
+            # What the estimator alone finds is recorded as it came.
+            is_found = topic.owners == interfaces.ESTIMATE.owners
             self._record_own(writer, topic.unread if is_found else topic)
         if self.get_value("record_stream"):
             self._record_own(writer, interfaces.STREAM)
@@ -236,6 +230,7 @@ class RecorderNode(RigNode):
         self._left_out = set[str]()  # topics that a replay computes
         self._texts: dict[str, str] = {}  # nodes' parameters in YAML, by full node name
         self._warning: str | None = None
+        self._notes = 0  # that were recorded
 
     def _open(self) -> RecordingWriter:
         output = self.get_value("output")
@@ -373,6 +368,8 @@ class RecorderNode(RigNode):
                     # What is left out on purpose is no gap; another publisher has other numbers.
                     previous += number == previous + 1
                     return
+                if topic.name == interfaces.NOTE.name and not self._takes_note(message):
+                    return
             else:
                 self.intake.handled += 1
             received = info["received_timestamp"] or time.time_ns()
@@ -395,6 +392,20 @@ class RecorderNode(RigNode):
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=True,
         )
+
+    def _takes_note(self, note: String) -> bool:
+        """Whether a note, of whomever, is one of those that a reader of the recording shows."""
+        if self._notes < MOST_NOTES and len(note.data) <= LONGEST_NOTE:
+            self._notes += 1
+            return True
+        senders = self.get_publishers_info_by_topic(interfaces.NOTE.name)
+        names = {f"{item.node_namespace.rstrip('/')}/{item.node_name}" for item in senders}
+        self.get_logger().warning(
+            f"a note of {' or '.join(sorted(names))} is left out: {MOST_NOTES} are recorded, of"
+            f" {LONGEST_NOTE} letters at most",
+            once=True,
+        )
+        return False
 
     def _count_lost(self, topic: str, count: int) -> None:
         # The middleware reports no loss where a queue overflows, but it numbers the messages of

@@ -49,6 +49,15 @@ def test_in_the_block_nothing_leads_beyond_this_computer_and_after_it_all_is_as_
     assert dict(os.environ) == before
 
 
+def test_security_without_keys_is_said(monkeypatch):
+    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
+    monkeypatch.setenv("ROS_SECURITY_STRATEGY", "Enforce")
+    done = run_program([sys.executable, "-m", "impact_rig.nodes", "hammer"])
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ROS_SECURITY_ENABLE is true, and ROS_SECURITY_KEYSTORE")
+    assert len(done.stderr.splitlines()) == 1
+
+
 def test_between_computers_who_has_a_profile_keeps_it(opened, monkeypatch, tmp_path):
     monkeypatch.setenv(NETWORK, "1")
     before = dict(os.environ)

@@ -27,6 +27,7 @@ from impact_rig import __version__
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.recorder import RecorderNode
+from impact_rig.recordings.contents import LONGEST_NOTE
 from impact_rig.recordings.scan import Scan
 
 COUNT = 20
@@ -366,6 +367,21 @@ def test_a_full_disk_ends_the_recording_cleanly_and_says_so(
     assert {message.record for message in stored.messages} <= whole
     (health,) = read_metadata(path, "impact_rig/health")
     assert health["reason"] == "disk full"
+
+
+def test_notes_are_bounded_in_number_and_length_and_who_sent_too_many_is_told(
+    harness, recorder, tmp_path, monkeypatch, capfd
+):
+    monkeypatch.setattr("impact_rig.nodes.recorder.MOST_NOTES", 3)
+    _, _, node = recorder()
+    notes = connect(harness, interfaces.NOTE)
+    lengths = [LONGEST_NOTE, LONGEST_NOTE + 1, 1, 2, 3]
+    publish(notes, [String(data="x" * length) for length in lengths])
+    harness.wait_until(lambda: node.intake.handled >= len(lengths))
+    harness.run(node.close)
+    found = [len(note.data) for note in read_by_rosbags(tmp_path / "session.mcap")["/note"]]
+    assert found == [LONGEST_NOTE, 1, 2]
+    assert capfd.readouterr().err.count("a note of /peer is left out") == 1
 
 
 def make_stream(*starts):
