@@ -127,8 +127,10 @@ _state = partial(_by, "status.states")
 _BLOCK = _recorded("block_from_msg")
 _RESULT = make_qos(RESULT_DEPTH, latched=True)
 _LATEST = make_qos(1, latched=True)
+_TRACES = make_qos(64, latched=True)
+_PASSING = make_qos(10, latched=False)
 _CAMPAIGN, _HAMMER, _RECORDER = ("campaign",), ("hammer",), ("recorder",)
-_ACCELEROMETER, _ESTIMATOR = ("accelerometer",), ("estimator",)
+_SOURCE, _ESTIMATOR = ("accelerometer",), ("estimator",)
 
 SETUP = Topic("setup", msg.RigSetup, _LATEST, _recorded("setup_from_msg"), _CAMPAIGN)
 ACCELERATION = Topic(
@@ -136,29 +138,21 @@ ACCELERATION = Topic(
     msg.AccelerationBlock,
     make_qos(200, latched=False),
     _BLOCK,
-    (*_ACCELEROMETER, *_ESTIMATOR),
+    (*_SOURCE, *_ESTIMATOR),
 )
 RELEASE = Topic("release", msg.HammerRelease, _RESULT, _inward("check_release"), _HAMMER)
 VIRTUAL_IMPACT = Topic(
-    "virtual_impact", msg.VirtualImpact, _RESULT, _recorded("truth_from_msg"), _ACCELEROMETER
+    "virtual_impact", msg.VirtualImpact, _RESULT, _recorded("truth_from_msg"), _SOURCE
 )
 IMPACT = Topic("impact", msg.Impact, _RESULT, _finding("hit_results_from_msg"), _ESTIMATOR)
 OVERRULE = Topic(
-    "overrule",
-    msg.Overrule,
-    _RESULT,
-    _by("recordings.messages", "overrule_from_msg"),
-    (*_ESTIMATOR, *REPLAYS),
+    "overrule", msg.Overrule, _RESULT, _recorded("overrule_from_msg"), (*_ESTIMATOR, *REPLAYS)
 )
 """Persons' verdicts on hits; the newest of a hit counts. In a replay persons may decide, too."""
-OVERRULE_STORED = Topic("overrule/stored", Header, make_qos(10, latched=False), owners=_RECORDER)
+OVERRULE_STORED = Topic("overrule/stored", Header, _PASSING, owners=_RECORDER)
 """The overrule of this stamp is on the recorder's disk."""
 IMPACT_TRACE = Topic(
-    "impact/trace",
-    msg.ImpactTrace,
-    make_qos(64, latched=True),
-    _finding("judged_traces_from_msg"),
-    _ESTIMATOR,
+    "impact/trace", msg.ImpactTrace, _TRACES, _finding("judged_traces_from_msg"), _ESTIMATOR
 )
 """Traces as judged, 60 kB each, while somebody listens."""
 ESTIMATE = Topic(
@@ -176,27 +170,15 @@ HAMMER_ESTIMATE = Topic(
     _ESTIMATOR,
 )
 COMPARISON = Topic(
-    "comparison",
-    msg.ModelComparison,
-    make_qos(64, latched=True),
-    _finding("traces_from_msg"),
-    _ESTIMATOR,
+    "comparison", msg.ModelComparison, _TRACES, _finding("traces_from_msg"), _ESTIMATOR
 )
 """Measured and model traces, 80 kB each."""
 HAMMER_STATE = Topic("hammer/state", msg.HammerState, _LATEST, _inward("hammer_from_msg"), _HAMMER)
 ACQUISITION_STATE = Topic(
-    "accelerometer/state",
-    msg.AcquisitionState,
-    _LATEST,
-    _state("AcquisitionStatus"),
-    _ACCELEROMETER,
+    "accelerometer/state", msg.AcquisitionState, _LATEST, _state("AcquisitionStatus"), _SOURCE
 )
 INPUT_LEVELS = Topic(
-    "accelerometer/levels",
-    msg.InputLevels,
-    make_qos(10, latched=False),
-    _by("status.levels", "InputLevels"),
-    _ACCELEROMETER,
+    "accelerometer/levels", msg.InputLevels, _PASSING, _by("status.levels", "InputLevels"), _SOURCE
 )
 """Levels of the input monitor, and of a running stream."""
 RECORDER_STATE = Topic(
@@ -207,19 +189,15 @@ CAMPAIGN_STATE = Topic(
 )
 RECORD_STORED = Topic("recorder/stored", msg.RecordStored, _RESULT, owners=_RECORDER)
 """A record is on the recorder's disk. The stamp is that of its last block in the file."""
-NOTE = Topic("note", String, make_qos(10, latched=False))
+NOTE = Topic("note", String, _PASSING)
 """Notes of an operator while the rig runs."""
-PAGE_ACT = Topic("page/act", String, make_qos(10, latched=False))
+PAGE_ACT = Topic("page/act", String, _PASSING)
 """What a person asked for at the page, done or refused, and who."""
 
 RECORDED_TOPICS = tuple(item for item in [*vars().values()] if isinstance(item, Topic))
 """Every topic above; what else the rig's nodes publish is recorded as it is discovered."""
 STREAM = Topic(
-    "acceleration/stream",
-    msg.StreamBlock,
-    make_qos(STREAM_DEPTH, latched=False),
-    _BLOCK,
-    _ACCELEROMETER,
+    "acceleration/stream", msg.StreamBlock, make_qos(STREAM_DEPTH, latched=False), _BLOCK, _SOURCE
 )
 """The running stream of continuous mode; the impacts in it come as `ACCELERATION`."""
 DIAGNOSTICS = Topic(

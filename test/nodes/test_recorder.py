@@ -4,7 +4,6 @@ It publishes when a record is on the disk, what the recording lacks, and why it 
 """
 
 import json
-import signal
 import threading
 from array import array
 from contextlib import suppress
@@ -28,7 +27,6 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.recordings.contents import LONGEST_NOTE
-from impact_rig.recordings.scan import Scan
 
 COUNT = 20
 POINTS = 1000
@@ -232,22 +230,6 @@ def test_what_cannot_be_recorded_is_refused_in_one_sentence(harness):
         node = harness.add(RecorderNode, namespace=f"/rig{number}", **parameters)
         assert not node.is_active
         assert told in node.fault
-
-
-def test_a_signal_leaves_a_sound_recording(harness, start_process, tmp_path):
-    states = harness.listen(interfaces.RECORDER_STATE)
-    path = tmp_path / "session.mcap"
-    process = start_process("recorder", output=str(path))
-    states.wait(lambda got: got[-1].recording)
-    publish(connect(harness), [make_blocks(record, 1)[0] for record in range(COUNT)])
-    harness.wait_until(lambda: count_whole_messages(path, "/acceleration") == COUNT)
-    process.process.send_signal(signal.SIGTERM)
-    assert process.wait() == 0
-    states.wait(lambda got: got[-1].message == "closed")
-    for read in (read_by_rosbags, read_by_mcap_ros2):
-        assert [item.record for item in read(path)["/acceleration"]] == list(range(COUNT))
-    assert not Scan(path).warnings
-    assert "Traceback" not in process.text
 
 
 def test_software_notes_files_and_the_parameters_of_all_nodes_go_into_the_recording(

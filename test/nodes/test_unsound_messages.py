@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from impact_rig_msgs import msg
 from impact_rig_msgs.srv import GetResults
 
-from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.campaign import CampaignNode
@@ -20,7 +19,6 @@ from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.intake import Intake
 from impact_rig.nodes.interfaces import Topic
-from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.visualizer import VisualizerNode
 
@@ -113,11 +111,3 @@ def test_the_first_unsound_message_of_a_topic_is_named():
     assert warning.startswith(
         "a message of hammer/state is dropped, as all like it: 7 is not a valid HammerPlace"
     )
-
-
-def test_what_comes_in_is_one_of_our_types():
-    received = Intake(Listener()).take(
-        interfaces.SETUP, setup_to_msg(PAPER_SETUP, stamp_to_msg(7))
-    )
-    assert received.value == PAPER_SETUP
-    assert received.stamp == 7
