@@ -14,10 +14,11 @@ from impact_rig.core.given.findings import Note, Reason, join_findings
 from impact_rig.core.given.records import Block, ChannelBlock, HitLabel
 from impact_rig.core.given.setup import RigSetup, Sample, SampleSet
 from impact_rig.core.hit.judging import JudgedHit
+from impact_rig.core.hit.pulse_width import ZERO_AFTER
 from impact_rig.core.session import Session
 
 from ..contacts import crush
-from ..struck import HAMMER, RATE, SAMPLE, SETUP, SPEED, Impact
+from ..struck import DURATION, HAMMER, RATE, SAMPLE, SETUP, SPEED, Impact
 
 CRUSHED = Impact(motion=crush(0.8), resonance=0.0)
 """A contact of no law that is given."""
@@ -65,6 +66,34 @@ def test_without_a_law_momenta_restitution_and_mass_are_given_all_the_same():
     assert hits[0].sample_mass == pytest.approx(SAMPLE, rel=5e-3)
     assert not find(found.warnings, "balance")
     assert not find(found.warnings, "by the traces")
+
+
+@pytest.mark.parametrize("off", [0, 1])
+def test_what_is_not_known_of_a_zero_is_in_what_its_trace_gives(off):
+    """A zero that is off by z moves a change of velocity by z times the contact's duration."""
+    impact = replace(CRUSHED, seed=1)
+    setup = RigSetup(SampleSet((Sample("struck", SAMPLE),), "struck"), HAMMER, SPEED)
+    session = Session(setup)
+    for record in (1, 2, 3):
+        traces = replace(impact, seed=record).measure()
+        channels = [ChannelBlock(trace, 1.0, 0.0, 0.0) for trace in traces]
+        session.feed(Block(0, RATE, *channels, HitLabel("struck", record, record), last=True))
+    zeros = np.where(np.arange(2) == off, 5.0, 0.0)
+    mean = replace(session.compute_mean("struck"), zero_uncertainty=zeros)
+    checks = check_momenta(mean, setup, RigInputs(setup).find("struck"), "struck")
+    changes = 1.8 * SPEED / (1.0 / HAMMER + 1.0 / SAMPLE) / np.array((HAMMER, SAMPLE))
+    share = 5.0 * DURATION / changes[off]
+    for quantity, is_moved in (
+        (checks.impulse, off == 0),
+        (checks.momentum_ratio, True),
+        (checks.traced_mass, True),
+        (checks.separation_restitution, True),
+    ):
+        lines = {line.source: line.contribution for line in quantity.budget}
+        assert (ZERO_AFTER in lines) is is_moved
+        if is_moved and quantity is not checks.separation_restitution:
+            # What is integrated is a little longer than the contact.
+            assert share < lines[ZERO_AFTER] / quantity.value < 2.0 * share
 
 
 @pytest.mark.parametrize("gains", [(0.96, 1.0), (1.0, 1.04)])
