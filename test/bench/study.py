@@ -79,7 +79,7 @@ def _measure_laboratories(count: int, seed: int) -> Iterator[Figure]:
 
 
 def _measure_selection(count: int, seed: int) -> Iterator[Figure]:
-    rejected = sum(strike_good_hits(PAPER_SETUP, seed, number) for number in range(count))
+    rejected = sum(strike_good_hits(seed, number) for number in range(count))
     hits = SERIES_HITS * count
     most = PERCENT * find_most(hits, REJECTED) / hits
     yield Figure("good hits that are rejected", PERCENT * rejected / hits, "%", most=most)
@@ -87,7 +87,7 @@ def _measure_selection(count: int, seed: int) -> Iterator[Figure]:
     for fault in FAULTS:
         found: Counter[str] = Counter()
         for number in range(count):
-            found.update(strike_fault(PAPER_SETUP, fault, seed, number))
+            found.update(strike_fault(fault, seed, number))
         for name in map(fault.name, fault.sizes):
             asked = least if name in SURE else None
             yield Figure(f"found: {name}", PERCENT * found[name] / count, "%", least=asked)

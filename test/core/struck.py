@@ -43,6 +43,7 @@ class Impact:
     noise: float = 1e-3  # of full scale
     hum: float = 0.0
     zero_shift: float = 0.0
+    shifts_at: float = np.nan  # where in the contact the zero shifts at once
     recovery: float = np.inf  # of the zero shift [s]
     corner: float = 0.1  # [Hz]
     drift: float = 0.0  # over the record
@@ -105,6 +106,8 @@ class Impact:
         ratio = np.array([[1.0], [HAMMER / self.sample_mass]])
         # The crystal keeps a charge that grows with the shock, and lets it go.
         after = np.cumsum(force) / force.sum()
+        if np.isfinite(self.shifts_at):
+            after = time > self.shifts_at * self.duration
         gone = np.exp(-np.maximum(time - self.duration, 0.0) / self.recovery)
         traces += self.zero_shift * peak * ratio * after * gone
         traces = lfilter(*butter(1, self.corner, "high", fs=RATE), traces)

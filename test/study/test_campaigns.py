@@ -21,7 +21,7 @@ def test_errors_are_as_large_as_they_are_said_to_be(plant):
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.reason.value)
 def test_a_fault_is_found_from_its_size_on(fault):
-    found = [strike_fault(PAPER_SETUP, fault, 2, number) for number in range(3)]
+    found = [strike_fault(fault, 2, number) for number in range(3)]
     for size in fault.sizes:
         name = fault.name(size)
         # A step of some sizes goes as a droop of that size would.
@@ -29,7 +29,7 @@ def test_a_fault_is_found_from_its_size_on(fault):
 
 
 def test_good_hits_stay():
-    assert sum(strike_good_hits(PAPER_SETUP, 2, number) for number in range(3)) == 0
+    assert sum(strike_good_hits(2, number) for number in range(3)) == 0
 
 
 def test_no_cause_makes_a_wrong_number_with_nothing_said():
