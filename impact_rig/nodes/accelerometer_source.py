@@ -262,7 +262,7 @@ class SourceThread:
         if arming is None:
             return
         if block is not None and block.last and not self._plan.continuous:
-            self._arming = None
+            self._arming, self._has_begun = None, False
             early = f"{COMPLETE}: something struck the hammer before it was released"
             self._on_ended(arming, COMPLETE if arming.is_released else early)
         elif time.monotonic() >= self._compute_deadline():
@@ -286,8 +286,7 @@ class SourceThread:
 
     def _finish(self) -> None:
         """End the record under way, and a stream that has begun."""
-        if self._arming is not None:
-            self._end_record()
+        self._end_record()
         if self._plan.continuous and self.flow.blocks:
             self._publish_end()
 

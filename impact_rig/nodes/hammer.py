@@ -48,7 +48,7 @@ class HammerNode(DeviceNode):
         self._swing = self.create_timer(1.0, self._on_swing_time)
         self._swing.cancel()
         self._told = self.number_state(interfaces.HAMMER_STATE)
-        self._changed_at = self._stopped_at = Time()
+        self._stopped_at = Time()
         self._release = self.advertise(interfaces.RELEASE)
         self._hammer = GuardedHammer(self._publish_condition)
         self._accelerometer = RigMember(
@@ -138,7 +138,6 @@ class HammerNode(DeviceNode):
 
     def _publish_condition(self, condition: HammerStatus) -> None:
         now, was_stopped = self.get_clock().now().to_msg(), self._stopped_at != Time()
-        self._changed_at = now
         if condition.is_stopped != was_stopped:
             self._stopped_at = now if condition.is_stopped else Time()
         if self.context.ok():
@@ -152,7 +151,7 @@ class HammerNode(DeviceNode):
                 sets_angle=self._hammer.can_set_angle,
                 stopped_by=condition.stopped_by,
                 stopped_at=self._stopped_at,
-                since=self._changed_at,
+                since=now,
                 lead_time=self._lead_time,
             )
 

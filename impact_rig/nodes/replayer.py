@@ -146,12 +146,6 @@ class ReplayerNode(RigNode):
         self._recording = None
         self._set_state(ReplayerState.IDLE, "no recording")
 
-    def autostart(self) -> None:
-        """Start; a process that is to end with its recording ends at once if there is none."""
-        super().autostart()
-        if self.get_value("exit_when_done") and self.fault:
-            raise FileError(self.fault)
-
     def report_fault(self, text: str) -> None:
         """Publish the fault in the state, too."""
         super().report_fault(text)

@@ -40,6 +40,9 @@ def test_a_record_is_streamed_as_the_device_gave_it_in_blocks(
     assert (state.source, state.hammerless) == ("desk digitizer 7", False)
     # A driver that does not say where its numbers come from has measured them.
     assert {block.origin for block in got} == {Origin(MEASURED, "desk digitizer 7")}
+    harness.change_state("accelerometer", "deactivate")
+    wait_for_state(states, AcquisitionState.IDLE, "node inactive")
+    assert len(blocks.messages) == 5  # a record that is complete has one end
 
 
 def test_a_hit_without_a_release_is_published_and_reported(
