@@ -1,7 +1,6 @@
 """The replayer gives a recording back, byte by byte; its rate, its loop and its pauses."""
 
 import time
-from functools import partial
 
 import pytest
 from impact_rig_msgs.msg import AccelerationBlock, ReplayerState
@@ -27,10 +26,6 @@ from .replays import PEER, make_events, make_hits, wait_for_end, write_recording
 NOTES = interfaces.Topic("notes", String, interfaces.IMPACT.qos)
 
 
-def is_topic(name, channel):
-    return channel.topic == name
-
-
 def collect_raw(harness, topic, name):
     """Collect a topic's messages as they were serialised."""
     collector = harness.make_collector()
@@ -45,8 +40,8 @@ def test_the_bytes_come_back_unchanged_in_order(harness, tmp_path):
     setups = collect_raw(harness, interfaces.SETUP, "setup")
     wait_for_end(harness, play(harness, path, rate=1000.0))
     originals = {
-        topic: [item.data for item in Scan(path).read_messages(partial(is_topic, topic))]
-        for topic in ("/setup", "/acceleration")
+        name: [item.data for item in Scan(path).read_messages(lambda it, of=name: it.topic == of)]
+        for name in ("/setup", "/acceleration")
     }
     assert blocks.wait_for_count(150) == originals["/acceleration"]
     assert setups.wait_for_count(1) == originals["/setup"]
