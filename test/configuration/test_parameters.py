@@ -50,11 +50,6 @@ def test_a_file_that_does_not_exist_is_refused(tmp_path):
         check_parameter_file(tmp_path / "nowhere.yaml")
 
 
-def test_a_setting_of_the_command_line_is_refused_too():
-    with pytest.raises(ParameterError, match="did you mean swing_time"):
-        list_rig_processes("", overrides={"hammer": {"swing_tme": 0.3}})
-
-
 @pytest.mark.parametrize(
     ("place", "value", "wanted"),
     [

@@ -176,17 +176,16 @@ def test_mistakes_of_barrier_and_check_mass_are_named_with_their_line(old, new, 
     assert any(told in note.text for note in notes if note.is_fault is is_fault), notes
 
 
-@pytest.mark.parametrize("distance", ["0 mm", "-5 mm"])
-def test_a_barrier_without_a_way_is_refused_with_its_line(distance):
-    rig = parse_rig_file(add(BARRIER.replace("5 mm", distance)))
-    with pytest.raises(ParameterError, match=f"line 42: distance of .* is '{distance}': it must"):
-        check_rig(rig)
-
-
-@pytest.mark.parametrize("rate", ["0 Hz", "-1 MHz"])
-def test_a_rate_that_is_none_is_refused_with_its_line(rate):
-    rig = parse_rig_file(change("2.5 MHz", rate))
-    with pytest.raises(ParameterError, match=f"line 22: sampling_rate of .* is '{rate}': it must"):
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        *(("5 mm", way, "line 42: distance") for way in ("0 mm", "-5 mm")),
+        *(("2.5 MHz", rate, "line 22: sampling_rate") for rate in ("0 Hz", "-1 MHz")),
+    ],
+)
+def test_a_barrier_without_a_way_and_a_rate_that_is_none_are_refused(old, new, told):
+    rig = parse_rig_file(add(BARRIER).replace(old, new, 1))
+    with pytest.raises(ParameterError, match=f"{told} of .* is '{new}': it must"):
         check_rig(rig)
 
 

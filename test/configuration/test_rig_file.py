@@ -38,7 +38,6 @@ def test_a_sheet_is_taken_as_it_is_written():
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ('[source.hammer]\nquantity = "speed"', "line 3: quantity .*one of acceleration, force"),
         ('[source.hammer]\nsensitivity = "10 mV/N"', "line 3: .*in m/s.2 or g or .*acceleration"),
         ('[source.hammer]\nlow_corner = "2 Hz"\nresonance = "1 Hz"', "line 3: low corner .*below"),
         ('[source.hammer]\nfull_scale = "-500 g"', "line 3: full_scale .*above zero"),
@@ -108,14 +107,8 @@ def test_release_angles_are_in_degrees():
     ("old", "new", "message"),
     [
         ('[[sample]]\nname = "oak"\nmass = "80 g"', "", r"no \[\[sample\]\]: .*--template"),
-        ('mass = "80 g"', 'mas = "80 g"', r"sample 'oak' has an unknown key 'mas'.*'mass'"),
-        ('mass = "80 g"', 'mass = "80 mm"', r'mass of sample \'oak\' is "80 mm", which is no kg'),
         ('mass = "80 g"', 'mass = "80 g"\nmass_uncertainty = "-1 g"',
          r"mass uncertainty of sample 'oak' is -0.001.*0 or more"),
-        ('name = "oak"', 'name = "ash"\nmass = "1 g"\n[[sample]]\nname = "ash"',
-         r"'ash' appears twice"),
-        ('mass = "0.1 kg"', "", r"\[hammer\] lacks mass"),
-        ("[hammer]", '[samples]\ncontrol = "tin"\n[hammer]', r"control sample 'tin' is missing"),
         ("[hammer]", "[analysis]\npulse_factor = 9\n[hammer]", r"pulse_factor is 9.*between"),
         ("[hammer]", '[hammer]\nrelease_angles = ["5 deg"]', r"release_angle of .* not known"),
         ("[hammer]", '[hammer]\nrelease_angle = "3 deg"\nrelease_angles = ["5 deg", "0 deg"]',

@@ -68,25 +68,10 @@ def read_one(*args):
     return hit
 
 
-def test_three_columns_are_time_hammer_and_sample():
-    found = map_one(columns(TIME, HAMMER, SPECIMEN), plan())
-    assert found.block.sampling_rate == pytest.approx(2.5e6, rel=1e-8)
-    assert np.array_equal(found.block.hammer.output, HAMMER)
-    assert np.array_equal(found.block.specimen.output, SPECIMEN)
-    assert (
-        found.block.hammer.scale,
-        found.block.hammer.offset,
-        found.block.hammer.full_scale,
-    ) == (1.0, 0.0, 0.0)
-    assert [remark.split("'s")[0] for remark in found.remarks] == [
-        "the unit of the hammer",
-        "the unit of the sample",
-    ]
-
-
 @pytest.mark.parametrize(
     ("file", "given", "names"),
     [
+        (columns(TIME, HAMMER, SPECIMEN), {}, ("column 2", "column 3")),
         (columns(HAMMER, SPECIMEN), {"sampling_rate": 1e6}, ("column 1", "column 2")),
         (
             columns(SPECIMEN, HAMMER * np.nan, TIME, TIME, HAMMER),

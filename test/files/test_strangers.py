@@ -23,11 +23,7 @@ from scipy.io import savemat
 from impact_rig.analysis.analyze import judge
 from impact_rig.analysis.measured_files import MeasuredFiles, make_series
 from impact_rig.configuration.units import parse_quantity
-from impact_rig.core.given.errors import SignalError
-from impact_rig.files.channels import map_channels
-from impact_rig.files.formats.registry import read_measurement
 from impact_rig.files.import_file import MeasurementOptions
-from impact_rig.files.plan import ChannelPlan
 
 from .formats.foreign import make_function
 
@@ -428,12 +424,3 @@ def test_a_tdms_file_that_is_cut_says_so(tmp_path):
     files = MeasuredFiles([path], make_series(MeasurementOptions()))
     assert files.hits[0].block.hammer.output.size == COUNT + 96
     assert "the file is cut at its end: its channels end early" in files.warnings
-
-
-@pytest.mark.parametrize("names", [("t1 (s)", "t2 (s)"), ("Time (s)", "Time (s)")])
-def test_two_columns_of_times_that_differ_are_refused(tmp_path, names):
-    path = tmp_path / "pairs.csv"
-    rows = [f"{n / 25600},{n % 7},{n / 51200},{n % 5}" for n in range(200)]
-    path.write_text("\n".join([f"{names[0]},acc (g),{names[1]},force (N)", *rows]))
-    with pytest.raises(SignalError, match=r"has times in .* and others in"):
-        map_channels(read_measurement(path), ChannelPlan())

@@ -163,12 +163,7 @@ def test_the_head_of_the_file_dates_channels_whose_own_does_not(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("2023/05/05", "1904/01/01"),
-        ("2023/05/05", "today"),
-        ("13:39:50.5", "noon"),
-    ],
+    ("old", "new"), [("2023/05/05", "1904/01/01"), ("2023/05/05", "today"), ("13:39:50.5", "noon")]
 )
 def test_a_date_that_cannot_be_is_none(tmp_path, old, new):
     path = write(tmp_path, change(HEADER + SEGMENT, (old, new), ("50.75", "50.5")))

@@ -128,7 +128,7 @@ def test_matlab_files_without_vectors_are_named(tmp_path, variables):
         read_measurement(tmp_path / "hit.mat")
 
 
-def test_a_file_that_crashes_the_library_is_refused_and_the_next_one_read(tmp_path):
+def test_a_file_that_crashes_the_library_is_refused_without_noise_and_the_next_one_read(tmp_path):
     good, bad = tmp_path / "good.mat", tmp_path / "bad.mat"
     scipy.io.savemat(good, {"hammer": TRACE, "Fs": RATE})
     content = good.read_bytes()
@@ -138,20 +138,12 @@ def test_a_file_that_crashes_the_library_is_refused_and_the_next_one_read(tmp_pa
     with pytest.raises(FileError, match=r"bad\.mat is no sound \.mat file: it crashes"):
         read_measurement(bad)
     assert list(read_channels(good)) == ["hammer"]
-
-
-def test_a_crash_prints_nothing(tmp_path):
-    scipy.io.savemat(tmp_path / "hit.mat", {"hammer": TRACE, "Fs": RATE})
-    content = (tmp_path / "hit.mat").read_bytes()
-    doubles, unknown = (struct.pack("<II", kind, 8 * TRACE.size) for kind in (9, 10))
-    (tmp_path / "hit.mat").write_bytes(content.replace(doubles, unknown))
     script = (
         "import sys; from pathlib import Path;"
         "from impact_rig.files.formats.registry import read_measurement;"
         "read_measurement(Path(sys.argv[1]))"
     )
-    command = [sys.executable, "-X", "faulthandler", "-c", script, tmp_path / "hit.mat"]
-    done = run_program(command)
+    done = run_program([sys.executable, "-X", "faulthandler", "-c", script, bad])
     assert "it crashes the library" in done.stderr
     assert "Segmentation fault" not in done.stderr
     assert "Fatal Python error" not in done.stderr

@@ -32,12 +32,7 @@ def test_the_unit_of_times_is_in_their_heading(name, unit, found):
 
 @pytest.mark.parametrize(
     ("start", "stamp"),
-    [
-        (0.0, 1_683_293_990_887_019_931),
-        (-0.5, 1_683_293_990_387_019_931),
-        (1e300, 0),
-        (-1e300, 0),
-    ],
+    [(0.0, 1_683_293_990_887_019_931), (-0.5, 1_683_293_990_387_019_931), (1e300, 0), (-1e300, 0)],
 )
 def test_the_first_point_has_a_date_where_that_can_be_meant(start, stamp):
     channel = MeasuredChannel("a", np.zeros(2), 1.0, "", start, 1_683_293_990_887_019_931)
