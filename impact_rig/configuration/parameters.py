@@ -58,8 +58,8 @@ _RIG_FILE = Parameter("", "path of the rig file; empty: the paper's rig, virtual
 _DEVICE = {
     "rig_file": _RIG_FILE,
     "reconnect_period": Parameter(
-        1.0,
-        "how often a missing device is looked for [s]; 0: only when the node is configured again",
+        1.0, "how often a missing device is looked for [s]; 0: only when the node is configured"
+        " again",
         low=0.0, high=3600.0, is_live=True,
     ),
 }  # fmt: skip
@@ -79,8 +79,7 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
             25_000, "points per block of the running stream [-]", low=1, high=10_000_000
         ),
         "trigger_timeout": Parameter(
-            0.5,
-            "how long after the latest contact a trigger may come, and how long the rest of a"
+            0.5, "how long after the latest contact a trigger may come, and how long the rest of a"
             " record may take from block to block [s]",
             low=0.0, high=60.0,
         ),
@@ -148,9 +147,8 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
         "file": Parameter("", "path of the recording: an .mcap file, or the folder of a run"),
         "rig_namespace": Parameter("", "of the rig to replay, where the recording holds several"),
         "rate": Parameter(
-            1.0,
-            "speed, part of the original's [-]; may be changed at any time; what comes faster than"
-            " the subscribers take it is lost",
+            1.0, "speed, part of the original's [-]; may be changed at any time; what comes faster"
+            " than the subscribers take it is lost",
             low=0.001, high=1000.0, is_live=True,
         ),
         "loop": Parameter(1, "how often [-]; 0: without end", low=0, high=1_000_000, is_live=True),
@@ -199,14 +197,12 @@ def check_parameter_file(path: Path) -> None:
     import yaml  # here: only launch files read one
 
     try:
-        content = yaml.safe_load(path.read_text("utf-8"))
+        for node, values in _find_sections("", yaml.safe_load(path.read_text("utf-8"))):
+            check_parameters(values, node)
     except OSError as error:
         raise ParameterError(f"params_file {path} cannot be read: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ParameterError(f"params_file {path} is not YAML: {error}") from None
-    try:
-        for node, values in _find_sections("", content):
-            check_parameters(values, node)
     except ParameterError as error:
         raise ParameterError(f"params_file {path}: {error}") from None
 

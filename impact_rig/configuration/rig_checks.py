@@ -5,7 +5,6 @@ import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 from impact_rig.configuration.rig_file import (
     RigFile,
@@ -85,8 +84,7 @@ class _Reading:
     def find_sample(self, name: str) -> TomlTable:
         """Return the table of a sample."""
         tables = self.rig.document.take_tables("sample")
-        found = [table for table in tables if table.get("name") == name]
-        return found[0] if found else TomlTable({})
+        return next((table for table in tables if table.get("name") == name), TomlTable({}))
 
 
 def fault(table: TomlTable, key: str, told: str) -> RigNote:
@@ -332,48 +330,36 @@ def _check_sensors(reading: _Reading) -> Notes:
             yield remark(table, "sensitivity", text)
 
 
-class Plausible(NamedTuple):
-    """The usual range of a number of a rig file, and the warning outside it."""
-
-    table: str
-    key: str
-    read: Callable[[RigSetup], float]
-    shown: str  # how the value is written
-    low: float
-    high: float
-    advice: str
-
-
-PLAUSIBLE = (
-    Plausible("hammer", "mass", lambda rig: rig.hammer_mass, "{:.4g} kg", 1e-3, 20.0,
-              "a pendulum hammer has 10 g to some kg, is the unit right?"),
-    Plausible("hammer", "mass_uncertainty",
-              lambda rig: 100.0 * rig.hammer_mass_uncertainty / rig.hammer_mass,
-              "{:.3g} % of the mass", 0.0, 5.0, "a balance does better"),
-    Plausible("hammer", "impact_speed", lambda rig: rig.impact_speed, "{:.4g} m/s", 1e-3, 10.0,
-              "a pendulum reaches 1 cm/s to some m/s, is the unit right?"),
-    Plausible("hammer", "impact_speed_uncertainty",
-              lambda rig: 100.0 * rig.impact_speed_uncertainty / rig.impact_speed,
-              "{:.3g} % of the speed", 0.0, 10.0, "a light barrier does better"),
-    Plausible("hammer", "release_angle", lambda rig: STANDARD_GRAVITY / rig.pendulum_rate**2,
-              "that of a pendulum {:.2g} m long", 0.02, 5.0, "it or impact_speed is wrong"),
-    Plausible("digitizer", "clock_uncertainty", lambda rig: rig.clock_uncertainty,
-              "{:g}, part of the rate", 0.0, 0.01, "a crystal has 1e-4 or less"),
-    Plausible("analysis", "record_duration", lambda rig: rig.analysis.record_duration, "{:g} s",
-              0.0, 1.0, "impacts take ms"),
-    Plausible("analysis", "double_hit_level", lambda rig: rig.analysis.double_hit_level, "{:g}",
-              0.0, 0.2, "second contacts below it count as none, 0.02 is usual"),
-    Plausible("analysis", "maximum_peak", lambda rig: rig.analysis.maximum_peak, "{:g}",
-              0.0, 0.99, "it leaves no room below the rail, 0.95 is usual"),
+PLAUSIBLE: tuple[tuple[str, str, Callable[[RigSetup], float], str, float, float, str], ...] = (
+    ("hammer", "mass", lambda rig: rig.hammer_mass, "{:.4g} kg", 1e-3, 20.0,
+     "a pendulum hammer has 10 g to some kg, is the unit right?"),
+    ("hammer", "mass_uncertainty",
+     lambda rig: 100.0 * rig.hammer_mass_uncertainty / rig.hammer_mass,
+     "{:.3g} % of the mass", 0.0, 5.0, "a balance does better"),
+    ("hammer", "impact_speed", lambda rig: rig.impact_speed, "{:.4g} m/s", 1e-3, 10.0,
+     "a pendulum reaches 1 cm/s to some m/s, is the unit right?"),
+    ("hammer", "impact_speed_uncertainty",
+     lambda rig: 100.0 * rig.impact_speed_uncertainty / rig.impact_speed,
+     "{:.3g} % of the speed", 0.0, 10.0, "a light barrier does better"),
+    ("hammer", "release_angle", lambda rig: STANDARD_GRAVITY / rig.pendulum_rate**2,
+     "that of a pendulum {:.2g} m long", 0.02, 5.0, "it or impact_speed is wrong"),
+    ("digitizer", "clock_uncertainty", lambda rig: rig.clock_uncertainty,
+     "{:g}, part of the rate", 0.0, 0.01, "a crystal has 1e-4 or less"),
+    ("analysis", "record_duration", lambda rig: rig.analysis.record_duration, "{:g} s",
+     0.0, 1.0, "impacts take ms"),
+    ("analysis", "double_hit_level", lambda rig: rig.analysis.double_hit_level, "{:g}",
+     0.0, 0.2, "second contacts below it count as none, 0.02 is usual"),
+    ("analysis", "maximum_peak", lambda rig: rig.analysis.maximum_peak, "{:g}",
+     0.0, 0.99, "it leaves no room below the rail, 0.95 is usual"),
 )  # fmt: skip
+"""Table and key of a number, how it is read and written, usual range, and advice outside it."""
 
 
 def _check_plausible(reading: _Reading) -> Notes:
-    for item in PLAUSIBLE:
-        value, table = item.read(reading.setup), reading.find_table(item.table)
-        if value < item.low or value > item.high:
-            text = f"is {item.shown.format(value)}: {item.advice}"
-            yield warning(table, item.key, text)
+    for table, key, read, shown, low, high, advice in PLAUSIBLE:
+        value = read(reading.setup)
+        if value < low or value > high:
+            yield warning(reading.find_table(table), key, f"is {shown.format(value)}: {advice}")
 
 
 CHECKS: tuple[Callable[[_Reading], Notes], ...] = (

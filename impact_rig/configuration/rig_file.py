@@ -69,13 +69,9 @@ def parse_settings(document: TomlTable) -> dict[str, float]:
     """
     table = document.take_table("analysis")
     table.check_keys(*(item.name for item in fields(AnalysisSettings)))
-    values: dict[str, float] = {}
-    for key in table:
-        if key in ANALYSIS_QUANTITIES:
-            values[key] = table.take_quantity(key, *ANALYSIS_QUANTITIES[key])
-        else:
-            values[key] = table.take_number(key)
-    return values
+    numbers = {key: table.take_number(key) for key in table if key not in ANALYSIS_QUANTITIES}
+    stated = [(key, of) for key, of in ANALYSIS_QUANTITIES.items() if key in table]
+    return numbers | {key: table.take_quantity(key, *of) for key, of in stated}
 
 
 def read_settings(given: Mapping[str, Any]) -> dict[str, float]:
@@ -294,20 +290,13 @@ def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
     with document.take_table("analysis").locating():
         analysis = AnalysisSettings(**settings)
     digitizer.check_keys("clock_uncertainty", *INSTRUMENT_KEYS)
-    numbers = {name: hammer.take_quantity(*stated) for name, stated in SWING.items()}
-    numbers["clock_uncertainty"] = digitizer.take_number(
+    given: dict[str, Any] = {name: hammer.take_quantity(*of) for name, of in SWING.items()}
+    given |= {key: document.take_text(key) for key in ("name", "description")}
+    given["clock_uncertainty"] = digitizer.take_number(
         "clock_uncertainty", 0.0, 1.0, DEFAULT_CLOCK_UNCERTAINTY
     )
-    name, description = document.take_text("name"), document.take_text("description")
     with hammer.locating():
-        return RigSetup(
-            samples=samples,
-            analysis=analysis,
-            name=name,
-            description=description,
-            sensors=sensors,
-            **numbers,
-        )
+        return RigSetup(samples=samples, analysis=analysis, sensors=sensors, **given)
 
 
 PRE_TRIGGER_MARGIN = 1.5
@@ -356,10 +345,9 @@ def _parse_check_mass(document: TomlTable) -> Sample | None:
     table = document.take_table("check_mass")
     table.check_keys("mass", "mass_uncertainty")
     mass = table.take_quantity("mass", "kg", "150.2 g")
+    uncertainty = table.take_quantity("mass_uncertainty", "kg", "10 mg", 0.0, low=0.0)
     with table.locating():
-        return make_check_mass(
-            mass, table.take_quantity("mass_uncertainty", "kg", "10 mg", 0.0, low=0.0)
-        )
+        return make_check_mass(mass, uncertainty)
 
 
 def _parse_swing(hammer: TomlTable, holder: TomlTable) -> dict[str, Any]:
@@ -435,13 +423,9 @@ def _parse_sample(table: TomlTable) -> Sample:
     references = {f"reference_{name}": found for name, found in MEASURANDS.items()}
     name, material = table.take_text("name"), table.take_text("material")
     numbers = {
-        "mass": table.take_quantity("mass", "kg", "21.31 g"),
-        "mass_uncertainty": table.take_quantity("mass_uncertainty", "kg", "0.003 g", 0.0),
-        **{
-            key: table.take_quantity(key, unit, example)
-            for key, (unit, example) in references.items()
-            if key in table
-        },
+        key: table.take_quantity(key, *of) for key, of in references.items() if key in table
     }
+    numbers["mass"] = table.take_quantity("mass", "kg", "21.31 g")
+    numbers["mass_uncertainty"] = table.take_quantity("mass_uncertainty", "kg", "0.003 g", 0.0)
     with table.locating():
         return Sample(name=name, material=material, **numbers)

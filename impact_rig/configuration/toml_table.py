@@ -231,11 +231,7 @@ class TomlTable(Mapping[str, Any]):
         return value
 
     def take_number(
-        self,
-        key: str,
-        low: float = -LARGEST,
-        high: float = LARGEST,
-        default: float = REQUIRED,
+        self, key: str, low: float = -LARGEST, high: float = LARGEST, default: float = REQUIRED
     ) -> float:
         """Return a plain number between two others; raises `ParameterError`."""
         value = self._take(key, default, "1.0")

@@ -181,16 +181,8 @@ def _map_hits(
             rate /= held.step
             hammer = replace(hammer, output=hammer.output[held])
             specimen = replace(specimen, output=specimen.output[held])
-        block = Block(
-            0,
-            rate,
-            hammer,
-            specimen,
-            HitLabel(""),
-            last=True,
-            stamp=channel.stamp,
-            origin=_describe_origin(path, channel.origin),
-        )
+        block = Block(0, rate, hammer, specimen, HitLabel(""), last=True, stamp=channel.stamp)
+        block = replace(block, origin=_describe_origin(path, channel.origin))
         block = _cut_padding(questions, block)
         names: tuple[str, ...] = (channel.name,)
         if found.specimen is not None and specimen.output.size:
@@ -345,10 +337,7 @@ def count_padding(values: RawArray) -> int:
 
 
 def _choose_rate(
-    questions: Questions,
-    plan: ChannelPlan,
-    hammer: MeasuredChannel,
-    time: MeasuredChannel | None,
+    questions: Questions, plan: ChannelPlan, hammer: MeasuredChannel, time: MeasuredChannel | None
 ) -> float:
     """Return the sampling rate [Hz]; NaN: it was asked for."""
     path = questions.measurement.path

@@ -55,12 +55,9 @@ def _split_records(times: RawArray) -> list[slice]:
     falls = np.flatnonzero(np.diff(times) < 0.0) + 1
     ends = [0, *falls.tolist(), times.size]
     records = [slice(*pair) for pair in pairwise(ends)]
-    if len(records) > 1 and all(
-        record.stop - record.start >= MINIMUM_POINTS and is_clock(times[record])
-        for record in records
-    ):
-        return records
-    return [slice(0, times.size)]
+    sizes = [record.stop - record.start for record in records]
+    are_traces = min(sizes) >= MINIMUM_POINTS and all(is_clock(times[it]) for it in records)
+    return records if are_traces else [slice(0, times.size)]
 
 
 def find_hold(values: RawArray) -> tuple[int, int]:

@@ -276,11 +276,6 @@ class StatedRate(NamedTuple):
     rate: float  # [Hz]; of a step without a unit as of seconds
     has_unit: bool
 
-    def contradicts(self, other: "StatedRate") -> bool:
-        """Return whether both cannot be of one file."""
-        is_sure = self.has_unit and other.has_unit
-        return is_sure and not math.isclose(self.rate, other.rate, rel_tol=RATE_MISMATCH)
-
 
 def _list_rates(statements: dict[str, list[str]]) -> list[StatedRate]:
     """Return the rates that a file states, then its steps."""
@@ -310,7 +305,8 @@ def _find_rate(path: Path, statements: dict[str, list[str]]) -> tuple[float, str
         return math.nan, "s", None
     first = found[0]
     for other in found[1:]:
-        if first.contradicts(other):
+        is_same = math.isclose(first.rate, other.rate, rel_tol=RATE_MISMATCH)
+        if first.has_unit and other.has_unit and not is_same:
             told = f"{first.rate:g} Hz by {first.name!r} and {other.rate:g} Hz by {other.name!r}"
             return math.nan, "s", f"{path} states two sampling rates, {told}: give --rate"
     return first.rate, "s" if first.has_unit else "", None
