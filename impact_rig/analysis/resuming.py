@@ -57,7 +57,9 @@ def find_rig_of_run(folder: Path, given: Path | None, source: Mapping[str, Any])
             parameters |= read_parameters(item, "accelerometer")
     recorded = dict(parse_toml_table(str(parameters.get("source", ""))))
     rig = _choose_rig_file(folder, attached, given)
-    if attached is None and "driver" not in recorded and _is_measured(run):
+    first = next(run.read_messages({BLOCK_TYPE}), None)
+    is_measured = first is not None and run.convert(first, origin_from_msg).kind == MEASURED
+    if attached is None and "driver" not in recorded and is_measured:
         raise FileError(f"{folder} was measured, and does not say by which rig: begin a new run")
     for key, value in source.items():
         if value is not None and value != recorded.get(key, rig.source.get(key)):
@@ -106,8 +108,3 @@ def _keep_rig_file(folder: Path, attached: Attachment) -> Path:
         if path.read_bytes() == attached.data:
             return path
     raise AssertionError  # there are names without end
-
-
-def _is_measured(run: Run) -> bool:
-    first = next(run.read_messages({BLOCK_TYPE}), None)
-    return first is not None and run.convert(first, origin_from_msg).kind == MEASURED

@@ -354,13 +354,9 @@ def _try_low_pass(cutoff_contact_time: float, level: float) -> float:
     pulse = compute_pulse(time, 1.0, VERSED_SINE)
     try:
         before, after = (
-            _measure_width(trace, level) for trace in (pulse, low_pass(pulse, relative, 1.0))
+            float(np.ptp(find_ends(trace, measure_pulse(trace), level)))
+            for trace in (pulse, low_pass(pulse, relative, 1.0))
         )
     except RigError:
         return 0.0
     return after / before - 1.0
-
-
-def _measure_width(trace: FloatArray, level: float) -> float:
-    rise, fall = find_ends(trace, measure_pulse(trace), level)
-    return fall - rise
