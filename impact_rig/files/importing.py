@@ -180,15 +180,13 @@ def write_imported(output: Path, setup: RigSetup, hits: Sequence[MeasuredHit]) -
         remarks = dict.fromkeys(remark for hit in hits for remark in hit.remarks)
         made = {"software_version": __version__, IMPORT_REMARKS: "\n".join(remarks)}
         writer.add_metadata(PROVENANCE_RECORD, made)
-        writer.add_metadata(
-            "impact_rig/import", {str(hit.block.label.record): _describe(hit) for hit in hits}
-        )
+        origins = {str(hit.block.label.record): _describe(hit) for hit in hits}
+        writer.add_metadata("impact_rig/import", origins)
         # As the rig's nodes offer these topics.
         state = OfferedQos(durability="transient_local", depth=1)
         setups = writer.add_channel("/setup", encoder.setup_definition, (state,))
-        blocks = writer.add_channel(
-            "/acceleration", encoder.block_definition, (OfferedQos(depth=200),)
-        )
+        queue = OfferedQos(depth=200)
+        blocks = writer.add_channel("/acceleration", encoder.block_definition, (queue,))
         stamps = _assign_stamps(hits)
         writer.add_message(setups, encoder.encode_setup(setup, stamps[0]), stamps[0], stamps[0])
         for hit, stamp in zip(hits, stamps, strict=True):

@@ -35,9 +35,7 @@ class MeasuredChannel:
     # int32 or float64, shape (n,), neither scaled nor rounded, with NaN and infinity; read-only
     values: RawArray
     sampling_rate: float = math.nan  # [Hz]; NaN: the file does not state it
-    unit: str = (
-        ""  # spelled as in `impact_rig.core.given.sensors`; empty: the file does not state it
-    )
+    unit: str = ""  # spelled as in `core.given.sensors`; empty: the file does not state it
     start: float = 0.0  # time of the first point [s]
     # When that time was 0 [ns since the epoch]; 0: not stated, or not in `EARLIEST` to `LATEST`.
     recorded_at: int = 0

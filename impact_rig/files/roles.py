@@ -137,15 +137,10 @@ def _check_clocks(measurement: Measurement) -> None:
     ]
     for (before, first), (place, other) in pairwise(clocks):
         units = [find_time_unit(it.name, it.unit) for it in (first, other)]
-        starts, ends = (
-            [
-                float(channel.values[at]) * TIME_UNITS.get(unit, 1.0)
-                for channel, unit in zip((first, other), units, strict=True)
-            ]
-            for at in (0, -1)
-        )
-        spans = [end - start for start, end in zip(starts, ends, strict=True)]
-        delay = starts[1] - starts[0]
+        scales = [TIME_UNITS.get(unit, 1.0) for unit in units]
+        begin, end = (float(it) * scales[0] for it in first.values[[0, -1]])
+        later, last = (float(it) * scales[1] for it in other.values[[0, -1]])
+        spans, delay = (end - begin, last - later), later - begin
         step = spans[0] / max(first.values.size - 1, 1)
         are_apart = abs(delay) > LARGEST_TIME_ERROR * step
         are_of_day = place == before + 1 and abs(delay) > spans[0]

@@ -70,13 +70,12 @@ def change(old: str, new: str) -> str:
     return RIG.replace(old, new, 1)
 
 
-@pytest.mark.parametrize("text", [RIG, read_template()])
-def test_of_a_good_file_nothing_is_said(text):
-    assert check_rig(parse_rig_file(text)) == ()
+GOOD = load_rig_file(None), *map(parse_rig_file, (RIG, read_template()))
 
 
-def test_of_the_papers_rig_nothing_is_said():
-    assert check_rig(load_rig_file(None)) == ()
+@pytest.mark.parametrize("rig", GOOD, ids=["the paper's", "a whole one", "the template"])
+def test_of_a_good_rig_nothing_is_said(rig):
+    assert check_rig(rig) == ()
 
 
 UNREADABLE = [

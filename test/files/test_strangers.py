@@ -7,7 +7,6 @@ method is 4/3 ms, and beside it the decay of a body that was struck.
 import datetime as dt
 import io
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +36,6 @@ LATE = TIME - 10e-3
 MOVED = np.where(LATE > 0, 20.0 * np.exp(-60 * LATE) * np.sin(800 * np.pi * LATE), 0.0)
 MOVED = MOVED + NOISE[::-1] / 10
 
-Make = Callable[[Path], None]
-
 
 def read(path: Path, **given: Any) -> tuple[list[float], str]:
     """Return the contact time of each hit [µs], and the line on which channel is what."""
@@ -62,36 +59,25 @@ def write_tdms(path: Path, *channels: tuple[str, str, np.ndarray], **stated: Any
         writer.write_segment(objects)
 
 
-FOUR = (("acc1", "g", MOVED), ("acc2", "g", MOVED), ("hammer", "N", FORCE), ("acc3", "g", MOVED))
+def write_arrays(path: Path, arrays: dict[str, Any]) -> None:
+    if path.suffix == ".mat":
+        savemat(path, arrays)
+    elif path.suffix == ".npz":
+        np.savez(path, **arrays)
+    else:
+        with h5py.File(path, "w") as file:
+            for name, values in arrays.items():
+                file[name] = values
 
 
-def make_four_tdms(path: Path) -> None:
-    write_tdms(path, *FOUR)
-
-
-def make_four_uff(path: Path) -> None:
-    sets = [
-        make_function(id1=name, data=values, x=TIME, ordinate_axis_units_lab=unit)
-        for name, unit, values in FOUR
-    ]
-    UFF(str(path)).write_sets(sets)
-
-
-def make_four_parquet(path: Path) -> None:
-    parquet.write_table(pa.table({"time": TIME} | {name: of for name, _, of in FOUR}), path)
-
-
-@pytest.mark.parametrize(
-    ("name", "make"),
-    [("hit.tdms", make_four_tdms), ("hit.uff", make_four_uff), ("hit.parquet", make_four_parquet)],
-)
-def test_of_four_channels_the_hammer_s_is_found_and_the_sample_s_left_open(tmp_path, name, make):
-    make(tmp_path / name)
-    (found,), taken = read(tmp_path / name)
+def test_of_four_channels_the_hammer_s_is_found_and_the_sample_s_left_open(tmp_path):
+    path, accelerations = tmp_path / "hit.tdms", [(f"acc{n}", "g", MOVED) for n in (1, 2, 3)]
+    write_tdms(path, *accelerations[:2], ("hammer", "N", FORCE), accelerations[2])
+    (found,), taken = read(path)
     assert found == pytest.approx(RIGHT, rel=1e-3)
     assert taken.startswith("hammer 'hammer' [")
     assert "open: 'acc1', 'acc2', 'acc3' (--sample-channel)" in taken
-    _, taken = read(tmp_path / name, sample_channel="acc2")
+    _, taken = read(path, sample_channel="acc2")
     assert ", sample 'acc2' [" in taken
 
 
@@ -123,14 +109,7 @@ def test_a_group_for_each_hit_makes_as_many_hits(tmp_path):
 @pytest.mark.parametrize("suffix", [".mat", ".h5", ".npz"])
 def test_names_say_what_arrays_are_whatever_their_order(tmp_path, suffix, arrays, taken):
     path = tmp_path / f"hit{suffix}"
-    if suffix == ".mat":
-        savemat(path, arrays)
-    elif suffix == ".npz":
-        np.savez(path, **arrays)
-    else:
-        with h5py.File(path, "w") as file:
-            for name, values in arrays.items():
-                file[name] = values
+    write_arrays(path, arrays)
     (found,), told = read(path)
     assert found == pytest.approx(RIGHT, rel=1e-3)
     assert told.startswith(taken)
@@ -152,14 +131,8 @@ def test_a_rate_of_one_is_counted_points_in_every_format(tmp_path, suffix):
     elif suffix == ".uff":
         UFF(str(path)).write_sets([make_function(data=FORCE, x=np.arange(float(COUNT)),
                                                  abscissa_axis_units_lab="s")])  # fmt: skip
-    elif suffix == ".h5":
-        with h5py.File(path, "w") as file:
-            file["hammer"] = FORCE
-            file["hammer"].attrs["sampling_rate"] = 1.0
     else:
-        {".mat": savemat, ".npz": lambda path, of: np.savez(path, **of)}[suffix](
-            path, {"hammer": FORCE, "fs": 1.0}
-        )
+        write_arrays(path, {"hammer": FORCE, "fs": 1.0})
     with pytest.raises(ValueError, match=r"in what unit its times are.*give --rate"):
         read(path)
     assert read(path, rate=RATE)[0] == pytest.approx([RIGHT], rel=1e-3)
