@@ -95,7 +95,14 @@ class Contents:
     @property
     def problems(self) -> tuple[str, ...]:
         """Its damages, in words; empty: it is sound."""
-        return tuple(_list_problems(self))
+        told = []
+        for reading in self.passes:
+            name = f"{reading.scan.path.name}: " if len(self.scans) > 1 else ""
+            told += [f"{name}{problem}" for problem in _list_file_problems(reading)]
+        lost = sum(topic.lost for topic in self.topics.values())
+        if lost and not any(reading.damages for reading in self.passes):
+            told.append(f"{lost} messages are missing: their numbers, or the index, tell")
+        return tuple(told)
 
     @property
     def years_apart(self) -> float | None:
@@ -230,9 +237,8 @@ def _choose_topics(contents: Contents) -> Wanted:
 
 
 def _find_topic(contents: Contents, channel: Channel) -> TopicContents:
-    if channel.topic not in contents.topics:
-        contents.topics[channel.topic] = TopicContents(channel.topic, channel.type_name)
-    return contents.topics[channel.topic]
+    fresh = TopicContents(channel.topic, channel.type_name)
+    return contents.topics.setdefault(channel.topic, fresh)
 
 
 def _add_file_item(contents: Contents, item: Attachment | MetadataRecord) -> None:
@@ -278,22 +284,11 @@ def _add_message(contents: Contents, watch: HitWatch, message: RawMessage) -> No
         ] = None
 
 
-def _list_problems(contents: Contents) -> Iterator[str]:
-    for reading in contents.passes:
-        name = f"{reading.scan.path.name}: " if len(contents.scans) > 1 else ""
-        yield from (f"{name}{problem}" for problem in _list_file_problems(reading))
-    lost = sum(topic.lost for topic in contents.topics.values())
-    if lost and not any(reading.damages for reading in contents.passes):
-        yield f"{lost} messages are missing: their numbers, or the index, tell"
-
-
 def _list_file_problems(reading: Pass) -> Iterator[str]:
     scan, damages = reading.scan, reading.damages
-    if scan.is_live:
-        pass
-    elif not scan.is_closed:
+    if not (scan.is_closed or scan.is_live):
         yield "it was never closed, its end is missing"
-    elif scan.summary is None:
+    if scan.is_closed and scan.summary is None:
         yield "it has no index at its end that could be used"
     if scan.header is not None and scan.header.profile not in PROFILES:
         yield f"its profile is {scan.header.profile!r}: it should be {PROFILES[0]!r}"
@@ -393,23 +388,14 @@ def recover_run(run: Run, output: Path, *, report: Report = lambda _: None) -> C
 
 def _copy(contents: Contents, writer: RecordingWriter, report: Report) -> None:
     wanted = _choose_topics(contents)
-    numbers: dict[Any, int] = {}
-
-    def announce(channel: Channel) -> int:
-        """Return the number of a topic, which all files share that describe it alike."""
-        described = (*channel[1:4], *sorted(channel.metadata.items()), channel.encoding)
-        if described not in numbers:
-            numbers[described] = writer.announce(channel)
-        return numbers[described]
-
     for reading in _read_files(contents, wanted, report, contents.size):
         for item in reading:
             if isinstance(item, RawMessage):
                 times = (item.log_time, item.publish_time)
-                writer.add_message(announce(item.channel), item.data, *times, item.sequence)
+                writer.add_message(writer.announce(item.channel), item.data, *times, item.sequence)
             elif isinstance(item, Attachment):
                 writer.add_attachment(item.name, item.media_type, item.data, item.log_time)
             elif item.name != "rosbag2":  # has the counts of the file, which may no longer be true
                 writer.add_metadata(item.name, item.fields)
         for channel in filter(wanted, reading.channels.values()):
-            announce(channel)
+            writer.announce(channel)

@@ -133,11 +133,6 @@ class RecordedHit(BlockCount):
     stored_blocks: int | None = None  # that the recorder has stored; None: it does not say
     is_finished: bool = False  # its last block is there
 
-    @property
-    def has_record(self) -> bool:
-        """Whether there was anything to record: else it was called off, or is a stranger's."""
-        return bool(self.blocks) or self.stored_blocks is not None
-
     def judge(self, *, is_whole: bool) -> None:
         """Set how much of the hit is there; `is_whole`: the recording lacks no message."""
         stored, left = self.stored_blocks, self.blocks
@@ -234,7 +229,8 @@ class HitWatch:
             if is_live and hits and hits[-1].state is not HitState.SAVED:
                 hits.pop()
             if is_whole:
-                found += [hit for hit in hits if hit.has_record]
+                # Without anything to record it was called off, or is a stranger's.
+                found += [hit for hit in hits if hit.blocks or hit.stored_blocks is not None]
             else:
                 hits += _find_vanished(name, hits)
                 found += sorted(hits, key=lambda hit: (hit.campaign, hit.record))

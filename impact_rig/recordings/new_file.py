@@ -267,7 +267,8 @@ def write_new_file(path: Path) -> Iterator[Path]:
     try:
         part.unlink(missing_ok=True)
         yield part
-        _sync_content(part)
+        with part.open("r+b") as file:  # Windows syncs what may be written
+            os.fsync(file.fileno())
         _name(part, path)
         sync_folder(path.parent)
     except OSError as error:
@@ -308,8 +309,3 @@ def _name(part: Path, path: Path) -> None:
     except OSError:  # some file systems, such as FAT, have no links
         _refuse_existing(path)
         part.rename(path)
-
-
-def _sync_content(path: Path) -> None:
-    with path.open("r+b") as file:  # Windows syncs what may be written
-        os.fsync(file.fileno())

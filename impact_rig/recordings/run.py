@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from impact_rig.core.given.errors import FileError, RigError
 from impact_rig.core.given.records import Block, HitLabel, Truth
 from impact_rig.core.given.setup import RigSetup
-from impact_rig.core.hit.overrules import NO_OVERRULES, Overrule, Overrules
+from impact_rig.core.hit.overrules import NO_OVERRULES, Overrules
 from impact_rig.core.hit.stream import StreamCutter
 from impact_rig.recordings.campaigns import CampaignWatch
 from impact_rig.recordings.hits import HIT_TYPES
@@ -106,7 +106,7 @@ class Run:
     @cached_property
     def scans(self) -> tuple[Scan, ...]:
         """Its files, opened by a reader that raises at the first damage."""
-        return tuple(map(Scan, self.files))
+        return tuple(Scan(file, by_time=True) for file in self.files)
 
     @cached_property
     def namespaces(self) -> tuple[str, ...]:
@@ -304,13 +304,9 @@ def read_overrules(
     for scan in scans:
         # Most files have none, as their index tells: they are not read for it.
         for raw in () if scan.counts_none(wanted) else scan.read_messages(wanted):
-            key, overrule = convert(raw, _read_overrule)
+            key, overrule = convert(raw, campaign_id_from_msg), convert(raw, overrule_from_msg)
             found[key] = found.get(key, NO_OVERRULES).add(overrule)
     return found
-
-
-def _read_overrule(message: Any) -> tuple[bytes, Overrule]:
-    return campaign_id_from_msg(message), overrule_from_msg(message)
 
 
 def _read_setup(message: Any) -> tuple[RigSetup, bytes]:

@@ -11,6 +11,7 @@ import re
 import zlib
 from collections.abc import Callable, Collection, Iterator
 from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -97,6 +98,9 @@ class Scan:
         never closed was cut off there, and is none.
     encodings : collection
         Which ones of messages and schema a strict scan lets pass.
+    by_time : bool
+        Put chunks, and the messages in each, in the order of their log times, if another program
+        than the rig's recorder wrote them: the format allows any.
 
     Raises
     ------
@@ -107,7 +111,12 @@ class Scan:
     """
 
     def __init__(
-        self, path: Path, *, is_strict: bool = True, encodings: Collection[Encoding] = (ROS,)
+        self,
+        path: Path,
+        *,
+        is_strict: bool = True,
+        encodings: Collection[Encoding] = (ROS,),
+        by_time: bool = False,
     ) -> None:
         self.path = path
         self.is_strict = is_strict
@@ -122,6 +131,15 @@ class Scan:
             self.summary = self._read_summary(file)  # the index; None: none can be used
             self.statistics = self.summary.statistics if self.summary is not None else None
             self.read()  # what the index describes makes sense
+        self.by_time = by_time and not self.is_of_recorder
+        found = self.summary.chunk_indexes if self.by_time and self.summary is not None else []
+        chunks = sorted(found, key=attrgetter("chunk_start_offset"))
+        ordered = sorted(chunks, key=attrgetter("message_start_time"))
+        # Where the chunks begin by their places, and which is to be read there.
+        self.moved = {
+            one.chunk_start_offset: (other.chunk_start_offset, other.chunk_length)
+            for one, other in zip(chunks, ordered, strict=True)
+        }
 
     @property
     def is_of_recorder(self) -> bool:
@@ -188,9 +206,8 @@ class Scan:
         FileError
             Also if there is no message.
         """
-        statistics = self.statistics
-        if statistics is not None and statistics.message_count:
-            return statistics.message_start_time, statistics.message_end_time
+        if self.statistics is not None and self.statistics.message_count:
+            return self.statistics.message_start_time, self.statistics.message_end_time
         times = [message.log_time for message in self.read_messages()]
         if not times:
             raise FileError(f"{self.path} holds no message")
@@ -288,10 +305,13 @@ class Pass:
             yield from self._read_messages(read_bytes(file, place, after))
         elif kind == Opcode.CHUNK:
             self.chunks[place] = after - place
+            place, size = self.scan.moved.get(place, (place, after - place))
             # Nothing of the packed chunk is kept meanwhile.
-            yield from self._read_messages(
-                self._unpacker.unpack(read_record(read_bytes(file, place, after), place))
+            messages = self._read_messages(
+                self._unpacker.unpack(read_record(read_bytes(file, place, place + size), place))
             )
+            by_time = self.scan.by_time
+            yield from sorted(messages, key=attrgetter("log_time")) if by_time else messages
         elif kind in (Opcode.SCHEMA, Opcode.CHANNEL):
             self._describe(read_record(read_bytes(file, place, after), place))
         elif kind in (Opcode.METADATA, Opcode.ATTACHMENT) and self._with_rest:

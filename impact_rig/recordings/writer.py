@@ -3,7 +3,7 @@
 import time
 from collections import Counter
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from mcap.writer import CompressionType, Writer
 
@@ -51,6 +51,7 @@ class RecordingWriter:
         self.path = path
         self._schemas: dict[tuple[str, str], int] = {}
         self._channels: dict[str, int] = {}
+        self._announced: dict[tuple[Any, ...], int] = {}
         self._counts: Counter[int] = Counter()  # of the messages added, by channel
         make_folders(path.parent)
         self._file = DiskFile(path)
@@ -91,7 +92,7 @@ class RecordingWriter:
         return self.announce(Channel(0, topic, definition.type_name, definition.text, metadata))
 
     def announce(self, channel: Channel) -> int:
-        """Announce a topic; its own number does not count.
+        """Announce a topic, once if described alike again; its own number does not count.
 
         Returns
         -------
@@ -103,6 +104,9 @@ class RecordingWriter:
         FileError
             If a chunk could not be written, now or before.
         """
+        described = (*channel[1:4], *sorted(channel.metadata.items()), channel.encoding)
+        if described in self._announced:
+            return self._announced[described]
         self._file.plan(len(channel.schema))
         key, encoding = (channel.type_name, channel.schema), channel.encoding
         if key not in self._schemas:
@@ -113,6 +117,7 @@ class RecordingWriter:
         self._channels[channel.topic] = self._writer.register_channel(
             channel.topic, encoding[0], self._schemas[key], dict(channel.metadata)
         )
+        self._announced[described] = self._channels[channel.topic]
         return self._channels[channel.topic]
 
     def add_message(

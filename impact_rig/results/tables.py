@@ -288,11 +288,10 @@ def tabulate_summary(results: Results) -> list[Table]:
     laws = [
         row.body.contact_law if isinstance(row.body, SampleEstimate) else NO_LAW for row in rows
     ]
-    by_law = [
+    columns += [
         read_column("τ, law [µs]", laws, "duration", 2),
         read_optional("k_eq, law [MN/m]", laws, "equivalent_stiffness", 2),
     ]
-    columns += by_law
     marked = [place for item in SAMPLE_MEASURANDS for place in _mark(rows, item)]
     table = make_table("Contact time, stiffness, damping", columns, (), marked)
     note = "±: 95 %."

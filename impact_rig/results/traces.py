@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from impact_rig.core.estimates.contact_law import ContactLaw
 from impact_rig.core.estimates.law_pulses import LossForm, compute_pulses, find_places
 from impact_rig.core.estimates.sample import SampleEstimate
-from impact_rig.core.given.records import Block, ChannelBlock, FloatArray, HitLabel
+from impact_rig.core.given.records import Block, FloatArray, HitLabel
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.judging import FilteredHit
 from impact_rig.core.hit.overrules import Overrule
@@ -85,9 +85,10 @@ def _join(blocks: list[Block]) -> HitTraces:
             times.append(np.array([expected / block.sampling_rate]))
             rows.append(np.full((1, 2), np.nan, dtype=np.float32))
         times.append((first + np.arange(count)) / block.sampling_rate)
-        hammer = _scale(block.hammer)
-        specimen = _scale(block.specimen) if block.has_specimen else np.full_like(hammer, np.nan)
-        rows.append(np.stack([hammer, specimen], axis=1))
+        hammer, specimen = block.hammer.acceleration, block.specimen.acceleration
+        pair = [hammer, specimen if block.has_specimen else np.full_like(hammer, np.nan)]
+        # Calibrated in double, rounded once: a peak is right to six digits.
+        rows.append(np.stack(pair, axis=1, dtype=np.float32, casting="same_kind"))
         expected = first + count
     return HitTraces(
         label=blocks[0].label,
@@ -110,11 +111,6 @@ def _list_calibrations(block: Block) -> tuple[ChannelScale, ...]:
         for name, channel in (("hammer", block.hammer), ("sample", block.specimen))
         if channel.output.size
     )
-
-
-def _scale(channel: ChannelBlock) -> Float32Array:
-    # Calibrated in double, rounded once: a peak is right to six digits.
-    return (channel.output * channel.scale + channel.offset).astype(np.float32)
 
 
 DRIVEN = "driven"

@@ -117,8 +117,8 @@ def from_json(kind: type[Record], content: Any, place: str = "") -> Record:
         if (problem := field.description.explain(found)) is not None:
             raise WireError(f"{_join(place, _make_key(field))} {problem}")
         if isinstance(found, Quantity) and (wrong := found.find_impossible(field.description)):
-            kind = next(kind for kind, each in NUMBERS.items() if each == wrong[0])
-            raise WireError(f"{_join(place, _make_key(field, kind))} {wrong[1]}")
+            number = next(key for key, each in NUMBERS.items() if each == wrong[0])
+            raise WireError(f"{_join(place, _make_key(field, number))} {wrong[1]}")
     try:
         return kind(**values)
     except WireError:

@@ -12,6 +12,8 @@ from impact_rig.core.given.records import Block, HitLabel
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.run import Run
+from impact_rig.recordings.scan import Scan
+from impact_rig.recordings.writer import RecordingWriter
 
 OURS = "impact_rig_msgs/msg/"
 
@@ -31,6 +33,26 @@ def test_events_come_in_file_order_over_many_chunks(make_recording, compression)
     ]
     assert told == ["bench", 1, 2, 5, 3, 4, "second", 6]
     assert recording.warnings == ()
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (0, 2, 3, 1)])
+@pytest.mark.parametrize("chunk_size", [1, 1 << 20])
+def test_messages_and_chunks_in_another_order_are_put_in_that_of_time(
+    make_recording, tmp_path, order, chunk_size
+):
+    maker = make_recording("original.mcap")
+    maker.add_setup()
+    for first in (0, 100, 200):
+        maker.add_block(1, first_sample=first, last=first == 200)
+    messages = [*Scan(maker.close()).read_messages()]
+    with RecordingWriter(tmp_path / "other.mcap", library="tool", chunk_size=chunk_size) as writer:
+        channels = [writer.announce(message.channel) for message in messages]
+        for place in order:
+            item = messages[place]
+            writer.add_message(channels[place], item.data, item.log_time, item.publish_time)
+    setup, *blocks = Run(tmp_path / "other.mcap").events()
+    assert isinstance(setup, RigSetup)
+    assert [block.first_sample for block in blocks] == [0, 100, 200]
 
 
 def test_the_first_setup_precedes_blocks_that_overtook_it(make_recording):

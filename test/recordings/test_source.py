@@ -35,7 +35,6 @@ def make_run(make_recording):
         ("run.mcap", "run.mcap", "run.mcap"),
         ("run/session.mcap", "run", "run/session.mcap"),
         ("run/other.mcap", "run", "run/other.mcap"),
-        ("run/hall_3.mcap", "run", "run/hall_3.mcap"),
     ],
 )
 def test_what_is_named_is_found_and_read(make_run, tmp_path, recorded, named, found):

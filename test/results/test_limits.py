@@ -7,11 +7,11 @@ import pytest
 
 from impact_rig.core.estimates.paper_method import HammerEstimate, PaperEstimate
 from impact_rig.core.estimates.sample import SampleEstimate
-from impact_rig.core.given.quantity import UNKNOWN, Quantity
+from impact_rig.core.given.quantity import UNKNOWN, Conformity, Quantity
 from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.results.campaign import Results
-from impact_rig.results.limits import Conformity, JudgedValue, judge_values, tabulate_conformity
 from impact_rig.results.numbers import CONTACT_TIME
+from impact_rig.results.references import JudgedValue, judge_values, tabulate_conformity
 
 PASSED, FAILED, UNDECIDED = Conformity
 

@@ -38,7 +38,6 @@ from impact_rig.present.sample_figures import (
 )
 from impact_rig.results import tables
 from impact_rig.results.campaign import Results
-from impact_rig.results.limits import JudgedValue, judge_values, tabulate_conformity
 from impact_rig.results.numbers import (
     SAMPLE_MEASURANDS,
     format_count,
@@ -46,6 +45,7 @@ from impact_rig.results.numbers import (
     format_quantity,
     format_rounded,
 )
+from impact_rig.results.references import JudgedValue, judge_values, tabulate_conformity
 from impact_rig.results.remarks import (
     NO_RESULT,
     UNSTATED_EFFECT,
