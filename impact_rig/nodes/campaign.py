@@ -7,10 +7,8 @@ from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from impact_rig_msgs import srv
+from impact_rig_msgs import msg, srv
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import Impact, SampleCount
-from impact_rig_msgs.msg import RigSetup as RigSetupMessage
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.duration import Duration
@@ -362,9 +360,11 @@ class CampaignNode(RigNode):
 
     async def _wait_for_hammer(self, campaign: Campaign) -> Step:
         """Wait until a person has put the hammer back."""
+        away = self._hammer
         await self._wait_while_at(campaign, HammerPlace.AWAY)
         campaign.state.message = ""
-        if not self._hammer.is_away:
+        # One that was started again counts from one: nobody has said that the hammer is back.
+        if not self._hammer.is_away and self._hammer.number > away.number:
             self._take_word(campaign)
         return Step.COUNTING
 
@@ -526,7 +526,7 @@ class CampaignNode(RigNode):
         if campaign and is_ours and campaign.seen == before.number:
             campaign.seen = hammer.number
 
-    def _on_impact(self, received: Received[Impact]) -> None:
+    def _on_impact(self, received: Received[msg.Impact]) -> None:
         if self._campaign is not None:
             self._campaign.verdict = received.value
         elif self._ended is not None:  # a person decided on a hit
@@ -588,7 +588,7 @@ class CampaignNode(RigNode):
 
     # The goal and its result.
 
-    def _plan(self, goal: RunCampaign.Goal) -> RigSetupMessage:
+    def _plan(self, goal: RunCampaign.Goal) -> msg.RigSetup:
         if refusal := self._told.refuse(goal):
             raise DeviceError(refusal)
         if not self.is_active:
@@ -617,7 +617,7 @@ class CampaignNode(RigNode):
         campaign.seen = self._hammer.number
         campaign.publish(
             impacts=setup.plan.impacts,
-            counts=[SampleCount(sample=name) for name in setup.plan.samples],
+            counts=[msg.SampleCount(sample=name) for name in setup.plan.samples],
         )
         try:
             await self._run(campaign)
@@ -680,8 +680,8 @@ class CampaignNode(RigNode):
 
 
 def _find_counts(
-    setup: RigSetupMessage, ledger: srv.GetResults.Response
-) -> dict[str, SampleCount]:
+    setup: msg.RigSetup, ledger: srv.GetResults.Response
+) -> dict[str, msg.SampleCount]:
     """Return the hits of each sample of a plan, in its order."""
     counts = {count.sample: count for count in ledger.counts}
-    return {name: counts.get(name, SampleCount(sample=name)) for name in setup.plan.samples}
+    return {name: counts.get(name, msg.SampleCount(sample=name)) for name in setup.plan.samples}

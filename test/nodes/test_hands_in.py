@@ -1,13 +1,18 @@
 """Nobody is struck: hands in, hammer disarmed; notice before it goes; a person ends a stop."""
 
+from dataclasses import replace
+
 import pytest
 from impact_rig_msgs.msg import CampaignState, HammerState, Overrule
 from impact_rig_msgs.srv import Act, ConfirmSample, OverruleHit
 
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.campaign import CampaignNode
 from impact_rig.nodes.hammer import HammerNode
+from impact_rig.nodes.intake import Received
 from impact_rig.recordings.fields import stamp_from_msg
+from impact_rig.status.states import HammerPlace
 
 from .campaigns import RealHolder, begin, cancel, run, start_rig
 
@@ -79,6 +84,25 @@ def test_while_the_hammer_is_put_back_it_is_disarmed_and_back_arms_it(harness):
     assert len(rig.releases.messages) == 1
     rig.ask(interfaces.CONFIRM_HELD)
     rig.finish()
+
+
+def test_a_hammer_that_was_started_again_is_not_one_that_a_person_has_put_back(harness):
+    rig = Followed(harness, impacts=2, hammer={"confirm_return": True}).begin()
+    rig.wait_for(CampaignState.PUT_BACK)
+    rig.wait_for_hammer(lambda it: not it.armed)
+    before, campaign = len(rig.hammer.messages), harness.find(CampaignNode)
+    # The first that such a hammer says, while it is not yet missed: held, and no higher number.
+    held = {"state": HammerPlace.HELD, "message": "held, not armed"}
+
+    def is_told():
+        away = interfaces.HAMMER_STATE.convert(rig.hammer.messages[-1])
+        harness.run(lambda: campaign._on_hammer_state(Received(replace(away, **held), None)))
+        harness.run(campaign.wake_waiters)
+        return any(state.task == CampaignState.ARM for state in rig.states.messages)
+
+    harness.wait_until(is_told)
+    assert not any(state.armed for state in rig.hammer.messages[before:])
+    assert len(rig.releases.messages) == 1
 
 
 def test_a_verdict_while_a_sample_is_mounted_asks_once_for_the_one_that_is_needed_then(harness):

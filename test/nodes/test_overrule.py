@@ -141,26 +141,15 @@ def test_of_many_questions_at_once_each_is_answered_or_refused(harness):
         )
         for number in range(150)
     ]  # fmt: skip
-    left = {
-        number: overrules.call_async(OverruleHit.Request(overrule=overrule))
-        for number, overrule in enumerate(asked)
-    }
-    answers = {}
+    requests = [OverruleHit.Request(overrule=overrule) for overrule in asked]
+    answers = [overrules.call_async(request) for request in requests]
 
-    def are_answered():
-        for number, future in [*left.items()]:
-            if not future.done():
-                continue
-            if (answer := future.result()).later:
-                request = OverruleHit.Request(overrule=asked[number])
-                left[number] = overrules.call_async(request)
-            else:
-                answers[number] = left.pop(number), answer.success
-        return not left
+    def is_answered(number):
+        if answers[number].done() and answers[number].result().later:
+            answers[number] = overrules.call_async(requests[number])
+        return answers[number].done() and not answers[number].result().later
 
-    harness.wait_until(are_answered, 30.0)
-    assert [answers[number][1] for number in range(150)] == [
-        number % 3 < 2 for number in range(150)
-    ]
+    harness.wait_until(lambda: all([is_answered(number) for number in range(150)]), 30.0)
+    assert [it.result().success for it in answers] == [number % 3 < 2 for number in range(150)]
     decided = analyze(Run(harness.recording)).campaigns[-1].overrules
     assert len(decided) == 100

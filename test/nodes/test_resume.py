@@ -1,4 +1,4 @@
-"""A campaign that ended goes on where its run stands: nothing twice, and nothing lost."""
+"""A campaign that ended goes on where its run stands; a trial hit is in no result."""
 
 import signal
 
@@ -8,16 +8,18 @@ from impact_rig_msgs.action import RunCampaign
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.configuration.processes import RESULTS_NAME
+from impact_rig.core.given.errors import FileError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.nodes.campaign_plan import read_newest_campaign
 from impact_rig.nodes.result_messages import hit_results_from_msg
+from impact_rig.recordings.contents import inspect_run
 from impact_rig.recordings.run import Run
 from impact_rig.results.results_file import results_to_json
 from impact_rig.results.wire import format_json
 from impact_rig.status.states import Step
 
-from .campaigns import Onlooker, begin, cancel, start_rig
+from .campaigns import Onlooker, begin, cancel, run, start_rig
 
 SAMPLES = ["steel small", "brass small"]
 IMPACTS = 6
@@ -120,3 +122,34 @@ def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
     live = format_json(results_to_json(outcome.results))
     assert (tmp_path / RESULTS_NAME).read_text() == live
     assert format_json(results_to_json(campaign.results)) == live
+
+
+def count_verdicts(path):
+    """Return how many verdicts can be looked at, those of trials among them."""
+    topic = inspect_run(Run(path)).topics.get("/impact")
+    return topic.messages if topic else 0
+
+
+def test_a_trial_hit_is_recorded_and_does_not_count(harness):
+    client = start_rig(harness)
+    verdicts = harness.listen(interfaces.IMPACT)
+    trial = run(harness, client, samples=SAMPLES[:1], impacts=1, trial=True).result
+    assert trial.success, trial.message
+    assert verdicts.wait_for_count(1)[0].hammer_peak > 0.0
+    with pytest.raises(FileError, match="holds no campaign that could go on"):
+        read_newest_campaign(harness.recording)
+
+    counted = run(harness, client, samples=SAMPLES[:1], impacts=2).result
+    assert counted.success, counted.message
+    campaign = read_newest_campaign(harness.recording)
+    assert campaign.campaign_id == counted.setup.campaign_id
+    again = run(harness, client, samples=SAMPLES[:1], impacts=1, trial=True).result
+    assert again.success, again.message
+
+    # The last verdict comes to the recorder by a way of its own.
+    harness.wait_until(lambda: count_verdicts(harness.recording) == 4)
+    read = Run(harness.recording)
+    (found,) = analyze(read).campaigns
+    assert [hit.record for hit in found.results.hits] == [2, 3]
+    contents = inspect_run(read)
+    assert [hit.record for hit in contents.hits if hit.blocks] == [2, 3]
