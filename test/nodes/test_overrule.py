@@ -149,7 +149,7 @@ def test_of_many_questions_at_once_each_is_answered_or_refused(harness):
             answers[number] = overrules.call_async(requests[number])
         return answers[number].done() and not answers[number].result().later
 
-    harness.wait_until(lambda: all([is_answered(number) for number in range(150)]), 30.0)
+    harness.wait_until(lambda: all(map(is_answered, range(150))), 30.0)
     assert [it.result().success for it in answers] == [number % 3 < 2 for number in range(150)]
     decided = analyze(Run(harness.recording)).campaigns[-1].overrules
     assert len(decided) == 100

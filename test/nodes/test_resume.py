@@ -43,8 +43,7 @@ def test_a_cancelled_campaign_goes_on_on_the_same_rig(harness):
     states.wait(lambda got: not got[-1].armed)
     first = answer.result
     assert first.setup.campaign_id == setups.messages[-1].campaign_id
-    handle, _ = begin(harness, client, resumed=first.setup)
-    second = harness.wait(handle.get_result_async()).result
+    second = run(harness, client, resumed=first.setup).result
     assert second.success, second.message
     before, after = (list(map(hit_results_from_msg, it.accepted)) for it in (first, second))
     assert after[: len(before)] == before
