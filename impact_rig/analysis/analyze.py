@@ -127,7 +127,7 @@ def refuse_parts_of_full_scale(settings: Settings) -> None:
 
 
 class KeptSource:
-    """A source that was read once, in memory: it is judged again without being read."""
+    """A source that was read once and is kept in memory, to be judged again."""
 
     def __init__(self, source: HitSource) -> None:
         reading = source.events()

@@ -22,7 +22,7 @@ WORTH_WORKERS = 1_000_000
 """Size of all recordings together [byte] from which more processes are worth the second that they
 take to start, measured: a core analyzes this much in 0.3 s to 3 s."""
 LOOPBACK = "127.0.0.1"
-"""Workers of this host are for this host."""
+"""Where workers on this computer listen: no other computer reaches them."""
 CONNECT_TIMEOUT = 5.0
 """How long a cluster may take to answer [s], our choice: one that is there answers at once."""
 Report = Callable[[], None]

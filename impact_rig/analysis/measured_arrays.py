@@ -117,7 +117,7 @@ class MeasuredArrays(MeasuredHits):
 
     @property
     def hammer_unit(self) -> None:
-        """No hit is described by itself."""
+        """None: all hits have the same unit."""
 
     def add_arrays(
         self,

@@ -371,7 +371,7 @@ def _pair(
         raise ParameterError(
             f"{measurement.path}: {plan.hammer.channel or 'the hammers'!r} are"
             f" {len(hammers)} channels and {plan.specimen.channel!r} are {len(specimens)}:"
-            " several hits need as many of both"
+            " each hit needs one of both"
         )
     if any(hammer is specimen for hammer in hammers for specimen in specimens):
         raise ParameterError(

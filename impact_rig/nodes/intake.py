@@ -1,6 +1,6 @@
 """The one way in: a message that comes by a topic is of the own campaign, sound, and converted.
 
-What is not is dropped, counted and named once; it ends no program.
+Any other message is dropped, counted and named once; it ends no program.
 """
 
 import time

@@ -288,7 +288,7 @@ def _guess(losses: Sequence[FittedLoss], width: float) -> FloatArray:
     # Of few points two that are opposed mend the corner at touch and release, and tell nothing.
     takes &= (np.minimum(loss, pull) >= 0.0) | (width >= OPPOSED_POINTS) | ~is_mixed
     takes &= [item.fit.is_inside for item in losses]
-    # Others only where there is none.
+    # A loss that is left out counts only where all are left out.
     return np.where(takes, np.where(is_mixed, TERM, 1.0), 1e-30)
 
 

@@ -252,8 +252,8 @@ def estimate_free_decay(
     noise = float(mean.noise[channel])
     left = float(np.sqrt(np.sum(fit.residual**2) / (measured.size - FITTED)))
     excess = left / noise if noise > 0.0 else math.nan
-    # Filtered noise is white below the cutoff, where the Jacobian lies: as large there as raw
-    # noise, of which decimation leaves all in fewer points.
+    # The decay lies below the cutoff, where filtered noise is white and as large as raw noise;
+    # decimation keeps that noise in fewer points.
     white = float(mean.raw_noise[channel]) / math.sqrt(tail.step)
     white = white * max(1.0, excess) if noise > 0.0 else left
     covariance = np.asarray(white**2 * np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64)

@@ -195,7 +195,7 @@ class StreamCutter:
         return [*cuts, *self._end_armings(segment, segment.searched)]
 
     def _find_window(self, segment: Segment, *, is_over: bool) -> Window | None:
-        """Search on for the hit of an arming, and return its window."""
+        """Go on searching for the hit of an arming; return its window."""
         while self._window is None:
             pulse = self.find_pulse(segment, is_over=is_over)
             if pulse is None:

@@ -292,7 +292,7 @@ def make_nominal_physics(setup: RigSetup, sample: str, settings: VirtualRigSetti
     ParameterError
         If the sample or the control sample lacks what the plant needs.
     """
-    # A free rigid mass is no body on a spring, whatever the others are.
+    # The check mass swings free: no plant puts it on a spring.
     if settings.plant is Plant.CONTACT or sample == setup.samples.check_sample:
         contact = make_nominal_contact(
             setup, sample, settings.contact_exponent, settings.restitution
