@@ -798,21 +798,27 @@ def test_the_readme_s_lines_run_as_they_are_typed(recording, run, tmp_path, monk
     assert len(known["scores"]) == 12
 
 
+def list_shown(notebook):
+    outputs = [item for cell in notebook.cells for item in cell.get("outputs", ())]
+    return [item["data"] for item in outputs if "data" in item]
+
+
 def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path, monkeypatch):
     nbclient, nbformat = map(pytest.importorskip, ("nbclient", "nbformat"))
     for folder in ("RUNTIME", "CONFIG", "DATA"):
         monkeypatch.setenv(f"JUPYTER_{folder}_DIR", str(tmp_path))
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
     notebook = nbformat.read(README.parent / "impact_rig" / "notebook.ipynb", 4)
-    assert not any(cell.get("outputs") for cell in notebook.cells)
+    committed = list_shown(notebook)
     asked = "print(max(map(abs, errors['steel small'])))"
     notebook.cells.append(nbformat.v4.new_code_cell(asked))
     place = {"metadata": {"path": str(tmp_path)}}
     nbclient.NotebookClient(notebook, timeout=60, resources=place).execute()
-    outputs = [item for cell in notebook.cells for item in cell.get("outputs", ())]
-    shown = [item["data"] for item in outputs if "data" in item]
-    # A hit and a table, the sample's figure and that of the own estimator, the comparison.
-    assert ["image/png" in data for data in shown] == [False, False, True, True, False]
+    shown = list_shown(notebook)
+    # The sample's figure, that of own files, and of the own estimator.
+    assert [place for place, data in enumerate(shown) if "image/png" in data] == [2, 4, 5]
+    assert [[*data] for data in committed] == [[*data] for data in shown]
+    assert [data["text/plain"] for data in committed] == [data["text/plain"] for data in shown]
     # Both are by the log decrement, and the truth differs by as much.
     assert "2 of 7 values changed" in shown[-1]["text/html"]
-    assert float(outputs[-1]["text"]) < 15.0  # [%]
+    assert float(notebook.cells[-1].outputs[-1]["text"]) < 15.0  # [%]

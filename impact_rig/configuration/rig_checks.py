@@ -14,6 +14,7 @@ from impact_rig.configuration.rig_file import (
 )
 from impact_rig.configuration.toml_table import TomlTable
 from impact_rig.core.estimates.checks import advise_check
+from impact_rig.core.estimates.equations import estimate_equivalent_mass
 from impact_rig.core.estimates.paper_method import check_control
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.filtering import HIGHEST_RELATIVE_CUTOFF
@@ -238,6 +239,25 @@ def _check_samples(reading: _Reading) -> Notes:
             yield warning(table, "reference_contact_time", text)
 
 
+def _check_references(reading: _Reading) -> Notes:
+    """Compare each sample's reference values with each other, by equations (5) to (6b)."""
+    setup, samples = reading.setup, reading.samples
+    masses = {item.name: samples.get_moving_mass(item.name) for item in samples.samples}
+    hammer = setup.hammer_stiffness
+    if math.isnan(hammer) and samples.control_sample:
+        mass = estimate_equivalent_mass(setup.hammer_mass, masses[samples.control_sample])
+        time = samples.find(samples.control_sample).reference_contact_time
+        hammer = 2.0 * mass * (math.pi / time) ** 2
+    for sample in samples.samples:
+        stiffness, time = sample.reference_stiffness, sample.reference_contact_time
+        mass = estimate_equivalent_mass(setup.hammer_mass, masses[sample.name])
+        wanted = math.pi * math.sqrt(mass * (1.0 / hammer + 1.0 / stiffness))
+        if abs(time / wanted - 1.0) > 0.01:
+            text = f"is {time * 1e6:.4g} µs: by the masses, the hammer's stiffness and"
+            text = f"{text} reference_stiffness it is {wanted * 1e6:.4g} µs, which one is right?"
+            yield warning(reading.find_sample(sample.name), "reference_contact_time", text)
+
+
 def _check_barrier(reading: _Reading) -> Notes:
     """Compare a light barrier with the swing, the rate, and the accelerometers' channels."""
     table, setup = reading.find_channel("impact_speed"), reading.setup
@@ -364,6 +384,6 @@ def _check_plausible(reading: _Reading) -> Notes:
 
 CHECKS: tuple[Callable[[_Reading], Notes], ...] = (
     _check_channels, _check_drivers, _check_rate, _check_record, _check_trigger, _check_settings,
-    _check_masses, _check_samples, _check_barrier, _check_check_mass, _check_peak,
-    _check_sensors, _check_plausible,
+    _check_masses, _check_samples, _check_references, _check_barrier, _check_check_mass,
+    _check_peak, _check_sensors, _check_plausible,
 )  # fmt: skip

@@ -9,7 +9,7 @@ from impact_rig.configuration.rig_file import PRE_TRIGGER_MARGIN, SENSOR_KEYS, t
 from impact_rig.configuration.toml_table import TomlTable, make_values, parse_toml_table
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.setup import RigSetup
-from impact_rig.devices.drivers import SOURCES, VIRTUAL, make_device, read_driver_name
+from impact_rig.devices.drivers import COMMON_KEYS, SOURCES, VIRTUAL, make_device, read_driver_name
 from impact_rig.devices.protocols import (
     AccelerationSource,
     AcquisitionPlan,
@@ -20,6 +20,7 @@ from impact_rig.devices.speed_gate import take_channel_name, take_speed_gate
 from impact_rig.devices.virtual.drivers import (
     KEYS,
     QUANTITIES,
+    VirtualSource,
     make_virtual_plan,
     read_virtual_rig,
 )
@@ -90,7 +91,8 @@ def read_virtual_settings(
     if read_driver_name(table) != VIRTUAL:
         table = table.without(*(key for key in table if key not in RECORD_KEYS))
     table = table.merge(TomlTable(given))
-    return replace(read_virtual_rig(table), gate=take_speed_gate(table, setup))
+    source = VirtualSource(table.without(*COMMON_KEYS[SOURCES]))
+    return source.choose_settings(_choose_plan(source, table, setup))
 
 
 def make_source(
@@ -120,6 +122,12 @@ def make_source(
         If the table cannot be meant, or the driver cannot be loaded.
     """
     source: AccelerationSource = make_device(SOURCES, table)
+    plan = _choose_plan(source, table, setup)
+    return source, replace(plan, continuous=continuous, block_size=block_size, depth=depth)
+
+
+def _choose_plan(source: AccelerationSource, table: TomlTable, setup: RigSetup) -> AcquisitionPlan:
+    """Return the plan of a source by its table [source]."""
     # A source that no hammer strikes has no sensors that the table could describe.
     is_virtual = isinstance(source, HammerlessSource)
     plan = make_virtual_plan(table) if is_virtual else make_plan(table, setup)
@@ -130,9 +138,7 @@ def make_source(
             f"{gate.options.place} cannot be used: the driver {table.get('driver')!r} reads the"
             " two accelerometers only, and 'opendaq' and 'sound' a light barrier, too",
         )
-    return source, replace(
-        plan, continuous=continuous, block_size=block_size, depth=depth, gate=gate
-    )
+    return replace(plan, gate=gate)
 
 
 def make_plan(table: TomlTable, setup: RigSetup) -> AcquisitionPlan:

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+import impact_rig as ir
 from impact_rig.devices.virtual.rig import VirtualRigSettings
 from impact_rig.results.results_file import results_to_json, write_results
 from impact_rig.results.wire import format_json
@@ -38,6 +39,12 @@ def test_two_campaigns_in_one_recording_are_kept_apart(run, record, tmp_path):
     first, second = json.loads(run("analyze", recorded.path, "--json").stdout)
     assert second == results_to_json(recorded.results)
     assert [sample["impacts_accepted"] for sample in first["samples"]] == [1]
+    opened = ir.open_run(recorded.path, campaign=2)
+    found = opened.analyze()[SAMPLES[1]].contact_time.value
+    assert found == recorded.results.samples[0].paper.contact_time.value
+    assert [hit.record for hit in opened.hits[SAMPLES[1]]] == [2]
+    with pytest.raises(ir.RigError, match="holds 2 campaigns: choose one with campaign=1"):
+        ir.open_run(recorded.path).analyze()
     assert "campaign 2" in " ".join(run("analyze", recorded.path).stdout.split())
 
 

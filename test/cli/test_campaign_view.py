@@ -46,23 +46,14 @@ def test_a_log_has_a_line_for_each_sample_each_hit_and_each_pause(capsys, monkey
         rig.add_hit(make_good(1, 170.004e-6))
         follow(view, rig, make_campaign(Step.COUNTING, accepted=1))
         rig.add_hit(BAD)
+        for step, message in (
+            (Step.COUNTING, ""), (Step.PAUSED, stopped), (Step.JOINING, stopped),
+            (Step.PAUSED, stopped), (Step.PAUSED, gone), (Step.JOINING, gone),
+            (Step.STRIKING, gone), (Step.COUNTING, ""),
+        ):  # fmt: skip
+            follow(view, rig, make_campaign(step, accepted=1, rejected=1, message=message))
         follow(
-            view,
-            rig,
-            *(
-                make_campaign(step, accepted=1, rejected=1, message=message)
-                for step, message in (
-                    (Step.COUNTING, ""),
-                    (Step.PAUSED, stopped),
-                    (Step.JOINING, stopped),
-                    (Step.PAUSED, stopped),
-                    (Step.PAUSED, gone),
-                    (Step.JOINING, gone),
-                    (Step.STRIKING, gone),
-                    (Step.COUNTING, ""),
-                )
-            ),
-            make_campaign(Step.COUNTING, accepted=5, rejected=1, sample="steel large"),
+            view, rig, make_campaign(Step.COUNTING, accepted=5, rejected=1, sample="steel large")
         )
     assert capsys.readouterr().err.splitlines() == [
         "sample 1 of 2: steel small",

@@ -103,19 +103,13 @@ def test_a_time_that_rolled_over_is_said_first(run, tmp_path, time):
     assert f"{abs(time - TIME) * 1e-9:.1f} s" not in text
 
 
-def test_recordings_of_other_systems_are_shown_topic_by_topic(run, tmp_path):
-    outcome = run("info", write_notes(tmp_path / "other.mcap", library="another program"))
+def test_recordings_of_other_systems_are_shown_with_what_their_recorder_noted(run, tmp_path):
+    path = write_notes(tmp_path / "notes.mcap", topic="/lab/note", library="another program")
+    outcome = run("info", path)
     assert outcome.exit_code == 0
     assert outcome.stdout.splitlines()[0] == "sound: 5 messages, no hit"
-    assert "/chatter" in outcome.stdout
-    assert "2.0" in outcome.stdout
-
-
-def test_what_a_recorder_noted_is_shown(run, tmp_path):
-    path = write_notes(tmp_path / "notes.mcap", topic="/lab/note")
-    text = run("info", path).stdout
-    for words in ("impact_rig 9.8.7", "numpy 2", "disk full", ": hello", "dusty"):
-        assert words in text
+    shown = "/lab/note", "2.0", "impact_rig 9.8.7", "numpy 2", "disk full", ": hello", "dusty"
+    assert [words for words in shown if words not in outcome.stdout] == []
     content = json.loads(run("info", path, "--json").stdout)
     assert [note["text"] for note in content["notes"]] == ["hello"] * 5
     assert content["metadata"]["impact_rig/parameters"] == {"/hammer": "swing_time: 0.25\n"}

@@ -70,10 +70,12 @@ def change(old: str, new: str) -> str:
     return RIG.replace(old, new, 1)
 
 
-GOOD = load_rig_file(None), *map(parse_rig_file, (RIG, read_template()))
+FITTING = change('"228 us"', '"228 us"
+reference_stiffness = "20.80 MN/m"')  # by 0.9 %
+GOOD = load_rig_file(None), *map(parse_rig_file, (RIG, FITTING, read_template()))
 
 
-@pytest.mark.parametrize("rig", GOOD, ids=["the paper's", "a whole one", "the template"])
+@pytest.mark.parametrize("rig", GOOD, ids=["the paper's", "a whole one", "fitting", "template"])
 def test_of_a_good_rig_nothing_is_said(rig):
     assert check_rig(rig) == ()
 
@@ -237,6 +239,8 @@ UNWISE = [
     ('"LW 2"', '"LW 1"', "line 39: serial_number of [source.specimen] is 'LW 1', the hammer"),
     ('name = "brass"', 'name = "Steel "', "line 49: samples 'steel' and 'Steel ' differ in space"),
     ('"228 us"', '"228 ms"', "reference_contact_time of sample 'brass' is 2.28e+05 µs: metal"),
+    ('"228 us"', '"228 us"\nreference_stiffness = "20.95 MN/m"',
+     "line 51: reference_contact_time of sample 'brass' is 228 µs: by the masses, the hammer's"),
     ("[holder]", '[check_mass]\nmass = "150 g"\n[holder]',
      "the check mass ends undecided unless sensitivity_uncertainty stands in [source.specimen]"),
     (SPECIMEN, "", "line 19: [source] has no [source.specimen]: only the hammer is measured"),

@@ -87,13 +87,7 @@ class VirtualSource:
         ParameterError
             If the record is too short.
         """
-        digitizer = replace(
-            self._settings.digitizer,
-            sampling_rate=plan.sampling_rate,
-            record_duration=plan.record_duration,
-            pre_trigger=plan.pre_trigger,
-        )
-        self._settings = replace(self._settings, digitizer=digitizer, gate=plan.gate)
+        self._settings = self.choose_settings(plan)
         self._digitizer = TriggeredDigitizer(plan.block_size)
         if plan.continuous:
             self._digitizer = StreamingDigitizer(self._settings, plan.block_size, plan.depth)
@@ -102,6 +96,16 @@ class VirtualSource:
         is_law = self._settings.plant is Plant.CONTACT
         import_module("scipy.integrate" if is_law else "scipy.optimize")
         return Acquisition(IDENTITY, plan.sampling_rate, is_simulated=True)
+
+    def choose_settings(self, plan: AcquisitionPlan) -> VirtualRigSettings:
+        """Return what the virtual rig is under a plan; raises as `configure`."""
+        digitizer = replace(
+            self._settings.digitizer,
+            sampling_rate=plan.sampling_rate,
+            record_duration=plan.record_duration,
+            pre_trigger=plan.pre_trigger,
+        )
+        return replace(self._settings, digitizer=digitizer, gate=plan.gate)
 
     def arm(self) -> None:
         """Wait for one hit; in continuous mode begin the stream."""
