@@ -817,7 +817,7 @@ def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path, monkeypatch
     shown = list_shown(notebook)
     # The sample's figure, that of own files, and of the own estimator.
     assert [place for place, data in enumerate(shown) if "image/png" in data] == [2, 4, 5]
-    assert [[*data] for data in committed] == [[*data] for data in shown]
+    assert [{*data} for data in committed] == [{*data} for data in shown]
     assert [data["text/plain"] for data in committed] == [data["text/plain"] for data in shown]
     # Both are by the log decrement, and the truth differs by as much.
     assert "2 of 7 values changed" in shown[-1]["text/html"]

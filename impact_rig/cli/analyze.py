@@ -73,16 +73,9 @@ def analyze_runs(
 def report_batch(campaigns: Sequence[BatchCampaign], *, as_json: bool) -> None:
     """Print campaigns in one table, or as one JSON list."""
     if as_json:
-        print_json(
-            [
-                {
-                    "recording": str(campaign.recording),
-                    "campaign": campaign.number,
-                    "results": results_to_json(campaign.results),
-                }
-                for campaign in campaigns
-            ]
-        )
+        found = [(str(it.recording), it.number, results_to_json(it.results)) for it in campaigns]
+        names = "recording", "campaign", "results"
+        print_json([dict(zip(names, item, strict=True)) for item in found])
     elif campaigns:
         print_batch(make_console(), campaigns)
 
@@ -137,7 +130,9 @@ def run(
         _show_again(results[0], files, unused, show)
         return
     measured = MeasurementOptions(**given)
-    recorded, plain = _sort_files([find_bag(path) for path in files])
+    found = [find_bag(path) for path in files]
+    recorded = [path for path in found if _is_folder(path) or is_recording(path)]
+    plain = [path for path in found if path not in recorded]
     # The workers of a cluster have other working folders.
     runs, errors = find_runs(
         [path.absolute() if scheduler else path for path in recorded], namespace
@@ -155,9 +150,9 @@ def run(
     if others:
         if trend or workers is not None or scheduler is not None:
             raise ParameterError("--workers, --scheduler and --trend are for recordings")
-        found = MeasuredFiles(others, make_series(measured))
-        print_taken(found, is_shown=is_shown, is_aside=as_json)
-        errors += _report_traces(found, accept, reject, show)
+        traces = MeasuredFiles(others, make_series(measured))
+        print_taken(traces, is_shown=is_shown, is_aside=as_json)
+        errors += _report_traces(traces, accept, reject, show)
     elif len(runs) == 1 and not (trend or len(files) > 1):
         _report_run(runs[0], make_recorded_settings(measured), accept, reject, show, as_json)
     elif runs:
@@ -215,12 +210,6 @@ def _report_traces(
     if not any(hit.accepted for hit in results.hits):
         return [*files.errors, "no hit was accepted: the contact time is not determined"]
     return files.errors
-
-
-def _sort_files(named: Sequence[Path]) -> tuple[list[Path], list[Path]]:
-    """Return the recordings and folders, and the plain files."""
-    recorded = [path for path in named if _is_folder(path) or is_recording(path)]
-    return recorded, [path for path in named if path not in recorded]
 
 
 def _is_folder(path: Path) -> bool:

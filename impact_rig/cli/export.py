@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from impact_rig.analysis.hits import ExportedCampaign, Hit, make_channels, read_campaigns
+from impact_rig.analysis.hits import ExportedCampaign, make_channels, read_campaigns
 from impact_rig.analysis.sources import RunSource, find_run, read_runs
 from impact_rig.cli.info import EXIT_DAMAGED, describe_hits
 from impact_rig.cli.options import refuse_given
@@ -193,11 +193,12 @@ def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> lis
             )
     groups: list[Group] = []
     if "hits" in task.parts:
-        chosen = [hit for _, hit in hits if not wanted or hit.block.label in wanted]
         groups += [
             (hit.title, make_channels(hit, is_filtered=task.filtered))
-            for hit in chosen
-            if _is_wanted(hit, task)
+            for _, hit in hits
+            if (not wanted or hit.block.label in wanted)
+            and (not task.samples or hit.sample in task.samples)
+            and (hit.accepted or not task.accepted_only)
         ]
     if "means" in task.parts:
         groups += [
@@ -207,12 +208,6 @@ def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> lis
             if not task.samples or name in task.samples
         ]
     return [group for group in groups if group[1]]
-
-
-def _is_wanted(hit: Hit, task: ExportTask) -> bool:
-    if task.accepted_only and not hit.accepted:
-        return False
-    return not task.samples or hit.sample in task.samples
 
 
 def save_sound_copy(run: Run, output: Path) -> None:

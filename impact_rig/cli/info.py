@@ -98,19 +98,12 @@ def find_outcome(hit: RecordedHit) -> str:
 
 def describe_losses(contents: Contents) -> str | None:
     """Return in words what was lost while recording; None: nothing."""
-    gaps = [
-        (
-            "the blocks",
-            sum(hit.gaps for hit in contents.hits),
-            sum(hit.missing_points for hit in contents.hits),
-        ),
-        *((topic, item.gaps, item.missing_points) for topic, item in contents.streams.items()),
-    ]
-    parts = [
-        f"{format_count(number, 'gap')} of {format_count(points, 'point')} in {where}"
-        for where, number, points in gaps
-        if number
-    ]
+    places = {"the blocks": contents.hits, **{k: [it] for k, it in contents.streams.items()}}
+    parts = []
+    for where, items in places.items():
+        if number := sum(item.gaps for item in items):
+            points = format_count(sum(item.missing_points for item in items), "point")
+            parts.append(f"{format_count(number, 'gap')} of {points} in {where}")
     for number, where in (
         (contents.messages_lost, "on the way to the recorder"),
         (contents.lost, "of the file"),
@@ -165,12 +158,9 @@ def describe_verdict(contents: Contents) -> str:
         )
     if contents.is_live:
         return f"live, it is being recorded; so far: {found}"
-    recovery = read_fields(contents, RECOVERY_RECORD)
-    return f"sound: {found}" + (
-        f"; recovered from {recovery['recovered_from']}: {recovery['problems']}"
-        if recovery
-        else ""
-    )
+    if recovery := read_fields(contents, RECOVERY_RECORD):
+        found += f"; recovered from {recovery['recovered_from']}: {recovery['problems']}"
+    return f"sound: {found}"
 
 
 def contents_to_json(contents: Contents) -> dict[str, Any]:
@@ -272,13 +262,6 @@ def _print_samples(console: Console, contents: Contents) -> None:
     print_table(console, make_table(f"Samples: {len(names)}", columns, notes, marked))
 
 
-def _print_incomplete_hits(console: Console, contents: Contents) -> None:
-    hits = [hit for hit in contents.hits if hit.state is not HitState.SAVED]
-    for hit in hits[:MOST_HITS]:  # --json names all
-        name = str(hit.label) if hit.label else f"record {hit.record}"
-        print_item(console, f"{name}: {hit.state.value}, {hit.reason}")
-
-
 def _print_topics(console: Console, contents: Contents) -> None:
     """Print the topics with their messages, found and lost."""
     topics = list(contents.topics.values())
@@ -329,7 +312,11 @@ def _print(contents: Contents) -> None:
     console.print()
     print_facts(console, _list_facts(contents))
     _print_samples(console, contents)
-    _print_incomplete_hits(console, contents)
+    incomplete = [hit for hit in contents.hits if hit.state is not HitState.SAVED]
+    for hit in incomplete[:MOST_HITS]:  # --json names all
+        print_item(
+            console, f"{hit.label or f'record {hit.record}'}: {hit.state.value}, {hit.reason}"
+        )
     _print_topics(console, contents)
     for remark in list_remarks(contents):
         console.print(Text.assemble(("warning: ", ALARM), remark))

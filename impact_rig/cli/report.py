@@ -29,7 +29,7 @@ from impact_rig.configuration.toml_table import read_toml_file
 from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.core.given.records import IMPORTED, MEASURED, join_origins
 from impact_rig.present.console import print_warning
-from impact_rig.present.report.certificate import list_results, make_certificate
+from impact_rig.present.report.certificate import list_bodies, list_results, make_certificate
 from impact_rig.present.report.page import render_page
 from impact_rig.present.report.report import ReportForm, make_report
 from impact_rig.present.report.setup import find_test_days, list_calibration_warnings
@@ -192,9 +192,7 @@ def _list_lacking(
     runs: Sequence[ReportedCampaign], stated: Particulars, *, has_opinions: bool
 ) -> list[str]:
     """Return what ISO/IEC 17025 asks for and is not stated."""
-    results = [run.campaign.results for run in runs]
-    setups = [(item.setup.samples, sample.name) for item in results for sample in item.samples]
-    bodies = list(dict.fromkeys(known.find(name).body for known, name in setups))
+    bodies = list_bodies(runs)
     is_dated = any(find_test_days(runs[0].provenance))
     return stated.list_lacking(bodies, is_dated=is_dated, has_opinions=has_opinions)
 

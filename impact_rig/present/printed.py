@@ -136,6 +136,18 @@ class Budget(Printed, tuple[BudgetLine, ...]):
     __repr__ = Printed.__str__
 
 
+def _operate(
+    formula: Callable[[Any, Any], Any], *, is_reflected: bool = False
+) -> Callable[["Number", "Number | float"], "Number"]:
+    """Return the method of `Number` that calculates with another number."""
+
+    def operate(number: "Number", other: "Number | float") -> "Number":
+        pair = (other, number) if is_reflected else (number, other)
+        return number._calculate(formula, *pair)  # noqa: SLF001 - a method of it
+
+    return operate
+
+
 @dataclass(frozen=True, repr=False)
 class Number(Quantity):
     """A value with its uncertainty, printed with ± and unit.
@@ -239,37 +251,13 @@ class Number(Quantity):
         quantity = replace(compute_quantity(float(found.x), found), number=found)
         return make_number(quantity, Description(find_unit(formula, first, second)), "result")
 
-    def __add__(self, other: "Number | float") -> "Number":
-        """Return the sum."""
-        return self._calculate(operator.add, self, other)
-
-    __radd__ = __add__
-
-    def __sub__(self, other: "Number | float") -> "Number":
-        """Return the difference."""
-        return self._calculate(operator.sub, self, other)
-
-    def __rsub__(self, other: float) -> "Number":
-        """Return the difference."""
-        return self._calculate(operator.sub, other, self)
-
-    def __mul__(self, other: "Number | float") -> "Number":
-        """Return the product."""
-        return self._calculate(operator.mul, self, other)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: "Number | float") -> "Number":
-        """Return the ratio."""
-        return self._calculate(operator.truediv, self, other)
-
-    def __rtruediv__(self, other: float) -> "Number":
-        """Return the ratio."""
-        return self._calculate(operator.truediv, other, self)
-
-    def __pow__(self, other: "Number | float") -> "Number":
-        """Return the power."""
-        return self._calculate(operator.pow, self, other)
+    __add__ = __radd__ = _operate(operator.add)
+    __sub__, __rsub__ = _operate(operator.sub), _operate(operator.sub, is_reflected=True)
+    __mul__ = __rmul__ = _operate(operator.mul)
+    __truediv__, __rtruediv__ = (
+        _operate(operator.truediv), _operate(operator.truediv, is_reflected=True)
+    )  # fmt: skip
+    __pow__ = _operate(operator.pow)
 
     def __neg__(self) -> "Number":
         """Return its negative."""

@@ -103,7 +103,7 @@ def make_certificate(runs: Sequence[ReportedCampaign], stated: Particulars) -> s
     administrative: Nodes = [
         ("dccSoftware", [("software", software)]),
         ("coreData", _list_core(runs, stated)),
-        ("items", [("item", _describe_item(body, stated)) for body in _list_bodies(runs)]),
+        ("items", [("item", _describe_item(body, stated)) for body in list_bodies(runs)]),
         ("calibrationLaboratory", [("contact", _address(*laboratory))]),
         ("respPersons", [("respPerson", signer)]),
         ("customer", _address(stated.get("report", "customer"), "")),
@@ -191,7 +191,8 @@ def _value(value: float, unit: str, interval: "Nodes" = ()) -> "Nodes":
     return [("si:real", [("si:value", repr(value)), ("si:unit", unit), *interval])]
 
 
-def _list_bodies(runs: Sequence[ReportedCampaign]) -> list[str]:
+def list_bodies(runs: Sequence[ReportedCampaign]) -> list[str]:
+    """Return the bodies that were struck, each once."""
     bodies = [
         run.campaign.results.setup.samples.find(sample.name).body
         for run in runs
