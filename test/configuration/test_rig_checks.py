@@ -70,8 +70,7 @@ def change(old: str, new: str) -> str:
     return RIG.replace(old, new, 1)
 
 
-FITTING = change('"228 us"', '"228 us"
-reference_stiffness = "20.80 MN/m"')  # by 0.9 %
+FITTING = change('"228 us"', '"228 us"\nreference_stiffness = "20.80 MN/m"')  # by 0.9 %
 GOOD = load_rig_file(None), *map(parse_rig_file, (RIG, FITTING, read_template()))
 
 
