@@ -317,22 +317,17 @@ def count_padding(values: RawArray) -> int:
     That is a run of one value, behind which noise lies on another level, below half of the highest
     point.
     """
-    run = next(
-        (
-            first + int(np.argmax(piece != values[0]))
-            for first, piece in split_points(values)
-            if np.any(piece != values[0])
-        ),
-        0,
-    )
+    run = 0
+    for first, piece in split_points(values):
+        if np.any(piece != values[0]):
+            run = first + int(np.argmax(piece != values[0]))
+            break
     behind = values[run : run + MINIMUM_POINTS].astype(np.float64)
     if run < MINIMUM_POINTS or behind.size < MINIMUM_POINTS:
         return 0
     level = abs(float(np.median(behind)) - float(values[0]))
-    height = max(
-        float(np.abs(piece.astype(np.float64) - float(values[0])).max())
-        for _, piece in split_points(values)
-    )
+    pieces = (piece.astype(np.float64) for _, piece in split_points(values))
+    height = max(float(np.abs(piece - float(values[0])).max()) for piece in pieces)
     return run if 0.0 < float(np.ptp(behind)) < level < 0.5 * height else 0
 
 

@@ -4,7 +4,6 @@ Files that are nothing else are read here: numpy's `.npy` and `.npz`, of which n
 unpickled, and lists of channels in JSON, as the tools of sdypy exchange them (SEP 005).
 """
 
-import itertools
 import json
 import math
 import zipfile
@@ -117,10 +116,8 @@ def _make_channels(
             stated |= Clock(read_stated_rate(nearest), "s" if has_unit else "").stated
         fitting = [clock for clock in clocks if clock.values.size == max(array.values.shape)]
         if fitting:
-            is_spectrum = [_find_axis(clock) is Axis.FREQUENCY for clock in fitting]
-            if not all(is_spectrum):
-                fitting = [c for c, is_one in zip(fitting, is_spectrum, strict=True) if not is_one]
-            time = _find_nearest(fitting, array)
+            of_time = [clock for clock in fitting if _find_axis(clock) is not Axis.FREQUENCY]
+            time = _find_nearest(of_time or fitting, array)
             times = time.values.ravel()
             clock = read_clock(path, clean_name(time.name), times, time.stated.get("unit", ""))
             stated |= clock.stated
@@ -140,10 +137,8 @@ def _find_nearest(stated: Sequence[NamedArray], array: NamedArray) -> NamedArray
 
     def rank(other: NamedArray) -> tuple[int, int]:
         others = PARTS.split(other.name)
-        pairs = itertools.takewhile(
-            lambda pair: pair[0] == pair[1], zip(parts, others, strict=False)
-        )
-        return len(list(pairs)), -len(others)
+        same = [a == b for a, b in zip(parts, others, strict=False)]
+        return [*same, False].index(False), -len(others)
 
     return max(stated, key=rank)
 

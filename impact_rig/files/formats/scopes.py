@@ -34,10 +34,8 @@ def read_scope(path: Path) -> Measurement:
 
     with contextlib.redirect_stderr(io.StringIO()) as complaint:
         first = Wfm.from_file(str(path))
-        frames = [
-            first,
-            *(Wfm.from_file(str(path), frame=at) for at in range(1, first.frame_count)),
-        ]
+        further = range(1, first.frame_count)
+        frames = [first, *(Wfm.from_file(str(path), frame=at) for at in further)]
     if not first.channels:
         words = " ".join(complaint.getvalue().split())
         raise FileError(f"{path} holds no analogue channel that can be read: {words}")
