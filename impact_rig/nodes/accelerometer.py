@@ -20,7 +20,7 @@ from impact_rig.nodes.accelerometer_source import (
     open_source,
 )
 from impact_rig.nodes.device_node import DeviceNode
-from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
+from impact_rig.nodes.identity import id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.rig_node import DIAGNOSTIC_PERIOD, Answer
 from impact_rig.recordings.fields import NO_ID, fill_message
@@ -79,7 +79,7 @@ class AccelerometerNode(DeviceNode):
         """Open the source."""
         super().configure()
         self._open = open_source(self, continuous=self._is_continuous or self._is_monitoring)
-        self._use_setup()
+        self._use_setup(self._setup)
 
     def cleanup(self) -> None:
         """Close the source."""
@@ -146,22 +146,21 @@ class AccelerometerNode(DeviceNode):
             self._reopen(is_monitoring=False)
         self._use_stream()
         response.stream_id = id_to_msg(self._stream_id)
-        self._setup = setup
-        self._use_setup()
+        self._use_setup(setup)
 
     def _use_stream(self) -> None:
-        campaign_id = self.membership.identity.campaign_id
-        self.membership.identity = Identity(campaign_id, self._stream_id)
+        identity = self.membership.identity
+        self.membership.identity = replace(identity, stream_id=self._stream_id)
 
     def _on_setup(self, received: Received[RigSetup]) -> None:
         """Use set-ups without a campaign, until one has asked this node to join."""
         if not self.membership.is_joined:
-            self._setup = received.value
-            self._use_setup()
+            self._use_setup(received.value)
 
-    def _use_setup(self) -> None:
-        if self._setup is not None and self._open is not None and self._open.hammerless:
-            self._open.hammerless.take_setup(self._setup)
+    def _use_setup(self, setup: RigSetup | None) -> None:
+        self._setup = setup
+        if setup is not None and self._open is not None and self._open.hammerless:
+            self._open.hammerless.take_setup(setup)
 
     # The input monitor.
 

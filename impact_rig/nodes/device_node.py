@@ -3,8 +3,6 @@
 from abc import abstractmethod
 from typing import Any
 
-from rclpy.lifecycle import TransitionCallbackReturn
-
 from impact_rig.configuration.parameters import Parameter
 from impact_rig.core.given.errors import ParameterError, RigError
 from impact_rig.nodes.rig_node import RigNode
@@ -62,16 +60,6 @@ class DeviceNode(RigNode):
         """Configure and activate, if the parameter says so; try again while that fails."""
         if self.get_value("autostart") and not self._start() and self.fault is not None:
             self._tell_fault(self.fault)
-
-    def _start(self) -> bool:
-        if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-            return False
-        if self.trigger_activate() == TransitionCallbackReturn.SUCCESS:
-            return True
-        fault = self.fault
-        self.trigger_cleanup()
-        self.fault = fault
-        return False
 
     def _tell_fault(self, text: str) -> None:
         self.fault = text

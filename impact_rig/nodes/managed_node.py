@@ -127,12 +127,19 @@ class ManagedNode(LifecycleNode):
 
         Nobody would wait for a node that never becomes active.
         """
-        if not self.get_value("autostart"):
-            return
-        good = TransitionCallbackReturn.SUCCESS
-        if self.trigger_configure() == good and self.trigger_activate() == good:
-            return
-        self.request_stop(RigError(self.fault or "the node cannot be started"))
+        if self.get_value("autostart") and not self._start():
+            self.request_stop(RigError(self.fault or "the node cannot be started"))
+
+    def _start(self) -> bool:
+        """Configure and activate, or neither; return whether it is active."""
+        if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
+            return False
+        if self.trigger_activate() == TransitionCallbackReturn.SUCCESS:
+            return True
+        fault = self.fault
+        self.trigger_cleanup()
+        self.fault = fault
+        return False
 
     def close(self) -> None:
         """Leave the states active and configured, whatever led here; safe to call twice."""
@@ -187,13 +194,14 @@ class ManagedNode(LifecycleNode):
     def _on_set_parameters(self, changes: list[Parameter]) -> SetParametersResult:
         for change in changes:
             name, known = change.name, self._known.get(change.name)
+            if known is None:
+                continue
             try:
-                if known is not None:
-                    known.convert(name, change.value)
+                known.convert(name, change.value)
             except ParameterError as error:
                 return SetParametersResult(successful=False, reason=str(error))
-            is_fixed = known is not None and not known.is_live
-            if is_fixed and self.is_configured and change.value != self.get_value(name):
+            is_fixed = self.is_configured and not known.is_live
+            if is_fixed and change.value != self.get_value(name):
                 way = "deactivate and clean up" if self.is_active else "clean up"
                 reason = f"{name} is read when the node is configured: {way} the node first"
                 return SetParametersResult(successful=False, reason=reason)

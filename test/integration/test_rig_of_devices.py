@@ -91,13 +91,14 @@ def check_hits(hits, strikes):
 
 
 def check_records(path, records):
-    """Require that each record ended once, was stored once and was judged once."""
+    """Require that each record ended once, was stored, and was judged once."""
     counts = {"/acceleration": Counter(), "/recorder/stored": Counter(), "/impact": Counter()}
     with path.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         for _, channel, _, message in reader.iter_decoded_messages(list(counts)):
             if getattr(message, "last", True):
                 counts[channel.topic][message.record] += 1
+    assert counts.pop("/recorder/stored").keys() == records  # said again, for who missed it
     for found in counts.values():
         assert found == dict.fromkeys(records, 1)
 

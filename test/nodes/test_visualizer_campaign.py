@@ -42,7 +42,9 @@ class Told:
                     self.traces.append(interfaces.IMPACT_TRACE.convert(message))
         self.found = self.session.estimate_all()
 
-    def tell(self, campaign):
+    def tell(self):
+        """Return the campaign as it is shown."""
+        campaign = ShownCampaign(PAPER_SETUP)
         for found in (*self.truths, *self.verdicts):
             campaign.add(found)
         hammer = result_messages.estimate_to_msg(self.found.hammer, STAMP, NO_IDENTITY)
@@ -55,6 +57,7 @@ class Told:
                 campaign.add(interfaces.COMPARISON.convert(message))
             message = result_messages.estimate_to_msg(estimate, STAMP, NO_IDENTITY)
             campaign.add(interfaces.ESTIMATE.convert(message))
+        return campaign
 
 
 @pytest.fixture(scope="module")
@@ -62,18 +65,12 @@ def told():
     return Told()
 
 
-@pytest.fixture
-def campaign(told):
-    shown = ShownCampaign(PAPER_SETUP)
-    told.tell(shown)
-    return shown
+def test_results_are_those_of_the_session(told):
+    assert told.tell().make_results() == results_from_session(told.found, told.faults)
 
 
-def test_results_are_those_of_the_session(told, campaign):
-    assert campaign.make_results() == results_from_session(told.found, told.faults)
-
-
-def test_traces_are_those_of_the_session(told, campaign):
+def test_traces_are_those_of_the_session(told):
+    campaign = told.tell()
     for estimate in told.found.samples:
         expected = sample_traces_from_estimate(estimate, told.session.compute_mean(estimate.name))
         shown = campaign.make_traces(estimate.name)
