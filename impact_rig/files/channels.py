@@ -397,10 +397,9 @@ def _check_rate(path: Path, plan: ChannelPlan, rate: float, unit: str) -> None:
 
 def _find_words(measurement: Measurement) -> str | None:
     """Return that times are written in words, with their name; None: they are not."""
-    for channel in measurement.channels:
-        if channel.flaw and find_axis(channel.name, channel.unit) is not None:
-            return f"its {channel.name!r} is not of numbers"
-    return None
+    flawed = [channel for channel in measurement.channels if channel.flaw]
+    names = [of.name for of in flawed if find_axis(of.name, of.unit) is not None]
+    return f"its {names[0]!r} is not of numbers" if names else None
 
 
 def _check_width(questions: Questions, hammer: MeasuredChannel, rate: float, unit: str) -> None:

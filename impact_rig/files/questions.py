@@ -51,11 +51,11 @@ class Questions:
 def list_channels(measurement: Measurement) -> str:
     """Return numbers, names, units and sizes of the first channels."""
     lines = describe_channels(measurement)
-    left = len(lines) - SHOWN_CHANNELS
-    if left <= 0:
-        return ", ".join(lines)
-    advice = f"{left} more (`impact-rig import --template FILE` lists all)"
-    return ", ".join([*lines[:SHOWN_CHANNELS], advice])
+    if left := lines[SHOWN_CHANNELS:]:
+        lines[SHOWN_CHANNELS:] = [
+            f"{len(left)} more (`impact-rig import --template FILE` lists all)"
+        ]
+    return ", ".join(lines)
 
 
 def describe_channels(measurement: Measurement) -> list[str]:

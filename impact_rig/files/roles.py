@@ -345,11 +345,9 @@ def _assign_columns(measurement: Measurement, roles: tuple[str, ...]) -> list[Ro
             f"{measurement.path} has {len(channels)} columns, but {len(roles)} roles are given:"
             f" {', '.join(roles)}"
         )
-    of: dict[str, list[MeasuredChannel]] = {role: [] for role in ROLES}
-    for role, channel in zip(roles, channels, strict=True):
-        of[role].append(channel)
-    time = of["time"][0] if of["time"] else None
-    return _make_roles(of["hammer"], of["specimen"], time)
+    pairs = list(zip(roles, channels, strict=True))
+    of = {role: [channel for own, channel in pairs if own == role] for role in ROLES}
+    return _make_roles(of["hammer"], of["specimen"], next(iter(of["time"]), None))
 
 
 def _make_roles(

@@ -22,7 +22,7 @@ from impact_rig.files.formats.rates import (
     is_step_name,
     states_unit,
 )
-from impact_rig.files.measurement import ORIGIN, Measurement, make_unique
+from impact_rig.files.measurement import DESCRIBED, ORIGIN, Measurement, make_unique
 
 START_NAMES = {"start", "start s", "t0", "x0"}
 """Names of attributes, in small letters, underscores as blanks."""
@@ -165,14 +165,10 @@ def write_hdf5(path: Path, measurement: Measurement) -> None:
     with h5py.File(path, "w", track_order=True) as file:
         for name, channel in zip(names, channels, strict=True):
             item = file.create_dataset(name, data=channel.values)
-            item.attrs[NAME] = channel.name
-            item.attrs["sampling_rate"] = channel.sampling_rate
-            item.attrs["unit"] = channel.unit
-            item.attrs["start"] = channel.start
-            if channel.origin:
-                item.attrs[ORIGIN] = channel.origin
-            if channel.recorded_at:
-                item.attrs[RECORDED_AT] = channel.recorded_at
+            for key in DESCRIBED:
+                value = getattr(channel, key)
+                if value or key not in (RECORDED_AT, ORIGIN):
+                    item.attrs[key] = value
 
 
 def _clean(name: str) -> str:

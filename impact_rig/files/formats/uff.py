@@ -76,8 +76,7 @@ def read_uff(path: Path) -> Measurement:
             others.append(f"data set {kind}")
             continue
         function = file.read_sets(index)
-        found = _name_function(function)
-        if found:
+        if found := _name_function(function):
             others.append(found)
         else:
             channels.append(_make_channel(path, function, len(channels) + 1))
