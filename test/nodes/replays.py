@@ -22,9 +22,11 @@ PAUSE = 0.3
 """Between two hits [s]."""
 
 
-def write_recording(path: Path, events, *, namespace="", **options) -> Path:
+def write_recording(path: Path, events, *, namespace="", attachment=(), **options) -> Path:
     """Write (time [s], topic, message) as a recorder in the namespace would."""
     writer = RecordingWriter(path, **options)
+    if attachment:
+        writer.add_attachment(*attachment)
     channels = {}
     for offset, topic, message in events:
         if topic.name not in channels:

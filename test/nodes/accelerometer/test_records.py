@@ -110,7 +110,7 @@ def test_a_release_is_heard_after_the_disarming_that_followed_it(
 def test_a_hammer_that_is_disarmed_after_the_contact_takes_no_hit_away(
     harness, desk, rig, blocks, states, release, disarm
 ):
-    node = rig()
+    node = rig(trigger_timeout=60.0)
     release(arm(harness).record, latest_contact=60.0)
     wait_for_release(harness, node)
     first, *rest = make_record().split(1000)
