@@ -4,6 +4,7 @@ The numbers are those of the table in the page's README.
 """
 
 import contextlib
+import re
 import resource
 import socket
 import time
