@@ -36,20 +36,18 @@ def test_converted_to_sqlite_and_back_nothing_is_lost(bags, tools):
 
 
 def test_our_recording_played_by_ros2_bag_is_estimated_again(bags, tools):
-    ask = (
-        "ros2", "service", "call", "/again/estimator/get_results",
-        "impact_rig_msgs/srv/GetResults",
-    )  # fmt: skip
+    ask = "/again/estimator/get_results", "impact_rig_msgs/srv/GetResults"
     with tools.start(
         "ros2", "run", "impact_rig", "estimator", "--ros-args", "-r", "__ns:=/again"
     ) as estimator:
-        assert "samples=[]" in tools.run(*ask)
+        assert "samples=[]" in tools.call(*ask)
         tools.run(
             "ros2", "bag", "play", "-s", "mcap", bags.ours, "--delay", "3",
             "--disable-keyboard-controls", "--topics", "/setup", "/acceleration",
             "--remap", "/setup:=/again/setup", "/acceleration:=/again/acceleration",
         )  # fmt: skip
-        tools.run_until(lambda text: text.count("impact_rig_msgs.msg.Impact(") == 6, *ask)
+        while tools.call(*ask).count("impact_rig_msgs.msg.Impact(") < 6:  # within the test's time
+            pass
         assert estimator.interrupt() == 0, estimator.text
 
 
@@ -70,10 +68,8 @@ def test_a_bag_played_into_a_live_rig_is_none_of_its_campaign(bags, rig, tools):
         )  # fmt: skip
         # Two publishers of hammer/state have disarmed the hammer: a person arms it again.
         tools.run("impact-rig", "hammer", "arm", "--namespace", "bench")
-        tools.run(
-            "ros2", "service", "call", "/bench/campaign/confirm_sample",
-            "impact_rig_msgs/srv/ConfirmSample", "{sample: brass small}",
-        )  # fmt: skip
+        confirm = "/bench/campaign/confirm_sample", "impact_rig_msgs/srv/ConfirmSample"
+        tools.call(*confirm, "{sample: brass small}")
         campaign.wait_for("Goal finished with status: SUCCEEDED")
     hits = re.findall(r"^ +sample: (\w+ \w+)", campaign.text, re.MULTILINE)
     assert len(hits) >= 3

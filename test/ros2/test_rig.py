@@ -63,18 +63,13 @@ def test_a_campaign_runs_to_its_end_as_an_action(rig, tools):
     assert "Goal finished with status: SUCCEEDED" in text
     assert "sample: aluminium large" in text.partition("Result:")[0]
     assert re.search(r"success: true", text)
-    answer = tools.run(
-        "ros2", "service", "call", "/bench/estimator/get_results",
-        "impact_rig_msgs/srv/GetResults",
-    )  # fmt: skip
+    answer = tools.call("/bench/estimator/get_results", "impact_rig_msgs/srv/GetResults")
     assert answer.count("impact_rig_msgs.msg.SampleEstimate(") == 2
 
 
 def test_the_operator_s_enable_is_given_and_taken_by_services(rig, tools):
     for service, answer in (("disarm", "success=True"), ("arm", "success=True")):
-        call = tools.run(
-            "ros2", "service", "call", f"/bench/hammer/{service}", "impact_rig_msgs/srv/Act"
-        )
+        call = tools.call(f"/bench/hammer/{service}", "impact_rig_msgs/srv/Act")
         assert answer in call
 
 

@@ -1,5 +1,6 @@
 """The real tools: commands that answer, and programs in terminals."""
 
+import contextlib
 import os
 import subprocess
 import time
@@ -45,7 +46,7 @@ class Tools:
         self.environment = environment
         self.folder = folder
 
-    def run(self, *words: Any, code: int | None = 0) -> str:
+    def run(self, *words: Any, code: int | None = 0, patience: float = PATIENCE) -> str:
         """Run a command, again while it has not discovered its node; return what it printed."""
         deadline = time.monotonic() + PATIENCE
         while True:
@@ -57,7 +58,7 @@ class Tools:
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 text=True,
-                timeout=PATIENCE,
+                timeout=patience,
                 check=False,
             )
             if "Node not found" not in done.stdout or time.monotonic() > deadline:
@@ -66,6 +67,16 @@ class Tools:
             f"{words}: {done.returncode}\n{done.stdout}"
         )
         return done.stdout
+
+    def call(self, *words: Any) -> str:
+        """Call a service; return what it answered.
+
+        Its answer is lost to a command that it has not discovered yet: then it is asked again.
+        """
+        for patience in (20.0, 60.0):
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                return self.run("ros2", "service", "call", *words, patience=patience)
+        return self.run("ros2", "service", "call", *words)
 
     def run_until(self, is_enough: Callable[[str], bool], *words: Any) -> str:
         """Run a command again and again until its answer is enough; return the answer."""
