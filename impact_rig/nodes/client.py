@@ -43,23 +43,25 @@ class RigClient:
     """
 
     def __init__(self, name: str, namespace: str = "") -> None:
-        # Ctrl-C within the middleware's libraries would crash them: it waits until they are ready.
-        self._making = contextlib.ExitStack()
-        self._making.enter_context(hold_interrupts())
-        self._context = rclpy.Context()
-        with offer_profile():
-            rclpy.init(context=self._context, args=[])
-            # A guest, of whom no parameter is asked: the less there is to tell of, the sooner.
-            self._node = Node(
-                name,
-                namespace=namespace or None,
-                context=self._context,
-                enable_rosout=False,
-                start_parameter_services=False,
-            )
-        self._intake = Intake(self._node)
-        self._executor = make_executor(self._context)
-        self._executor.add_node(self._node)
+        with contextlib.ExitStack() as making:
+            # Ctrl-C within the middleware's libraries would crash them: it waits until they are
+            # ready.
+            making.enter_context(hold_interrupts())
+            self._context = rclpy.Context()
+            with offer_profile():
+                rclpy.init(context=self._context, args=[])
+                # A guest, of whom no parameter is asked: the less there is to tell of, the sooner.
+                self._node = Node(
+                    name,
+                    namespace=namespace or None,
+                    context=self._context,
+                    enable_rosout=False,
+                    start_parameter_services=False,
+                )
+            self._intake = Intake(self._node)
+            self._executor = make_executor(self._context)
+            self._executor.add_node(self._node)
+            self._making = making.pop_all()
 
     def __enter__(self) -> Self:
         """Return the client."""

@@ -6,6 +6,7 @@ import signal
 import pytest
 from impact_rig_msgs.action import RunCampaign
 from impact_rig_msgs.msg import HammerState
+from rclpy.exceptions import InvalidNamespaceException
 
 from impact_rig.core.given.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
@@ -80,6 +81,13 @@ def test_a_rig_that_is_not_there_is_said(ros_domain):
         pytest.raises(DeviceError, match="no hammer publishes its state within"),
     ):
         client.describe()
+
+
+def test_a_client_that_cannot_be_made_leaves_ctrl_c_as_it_was(ros_domain):
+    with pytest.raises(InvalidNamespaceException) as error:
+        HammerClient("no namespace", 0.1)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert error.tb is not None  # which keeps all that was begun
 
 
 def test_a_goal_that_cannot_be_run_is_rejected_with_the_reason(start_process):
