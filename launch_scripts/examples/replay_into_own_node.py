@@ -16,4 +16,14 @@ def hear(block):
 
 with use_own_domain() as domain, closing(BackgroundNode("mine", domain)) as mine:
     mine.node.create_subscription(ACCELERATION.type, ACCELERATION.name, hear, ACCELERATION.qos)
-    subprocess.run(["impact-rig", "replay", sys.argv[1], "--rate", "20"], check=True)
+    # As `impact-rig replay` does, but not before this node listens.
+    given = (
+        f"file:={sys.argv[1]}",
+        "rate:=20.0",
+        "required_subscribers:=mine",
+        "exit_when_done:=true",
+    )
+    words = [word for parameter in given for word in ("-p", parameter)]
+    subprocess.run(
+        [sys.executable, "-m", "impact_rig.nodes", "replayer", "--ros-args", *words], check=True
+    )
