@@ -127,7 +127,8 @@ def results() -> Results:
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers():
     """Return how many tests run at once: half of their time they wait for nodes and programs."""
-    return math.ceil(1.5 * len(os.sched_getaffinity(0)))
+    cores = len(os.sched_getaffinity(0))
+    return int(os.environ.get("PYTEST_XDIST_AUTO_NUM_WORKERS", math.ceil(1.5 * cores)))
 
 
 def pytest_collection_finish():
