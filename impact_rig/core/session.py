@@ -133,7 +133,7 @@ class Session:
         first = self._labels.setdefault(hash(points.tobytes()), hit.label)
         if first == hit.label:
             return hit
-        copy = Finding(Reason.COPY, f"it has the points of hit {first}, and counts once")
+        copy = Finding(Reason.COPY, f"it has the points of hit {first}: a copy does not count")
         return replace(hit, rejections=(*hit.rejections, copy))
 
     @property
