@@ -3,8 +3,9 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
-from study.laboratories import Laboratory, read, run_series
+from study.laboratories import Cause, Laboratory, draw_laboratory, read, run_series
 
 from impact_rig.core.given.findings import Subject, join_findings
 from impact_rig.core.given.quantity import Quantity
@@ -32,6 +33,10 @@ SPRUNG = replace(HELD, clock=0.01, clock_uncertainty=0.007)
 LIGHT = replace(HELD, mass_uncertainty=0.0, stated_sample=1.009)
 STRONG = replace(UNSTATED, gains=(1.05, 1.0))
 HASTY = replace(QUIET, stated_speed=1.05)
+MIXED, OTHER_MIXED = (
+    draw_laboratory(Cause.LAW, np.random.default_rng((3, number))) for number in (7, 112)
+)
+"""Two losses at once, through sensors of some kind."""
 
 
 def hold(found: Quantity, truth: float, source: str) -> None:
@@ -67,6 +72,9 @@ def hold(found: Quantity, truth: float, source: str) -> None:
         (replace(HELD, air=1000.0), "free_decay.damping_ratio", AMPLITUDE),
         (replace(HELD, mount=(12e3, 0.01)), "free_decay.damping_ratio", LEFT),
         (replace(HELD, friction=2.0), "free_decay.damping_ratio", AMPLITUDE),
+        (MIXED, "contact_law.duration", "scatter of the hits on struck"),
+        (MIXED, "contact_law.restitution", "form of the loss"),
+        (OTHER_MIXED, "contact_law.exponent", "what the contact law leaves"),
     ],
     ids=lambda item: item if isinstance(item, str) else "",
 )  # fmt: skip

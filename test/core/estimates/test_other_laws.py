@@ -14,6 +14,7 @@ from impact_rig.core.given.setup import AnalysisSettings, RigSetup, Sample, Samp
 from impact_rig.core.session import Session
 
 from ..contacts import (
+    Force,
     Law,
     Motion,
     crush,
@@ -95,9 +96,21 @@ def check(found, struck):
     assert found.duration.value == pytest.approx(DURATION, rel=2.5e-3)
 
 
-@pytest.mark.parametrize("restitution", [0.97, 0.9])
-def test_a_loss_between_two_forms_is_within_the_uncertainty(restitution):
-    struck = strike(Law("between", restitution, make_viscous(1.5, 1.0)).motion)
+def mix(loss: float) -> Force:
+    return lambda x, v: max(x, 0.0) ** 1.5 + loss * (max(x, 0.0) ** 1.5 + max(x, 0.0) ** 0.25) * v
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        Law("between", 0.97, make_viscous(1.5, 1.0)),
+        Law("between", 0.9, make_viscous(1.5, 1.0)),
+        Law("both", 0.7, mix),
+    ],
+    ids=lambda law: f"{law.name} {law.restitution}",
+)
+def test_a_loss_of_two_forms_or_between_them_is_within_the_uncertainty(law):
+    struck = strike(law.motion)
     check(estimate(struck).contact_law, struck)
 
 
