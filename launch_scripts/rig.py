@@ -33,7 +33,8 @@ wheels.
 
 OLDEST = (3, 11)
 NEWEST = (3, 13)
-PARALLEL = ["--numprocesses=auto", "--dist=loadfile"]  # later options of pytest go before them
+PARALLEL = ["--numprocesses=auto", "--dist=loadfile", "--no-loadscope-reorder"]
+"""Later options of pytest go before them."""
 WRITES = "the set-up writes into this folder; use a clone of your own on a disk with space left."
 INTERRUPTED = 128 + signal.SIGINT
 NOT_FOUND = 127

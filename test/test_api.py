@@ -762,13 +762,13 @@ def test_one_run_is_read_by_many_threads_at_once(recording, library):
         before = count_blas_threads()
         if library == "dask":
             dask = pytest.importorskip("dask")
-            tasks = [dask.delayed(analyze)(number) for number in range(64)]
+            tasks = [dask.delayed(analyze)(number) for number in range(24)]
             found = dask.compute(*tasks, scheduler="threads", num_workers=8)
         else:
             with ThreadPoolExecutor(8) as threads:
-                found = list(threads.map(analyze, range(64)))
+                found = list(threads.map(analyze, range(24)))
         assert count_blas_threads() == before
-    assert [*found] == [(wanted, names)] * 64
+    assert [*found] == [(wanted, names)] * 24
     assert max(before) == 2
 
 

@@ -140,7 +140,7 @@ class Stopping(RecorderNode):
         os.kill(os.getpid(), signal.SIGTERM)
 
 process.make_executor = lambda: Locked(rclpy.get_default_context())
-process.STUCK_AFTER = 3.0
+process.STUCK_AFTER = 2.0
 process.run_node(Stopping, ["--ros-args", "-p", "output:={path}"])
 """)
     assert process.returncode == 1
