@@ -67,18 +67,14 @@ NO_CONTROL = Note(
 class Session:
     """Judges hits as they come and keeps the estimates of every sample.
 
-    Verdicts, figures and aligned traces of all hits stay in memory; see `HitSeries`. Overrules go
-    before the verdicts of the analysis; those for unknown hits are ignored. What is one uncertain
+    Verdicts and packed records of all hits stay in memory; see `HitSeries`. Overrules go before
+    the verdicts of the analysis; those for unknown hits are ignored. What is one uncertain
     input and what is two is decided here: a rig's are made once, a mean hit is read once.
     """
 
-    def __init__(
-        self, setup: RigSetup, overrules: Overrules = NO_OVERRULES, *, keeps_hits: bool = False
-    ) -> None:
+    def __init__(self, setup: RigSetup, overrules: Overrules = NO_OVERRULES) -> None:
         self.setup = setup
-        # Of each sample, to judge its hits again when one is overruled; None: of a long series
-        # they are too much.
-        self._records: dict[str, list[PackedRecord]] | None = {} if keeps_hits else None
+        self._records: dict[str, list[PackedRecord]] = {}  # of each sample, to be judged again
         self._detector = ImpactDetector(setup.analysis)
         self._overrules = overrules
         self._series: dict[str, HitSeries] = {}
@@ -112,12 +108,19 @@ class Session:
         """
         self._estimated = ()
         hit = self._judge_alone(record)
-        series = self._series.setdefault(hit.label.sample, HitSeries())
-        if self._records is not None:
-            self._records.setdefault(hit.label.sample, []).append(PackedRecord.pack(record))
+        name = hit.label.sample
+        self._records.setdefault(name, []).append(PackedRecord.pack(record))
+        if name not in self._series:
+            self._series[name] = self._make_series(name)
+        series = self._series[name]
         hit = overrule_hit(series.check(hit), self._overrules)
         series.add(hit)
         return hit
+
+    def _make_series(self, name: str) -> HitSeries:
+        """Return an empty series of a sample, which gets traces again from packed records."""
+        records = self._records[name]
+        return HitSeries(lambda place: self._judge_alone(records[place].unpack()).filtered)
 
     def _judge_alone(self, record: Record) -> JudgedHit:
         """Judge one record by itself."""
@@ -144,8 +147,6 @@ class Session:
     def overrule(self, overrule: Overrule, *, is_asked: bool = True) -> JudgedHit | None:
         """Judge the hits of a sample again, as if a person's verdict on one had been known before.
 
-        The session keeps its hits.
-
         Parameters
         ----------
         overrule : Overrule
@@ -164,10 +165,8 @@ class Session:
             If a person asks for what cannot be; nothing has changed then.
         """
         overrules, record = self._overrules.add(overrule), overrule.record
-        kept = self._records or {}
-        found = [
-            name for name, items in kept.items() for it in items if it.rest.label.record == record
-        ]
+        kept = self._records.items()
+        found = [name for name, items in kept for it in items if it.rest.label.record == record]
         if not found and is_asked:
             raise ParameterError(f"the campaign has no hit of record {record}")
         is_undo = overrule.verdict is Verdict.UNDO
@@ -176,8 +175,8 @@ class Session:
         if not found:
             self._overrules = overrules
             return None
-        series = HitSeries()
-        for item in kept[found[0]]:
+        series = self._make_series(found[0])
+        for item in self._records[found[0]]:
             checked = series.check(self._judge_alone(item.unpack()))
             is_meant = checked.label.record == record and overrule.verdict is Verdict.ACCEPT
             if is_asked and is_meant and (objection := find_objection(checked)) is not None:
@@ -283,8 +282,7 @@ class Session:
             notes = (*notes, Note(Subject.SCATTER, f"that of {shown}"))
         overruled = tuple(
             Note(Reason.OPERATOR, describe_overruled(hit, f"hit {hit.label}"))
-            for hit in series.select().kept
-            if hit.overruled
+            for hit in series.list_by_hand()
         )
         return SampleParts(
             name=name,

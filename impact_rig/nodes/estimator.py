@@ -136,7 +136,7 @@ class EstimatorNode(RigNode):
         self._catch_up()
 
     def _begin(self, message: msg.RigSetup, setup: RigSetup, recording: str) -> None:
-        self._setup, self._ledger = message, Ledger(Session(setup, keeps_hits=True), recording)
+        self._setup, self._ledger = message, Ledger(Session(setup), recording)
         self._incomplete.clear()
         self._unstored.clear()
         if self._cutter is None or setup.analysis != self._cutter.settings:

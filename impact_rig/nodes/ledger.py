@@ -142,12 +142,12 @@ class Ledger:
         )
         ours = recorded.get(campaign_id, NO_OVERRULES).recorded
         overrules = Overrules(recorded={**ours, **newer})
-        self.session = Session(self.session.setup, overrules, keeps_hits=True)
+        self.session = Session(self.session.setup, overrules)
 
     def _clear(self) -> None:
         # A replay that begins again says again what persons made of its hits.
         overrules = self.session.overrules if self.recording else NO_OVERRULES
-        self.session = Session(self.session.setup, overrules, keeps_hits=True)
+        self.session = Session(self.session.setup, overrules)
         self._records.clear()
         self.newest_record, self._cut = 0, None
 

@@ -335,7 +335,7 @@ def overrule(session, *verdicts):
     ],
 )
 def test_what_a_person_makes_of_a_hit_later_counts_as_if_it_had_been_known(verdicts):
-    heights, later = [900.0, 890.0, 910.0, 100.0], Session(SETUP, keeps_hits=True)
+    heights, later = [900.0, 890.0, 910.0, 100.0], Session(SETUP)
     strike_series(later, heights)
     as_judged = later.estimate_all()
     overrule(later, *verdicts)
@@ -362,7 +362,7 @@ def write_results(results):
 
 
 def test_results_say_who_left_a_hit_out_or_took_it_in_and_why():
-    session = Session(SETUP, keeps_hits=True)
+    session = Session(SETUP)
     strike_series(session, [900.0, 890.0, 910.0, 100.0])
     overrule(session, (2, Verdict.REJECT), (4, Verdict.ACCEPT))
     _, rejected, _, taken = results_from_session(session.estimate_all(), {}).hits
@@ -379,7 +379,7 @@ def test_results_say_who_left_a_hit_out_or_took_it_in_and_why():
     ],
 )
 def test_a_verdict_that_cannot_be_is_refused_and_nothing_changes(record, verdict, told):
-    session = Session(SETUP, keeps_hits=True)
+    session = Session(SETUP)
     strike_series(session, [900.0, 890.0, 910.0])
     session.feed(replace(make_block(4), origin=SIMULATED_ORIGIN))
     before = write(session)

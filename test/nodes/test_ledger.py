@@ -95,7 +95,7 @@ class Rig:
         self.channel = self.writer.add_channel(f"/{topic.name}", definition, ())
         definition = find_message_definition(interfaces.OVERRULE.type_name)
         self.verdicts = self.writer.add_channel("/overrule", definition, ())
-        self.ledger = Ledger(Session(SETUP, keeps_hits=True), str(self.folder / name))
+        self.ledger = Ledger(Session(SETUP), str(self.folder / name))
         self.read()
 
     def read(self) -> None:

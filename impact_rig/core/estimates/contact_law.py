@@ -302,7 +302,7 @@ def _fit_hits(
     """Fit one model to every hit, from where it describes the mean; return their pulses, too."""
     measured, wider, higher = window.measured[np.newaxis], np.ones(1), np.ones(1)
     if len(mean.hits) >= LEAST_HITS:
-        measured = np.array([hit[0, window.points] for hit in mean.cut_hits()]) / pulse.peak
+        measured = mean.read_hits(0, window.points) / pulse.peak
         wider = np.array([hit.pulse.half_amplitude_width for hit in mean.hits])
         wider = wider / pulse.half_amplitude_width
         higher = np.array([hit.pulse.peak for hit in mean.hits]) / pulse.peak
@@ -321,7 +321,7 @@ def _check_pulses(mean: MeanHit) -> tuple[Note, ...]:
     shape = mean.traces[0, part] / pulse.peak
     slope = np.gradient(shape)
     rows = np.stack((shape, slope, slope * np.arange(shape.size), np.ones(shape.size)))
-    hits = np.reshape([hit[0, part] for hit in mean.cut_hits()], (-1, shape.size)) / pulse.peak
+    hits = mean.read_hits(0, part) / pulse.peak
     left = hits - hits @ np.linalg.pinv(rows) @ rows
     # A hundredth of the peak more than the others leave.
     told = "the pulse of {} is of another contact than the others': look at it"

@@ -275,7 +275,7 @@ def estimate_free_decay(
     has_many_modes = excess > 2.0 * MISFIT and r_squared < SMALLEST_R_SQUARED
     if not has_many_modes:
         _check_decay(solution, covariance, periods)
-    hits = np.stack([hit[channel, tail] for hit in mean.cut_hits()])
+    hits = mean.read_hits(channel, tail)
     # Birge's ratio: what a fit leaves times the noise makes the covariance larger, at least.
     beyond = max(1.0 - 1.0 / max(excess, 1.0) ** 2, 0.0) if noise > 0.0 else 0.0
     count = min(int(lasting * rate), measured.size)

@@ -28,6 +28,7 @@ from impact_rig.core.estimates.uncertainty import (
 )
 from impact_rig.core.given.errors import NotDeterminedError, RigError
 from impact_rig.core.given.findings import Note, Subject
+from impact_rig.core.given.records import FloatArray
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.judging import FilteredHit
 from impact_rig.core.hit.momenta import Hold
@@ -231,7 +232,7 @@ def _make_readings(
     """Return F w50 [s], which is w50 in points times `factor`, and Deltas, as the hits scatter."""
     scatter = np.zeros((1 + len(peaks), 1 + len(peaks)))
     if len(mean.hits) >= LEAST_HITS:
-        rows = [[factor * hit.pulse.half_amplitude_width for hit in mean.hits]]
+        rows = [factor * np.array([hit.pulse.half_amplitude_width for hit in mean.hits])]
         rows += [_read_decrements(mean, channel, found) for channel, found in peaks.items()]
         scatter += np.cov(np.array(rows), ddof=1) / mean.count
     return make_ensemble(
@@ -267,7 +268,7 @@ def _describe_mean(mean: MeanHit, channel: int, cutoff_frequency: float) -> Trac
     )
 
 
-def _read_decrements(mean: MeanHit, channel: int, peaks: LogDecrement) -> list[float]:
+def _read_decrements(mean: MeanHit, channel: int, peaks: LogDecrement) -> FloatArray:
     """Return Delta of every hit, about that of the mean.
 
     Read at the mean's two peaks and linearised: a weak second peak may drown in one hit's noise,
@@ -275,7 +276,8 @@ def _read_decrements(mean: MeanHit, channel: int, peaks: LogDecrement) -> list[f
     """
     places = [peaks.first_index, peaks.second_index]
     means = mean.traces[channel, places]
-    return [float(np.subtract(*cut[channel, places] / means)) for cut in mean.cut_hits()]
+    first, second = (mean.read_hits(channel, places) / means).T
+    return np.asarray(first - second)
 
 
 def _make_decrement_errors(

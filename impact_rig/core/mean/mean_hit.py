@@ -59,21 +59,31 @@ class MeanHit:
             first = hit.origin - self.origin
             yield hit.traces[:, first : first + self.traces.shape[1]].astype(np.float64)
 
+    def read_hits(self, channel: int, points: slice | list[int]) -> FloatArray:
+        """Return some points of the mean's window of each of `hits`, shape (hits, points)."""
+        count = np.arange(self.traces.shape[1])[points].size
+        shifts = [hit.origin - self.origin for hit in self.hits]
+        cuts = [
+            hit.traces[channel, shift : shift + self.traces.shape[1]][points]
+            for shift, hit in zip(shifts, self.hits, strict=True)
+        ]
+        return np.reshape(cuts, (-1, count)).astype(np.float64)
+
 
 @dataclass(frozen=True)
 class TraceSum:
     """The sum of shifted traces, as long as what all have in common."""
 
-    total: FloatArray  # (channels, n) [m/s^2]
+    traces: FloatArray  # (channels, n) [m/s^2]
     origin: int  # point at which the middles of the pulses lie
 
-    def add(self, hit: FilteredHit) -> Self:
-        """Return the sum with one more hit."""
-        origin = min(self.origin, hit.origin)
-        after = min(self.total.shape[1] - self.origin, hit.traces.shape[1] - hit.origin)
+    def add(self, other: "FilteredHit | TraceSum") -> Self:
+        """Return the sum with one more hit, or with those of another sum."""
+        origin = min(self.origin, other.origin)
+        after = min(self.traces.shape[1] - self.origin, other.traces.shape[1] - other.origin)
         total = (
-            self.total[:, self.origin - origin : self.origin + after]
-            + hit.traces[:, hit.origin - origin : hit.origin + after]
+            self.traces[:, self.origin - origin : self.origin + after]
+            + other.traces[:, other.origin - origin : other.origin + after]
         )
         return type(self)(total, origin)
 
@@ -90,47 +100,62 @@ def _shorten(hit: FilteredHit) -> FilteredHit:
     return replace(hit, traces=traces)
 
 
-def sum_up(hits: Sequence[FilteredHit]) -> TraceSum | None:
-    """Return the sum of shifted hits; None: there is none."""
+def sum_up(hits: Sequence[FilteredHit | TraceSum]) -> TraceSum | None:
+    """Return the sum of shifted hits, or of their sums; None: there is none."""
     if not hits:
         return None
     first = TraceSum(hits[0].traces.astype(np.float64), hits[0].origin)
     return reduce(TraceSum.add, hits[1:], first)
 
 
+def read_levels(hit: FilteredHit) -> FloatArray:
+    """Return what a mean needs of the levels of a shifted hit, as one row for `make_mean`."""
+    baseline_points = hit.baseline_points - hit.origin
+    levels = hit.noise, hit.raw_noise, hit.resolution, np.abs(hit.zero_uncertainty)
+    return np.concatenate((*levels, [baseline_points]))
+
+
 def make_mean(
-    total: TraceSum, hits: Sequence[FilteredHit], step: int = 1, alone: FilteredHit | None = None
+    total: TraceSum,
+    shown: Sequence[FilteredHit],
+    levels: FloatArray | None = None,
+    alone: FilteredHit | None = None,
 ) -> MeanHit:
-    """Return the mean of shifted hits, of which every `step`-th shows the scatter.
+    """Return the mean of shifted hits.
 
     The only hit in a mean may be given as it was before the shift, which would cost some of a
     coarse pulse's peak.
+
+    Parameters
+    ----------
+    shown : sequence of FilteredHit
+        Those that show the scatter.
+    levels : ndarray, shape (hits, levels), optional
+        By `read_levels`, of all hits in the mean; None: all are shown.
     """
-    count = len(hits)
-    traces, shown = total.total / count, tuple(hits[::step])
-    if alone is not None:
-        traces = alone.traces
-        shown = (replace(_shorten(alone), origin=total.origin),)
-    noise, raw_noise = (
-        np.sqrt(np.square(levels).sum(axis=0)) / count
-        for levels in ([hit.noise for hit in hits], [hit.raw_noise for hit in hits])
+    if levels is None:
+        levels = np.stack([read_levels(hit) for hit in shown])
+    count, channels = len(levels), len(total.traces)
+    noise, raw_noise, steps = (
+        levels[:, place * channels : (place + 1) * channels] for place in range(3)
     )
-    steps = np.stack([hit.resolution for hit in hits])
-    baseline_points = min(hit.baseline_points - hit.origin for hit in hits) + total.origin
+    traces = total.traces / count
+    if alone is not None:
+        traces, shown = alone.traces, (replace(_shorten(alone), origin=total.origin),)
     return MeanHit(
         traces=make_read_only(traces),
-        sampling_rate=hits[0].sampling_rate,
+        sampling_rate=shown[0].sampling_rate,
         origin=total.origin,
-        noise=make_read_only(noise),
-        raw_noise=make_read_only(raw_noise),
-        hits=shown,
+        noise=make_read_only(np.sqrt(np.square(noise).sum(axis=0)) / count),
+        raw_noise=make_read_only(np.sqrt(np.square(raw_noise).sum(axis=0)) / count),
+        hits=tuple(shown),
         count=count,
-        baseline_points=max(baseline_points, 1),
-        least_noise=np.min([hit.raw_noise for hit in hits], axis=0),
+        baseline_points=max(int(levels[:, -1].min()) + total.origin, 1),
+        least_noise=raw_noise.min(axis=0),
         largest_step=steps.max(axis=0),
         square_steps=np.square(steps).sum(axis=0),
         # They are alike in all hits.
-        zero_uncertainty=np.abs([hit.zero_uncertainty for hit in hits]).sum(axis=0) / count,
+        zero_uncertainty=levels[:, -3:-1].sum(axis=0) / count,
     )
 
 

@@ -1,6 +1,8 @@
 """All hits of one sample: which are averaged, and which disagree with the others."""
 
 import math
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +13,14 @@ from impact_rig.core.given.records import SIMULATED, FloatArray
 from impact_rig.core.hit.detection import SPREAD_OF_MEDIAN
 from impact_rig.core.hit.judging import FilteredHit, JudgedHit
 from impact_rig.core.hit.verdict import CHANNELS
-from impact_rig.core.mean.mean_hit import MeanHit, TraceSum, make_mean, shift_hit, sum_up
+from impact_rig.core.mean.mean_hit import (
+    MeanHit,
+    TraceSum,
+    make_mean,
+    read_levels,
+    shift_hit,
+    sum_up,
+)
 
 FEWEST_HITS = 5
 """Hits that a test needs, the tested one included [-], our choice: of four, the median absolute
@@ -106,11 +115,12 @@ def _compute_medians(figures: FloatArray) -> FloatArray:
     """Return the median of each column; what is not known is left out."""
     if not len(figures):
         return np.full(len(MEASURES), math.nan)
-    ascending, columns = np.sort(figures, axis=0), np.arange(figures.shape[1])
+    columns = np.arange(figures.shape[1])
     count = np.count_nonzero(np.isfinite(figures), axis=0)
+    below, above = (count - 1) // 2, count // 2
     # NaN is last.
-    low, high = ascending[(count - 1) // 2, columns], ascending[count // 2, columns]
-    return np.asarray(0.5 * (low + high))
+    ordered = np.partition(figures.T, np.unique((below, above)), axis=1)
+    return np.asarray(0.5 * (ordered[columns, below] + ordered[columns, above]))
 
 
 DOUBTS = (Reason.RINGING, Reason.UNSTEADY_ZERO)
@@ -161,17 +171,42 @@ def _find_kind(hit: JudgedHit, filtered: FilteredHit) -> Kind:
     return Kind(origin, filtered.sampling_rate, len(filtered.traces))
 
 
-class HitSeries:
-    """Hits of one sample in the order of arrival."""
+BLOCK = 256
+"""Accepted hits that are summed by themselves [-], our choice: as an outlier comes or goes, so
+many traces are added again."""
+MOST_SHOWN = 128
+"""Hits that show the scatter at most [-], our choice: more than the 120 of a whole published
+campaign."""
 
-    def __init__(self) -> None:
+
+class HitSeries:
+    """Hits of one sample in the order of arrival.
+
+    Accepted hits are numbered from 0. Of each a row of numbers is kept, and of a long series the
+    traces of some: a hit takes as long as the first ones did.
+
+    Parameters
+    ----------
+    restore : callable
+        Returns the filtered traces of a hit again, by its place among all hits.
+    """
+
+    def __init__(self, restore: Callable[[int], FilteredHit | None]) -> None:
         self.kind: Kind | None = None  # of the first accepted hit, which says what all are
+        self._restore = restore
         self._hits: list[JudgedHit] = []
-        # Of accepted hits, by their places in the list of all hits.
-        self._figures: dict[int, FloatArray] = {}
-        self._traces: dict[int, FilteredHit] = {}
-        self._left_out: dict[int, tuple[Finding, ...]] = {}  # those in no mean, and why
-        self._sum: TraceSum | None = None
+        self._attempts: Counter[int] = Counter()  # of all hits, by impact
+        # Of accepted hits, by their numbers: place among all hits, whether a person accepted it,
+        # whether it is an outlier, and a row each of what it is compared and averaged by.
+        self._places: list[int] = []
+        self._by_hand = np.zeros(0, dtype=bool)
+        self._outlying = np.zeros(0, dtype=bool)
+        self._figures = np.zeros((0, len(MEASURES)))
+        self._levels = np.zeros((0, 0))
+        self._found: dict[Reason, dict[int, str]] = {}  # findings, by number
+        self._criteria = compute_criteria(self._figures)
+        self._shown: dict[int, FilteredHit] = {}  # hits that show the scatter, shifted
+        self._sums: dict[int, TraceSum | None] = {}  # of each `BLOCK` hits, those in the mean
         self._mean: MeanHit | None = None
         self._alone: FilteredHit | None = None  # the only accepted hit so far
 
@@ -182,25 +217,23 @@ class HitSeries:
     @property
     def contact_time_spread(self) -> float:
         """Standard deviation of tau_p over the hits in the mean [s]; NaN: fewer than two."""
-        times = [self._figures[place][0] for place in self._list_kept()]
+        times = self._figures[~self._outlying, 0]
         return float(np.std(times, ddof=1)) if len(times) > 1 else math.nan
 
     def describe_findings(self) -> tuple[tuple[Note, ...], tuple[Note, ...]]:
         """Return the corrections of the hits in the mean, and the doubts about them."""
-        kept = self._list_kept()
-        found: dict[Reason, dict[int, str]] = {}
-        for place in kept:
-            for item in self._hits[place].findings:
-                if item.reason is Reason.OTHER_SAMPLE:
-                    continue  # it is asked of the series as a whole
-                found.setdefault(item.reason, {})[place] = item.explanation
         corrected: list[Note] = []
         doubtful: list[Note] = []
-        for reason, texts in found.items():
+        count = np.count_nonzero(~self._outlying)
+        for reason, texts in self._found.items():
+            numbers = np.array(list(texts))
+            numbers = numbers[~self._outlying[numbers]]
+            if not numbers.size:
+                continue
             is_doubt = reason in DOUBTS
             what = "in" if is_doubt or reason in LEFT_AS_IT_IS else "corrected in"
-            last = texts[max(texts)]
-            told = f"{what} {len(texts)} of {len(kept)} hits, in the last: {last}"
+            last = texts[int(numbers[-1])]
+            told = f"{what} {numbers.size} of {count} hits, in the last: {last}"
             (doubtful if is_doubt else corrected).append(Note(reason, told))
         return tuple(corrected), tuple(doubtful)
 
@@ -211,87 +244,115 @@ class HitSeries:
         """
         if hit.filtered is not None and self.kind is not None:
             apart = self.kind.explain(_find_kind(hit, hit.filtered))
-            apart = apart or _find_turned(hit.filtered, self._sum)
+            apart = apart or _find_turned(
+                hit.filtered, next(filter(None, self._sums.values()), None)
+            )
             hit = replace(hit, rejections=(*hit.rejections, *apart))
         return replace(hit, rejections=self._compare(hit)) if hit.accepted else hit
 
     def _compare(self, hit: JudgedHit) -> tuple[Finding, ...]:
         """Return in which figures a hit is an outlier among those before."""
         figures = read_figures(hit)
-        others = [self._figures[place] for place in self._list_compared()]
-        return compute_criteria(np.array([*others, figures])).explain(figures)
+        others = self._figures[~self._by_hand]
+        return compute_criteria(np.vstack((others, figures))).explain(figures)
 
     def add(self, hit: JudgedHit) -> None:
         """Take in a hit with its verdict; one accepted by hand stays in the mean."""
-        place = len(self._hits)
+        self._attempts[hit.label.impact] += 1
         self._hits.append(replace(hit, filtered=None))
         if not hit.accepted or hit.filtered is None:
             return
         if self.kind is None:
             self.kind = _find_kind(hit, hit.filtered)
-        self._alone = None if self._traces else hit.filtered
-        self._figures[place] = read_figures(hit)
-        self._traces[place] = traces = shift_hit(hit.filtered)
+        number, traces = len(self._places), shift_hit(hit.filtered)
+        self._places.append(len(self._hits) - 1)
+        self._by_hand = np.append(self._by_hand, bool(hit.overruled))
+        self._figures = np.vstack((self._figures, read_figures(hit)))
+        levels = read_levels(traces)
+        self._levels = np.vstack((self._levels.reshape(-1, levels.size), levels))
+        for item in hit.findings:
+            # That of another sample is asked of the series as a whole.
+            if item.reason is not Reason.OTHER_SAMPLE:
+                self._found.setdefault(item.reason, {})[number] = item.explanation
+        self._alone = None if number else hit.filtered
+        self._show(number, traces)
+        before, self._outlying = self._outlying, self._find_outliers()
+        self._sum_up(np.flatnonzero(before != self._outlying[:-1]), number, traces)
         self._mean = None
-        before = self._left_out.keys()
-        self._choose()
-        if self._left_out.keys() == before and self._sum is not None:
-            self._sum = self._sum.add(traces)
-        elif self._left_out.keys() != before | {place}:
-            self._sum = sum_up([self._traces[kept] for kept in self._list_kept()])
+
+    def _show(self, number: int, traces: FilteredHit) -> None:
+        """Keep the traces of every one, every other, every fourth ... of the accepted hits.
+
+        So a new hit seldom changes which ones show the scatter.
+        """
+        step = 1 << (number // MOST_SHOWN).bit_length()
+        if number % step == 0:
+            self._shown[number] = traces
+        if len(self._shown) > MOST_SHOWN:
+            self._shown = {key: hit for key, hit in self._shown.items() if key % step == 0}
+
+    def _find_outliers(self) -> NDArray[np.bool_]:
+        """Return which accepted hits are outliers; those accepted by hand are none."""
+        self._criteria = compute_criteria(self._figures[~self._by_hand])
+        deviations = self._criteria.measure_deviations(self._figures)
+        return np.asarray(np.any(deviations > self._criteria.thresholds, axis=1) & ~self._by_hand)
+
+    def _sum_up(self, changed: NDArray[np.int64], number: int, traces: FilteredHit) -> None:
+        """Sum up a new hit, and again those beside hits that went out or came back."""
+        blocks, newest = set((changed // BLOCK).tolist()), number // BLOCK
+        total = self._sums[newest] if newest < len(self._sums) else None
+        if total is None or newest in blocks:
+            blocks.add(newest)
+        elif not self._outlying[number]:
+            self._sums[newest] = total.add(traces)
+        for block in blocks:
+            first, known = block * BLOCK, {**self._shown, number: traces}
+            kept = first + np.flatnonzero(~self._outlying[first : first + BLOCK])
+            found = (known.get(each) or self._restore(self._places[each]) for each in kept)
+            shifted = (hit if hit.origin else shift_hit(hit) for hit in found if hit is not None)
+            self._sums[block] = sum_up(list(shifted))
 
     def compute_mean(self) -> MeanHit | None:
         """Return the mean hit; None: there is none in it."""
-        if self._mean is None and self._sum is not None:
-            kept = [self._traces[place] for place in self._list_kept()]
-            # Every one, every other, every fourth ...: a new hit seldom changes the others.
-            # 128 hits show the scatter at most: more than the 120 of a whole published campaign.
-            step = 1 << max(math.ceil(len(kept) / 128) - 1, 0).bit_length()
-            self._mean = make_mean(self._sum, kept, step, self._alone)
+        if self._mean is not None:
+            return self._mean
+        total = sum_up([part for part in self._sums.values() if part is not None])
+        if total is not None:
+            shown = [hit for number, hit in self._shown.items() if not self._outlying[number]]
+            self._mean = make_mean(total, shown, self._levels[~self._outlying], self._alone)
         return self._mean
 
     def select(self) -> Selection:
         """Return which hits are in the mean so far, and why others are not."""
+        numbers = {place: number for number, place in enumerate(self._places)}
         kept, left_out = [], []
         for place, hit in enumerate(self._hits):
-            if place not in self._traces:
+            number = numbers.get(place)
+            if number is None:
                 left_out.append(hit)
-            elif place in self._left_out:
-                left_out.append(replace(hit, rejections=self._left_out[place]))
+            elif self._outlying[number]:
+                reasons = self._criteria.explain(self._figures[number])
+                left_out.append(replace(hit, rejections=reasons))
             else:
                 kept.append(self._complete(hit) if hit.overruled else hit)
         return Selection(tuple(kept), tuple(left_out))
 
+    def list_by_hand(self) -> list[JudgedHit]:
+        """Return the hits that a person accepted."""
+        return [
+            self._complete(self._hits[self._places[it]]) for it in np.flatnonzero(self._by_hand)
+        ]
+
     def count(self) -> HitCount:
         """Return how many hits are in the mean so far, and how many are not."""
-        kept = len(self._traces) - len(self._left_out)
-        attempts = sum(hit.label.impact == kept + 1 for hit in self._hits)
-        return HitCount(kept, len(self._hits) - kept, attempts)
+        kept = int(np.count_nonzero(~self._outlying))
+        return HitCount(kept, len(self._hits) - kept, self._attempts[kept + 1])
 
     def _complete(self, hit: JudgedHit) -> JudgedHit:
         """Return a hit accepted by hand with what the others have against it, once."""
         if any(item.reason is Reason.INCONSISTENT for item in hit.overruled):
             return hit
         return replace(hit, overruled=(*self._compare(hit), *hit.overruled))
-
-    def _list_kept(self) -> list[int]:
-        """Return the places of the hits in the mean."""
-        return [place for place in self._traces if place not in self._left_out]
-
-    def _list_compared(self) -> list[int]:
-        """Return the places of the hits that were not accepted by hand."""
-        return [place for place in self._figures if not self._hits[place].overruled]
-
-    def _choose(self) -> None:
-        """Leave out the outliers."""
-        compared = np.array(self._list_compared(), dtype=np.int64)
-        figures = np.reshape([self._figures[place] for place in compared], (-1, len(MEASURES)))
-        criteria = compute_criteria(figures)
-        deviations = criteria.measure_deviations(figures)
-        outlying = np.any(deviations > criteria.thresholds, axis=1)
-        self._left_out = {
-            place: criteria.explain(self._figures[place]) for place in compared[outlying].tolist()
-        }
 
 
 def _find_turned(hit: FilteredHit, before: TraceSum | None) -> tuple[Finding, ...]:
@@ -304,10 +365,10 @@ def _find_turned(hit: FilteredHit, before: TraceSum | None) -> tuple[Finding, ..
         middle,
         before.origin,
         hit.traces.shape[1] - middle,
-        before.total.shape[1] - before.origin,
+        before.traces.shape[1] - before.origin,
     )
     turned = []
-    for channel, (ours, theirs) in enumerate(zip(hit.traces, before.total, strict=False)):
+    for channel, (ours, theirs) in enumerate(zip(hit.traces, before.traces, strict=False)):
         one = ours[middle - reach : middle + reach]
         other = theirs[before.origin - reach : before.origin + reach]
         scale = math.sqrt(float(one @ one) * float(other @ other))

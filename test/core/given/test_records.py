@@ -80,20 +80,14 @@ def test_words_of_a_source_do_not_steer_a_terminal():
 
 
 @pytest.mark.parametrize(
-    ("output", "size"),
-    [
-        (np.array([-32768, 0, 32767], np.int32), 2),
-        (np.array([0, 32768, -40_000], np.int32), 4),
-        (np.array([0.5, np.nan, -1e300]), 8),
-    ],
+    "output", [np.array([-32768, 0, 40_000], np.int32), np.array([0.5, np.nan, -1e300])]
 )
-def test_a_packed_record_comes_back_bit_by_bit(output, size):
+def test_a_packed_record_comes_back_bit_by_bit(output):
     channel = ChannelBlock(output, 0.25, -1.5, 512.0, overloaded=True)
     absent = ChannelBlock(np.empty(0), 1.0, 0.0, 0.0)
     for specimen in (channel, absent):
         record = Record(7, 2.5e6, channel, specimen, HitLabel("oak", 3), pulse_index=1)
         packed = PackedRecord.pack(record)
-        assert packed._outputs[0].itemsize == size
         found = packed.unpack()
         assert replace(found, hammer=channel, specimen=specimen) == record
         for one, other in zip(found.channels, record.channels, strict=True):
