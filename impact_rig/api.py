@@ -19,7 +19,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from impact_rig.analysis.analyze import ByHand, HitSource, KeptSource, analyze
+from impact_rig.analysis.analyze import ByHand, HitSource, analyze
 from impact_rig.analysis.hits import Hit, read_campaigns
 from impact_rig.analysis.sources import (
     RunSource,
@@ -191,21 +191,19 @@ class Run:
         >>> run.analyze(cutoff="20 kHz", reject="steel small/3")
         1 sample, 3 hits accepted, 1 rejected; simulated (virtual rig, plant published)
         """
-        return self._analyze(self._source, accept, reject, settings)
+        return self._analyze(accept, reject, settings)
 
-    def _analyze(
-        self, source: HitSource, accept: Chosen, reject: Chosen, settings: Settings
-    ) -> Results:
+    def _analyze(self, accept: Chosen, reject: Chosen, settings: Settings) -> Results:
         by_hand = ByHand(self._name_hits(accept), self._name_hits(reject))
         chosen = read_settings({**settings})
         with _speaking_python():
-            found = analyze(source, chosen, by_hand, keep_traces=True)
+            found = analyze(self._source, chosen, by_hand, keep_traces=True)
         campaign = choose_campaign(self.name, found.campaigns, self._campaign)
         return Results(campaign, self.name, [*map(_say_in_python, found.warnings)])
 
     @compute_alone()
     def sweep(self, **settings: Iterable[Given]) -> dict[Given, Results]:
-        """Analyze with each value of one setting; the run is read once.
+        """Analyze with each value of one setting.
 
         Parameters
         ----------
@@ -228,9 +226,8 @@ class Run:
         if len(settings) != 1:
             raise ParameterError(f"sweep changes one setting, not {len(settings)}")
         ((name, values),) = settings.items()
-        source = KeptSource(self._source)
         return {
-            value: self._analyze(source, (), (), {name: value})  # type: ignore[misc]
+            value: self._analyze((), (), {name: value})  # type: ignore[misc]
             for value in list_items(values)
         }
 

@@ -126,38 +126,6 @@ def refuse_parts_of_full_scale(settings: Settings) -> None:
             )
 
 
-class KeptSource:
-    """A source that was read once and is kept in memory, to be judged again."""
-
-    def __init__(self, source: HitSource) -> None:
-        reading = source.events()
-        self._events = [(event, reading.truths, reading.overrules) for event in reading]
-        self.path, self.size, self.warnings = source.path, 0, reading.warnings
-        self.has_scale, self.hammer_unit = source.has_scale, source.hammer_unit
-
-    def events(self, _report: Callable[[int], None] = lambda _: None) -> Reading:
-        """Begin a reading."""
-        return _KeptReading(self._events, self.warnings)
-
-
-class _KeptReading:
-    """One reading of a `KeptSource`."""
-
-    def __init__(
-        self,
-        events: Sequence[tuple[RigSetup | Block, dict[HitLabel, Truth], Overrules]],
-        warnings: tuple[str, ...],
-    ) -> None:
-        self._events, self.warnings = events, warnings
-        self.truths: dict[HitLabel, Truth] = {}
-        self.overrules = NO_OVERRULES
-
-    def __iter__(self) -> Iterator[RigSetup | Block]:
-        for event, truths, overrules in self._events:
-            self.truths, self.overrules = truths, overrules
-            yield event
-
-
 def judge(
     reading: Reading,
     settings: Settings = NO_CHANGES,

@@ -332,15 +332,8 @@ _USUAL_NAMES = {
 
 def list_namespaces(channels: Collection[Channel]) -> tuple[str, ...]:
     """Return the namespaces of the rigs in a recording, by the topics of set-ups and blocks."""
-    return tuple(
-        sorted(
-            {
-                _name_parent(channel.topic, _USUAL_NAMES[channel.type_name])
-                for channel in channels
-                if channel.type_name in _USUAL_NAMES
-            }
-        )
-    )
+    found = (channel for channel in channels if channel.type_name in _USUAL_NAMES)
+    return tuple(sorted({_name_parent(it.topic, _USUAL_NAMES[it.type_name]) for it in found}))
 
 
 def _name_parent(topic: str, name: str) -> str:

@@ -380,7 +380,11 @@ def tabulate_overrules(
     results: Results, overrules: Sequence[tuple[HitLabel, Overrule]]
 ) -> list[Table]:
     """Return who decided on hits, why and when."""
-    found = {hit.label: hit for hit in results.hits}
+    found = {hit.label: (*hit.reasons, *hit.findings) for hit in results.hits}
+    said = [
+        "\n".join(str(item) for item in found[label] if item.reason is not Reason.OPERATOR)
+        for label, _ in overrules
+    ]
     columns = [
         make_text_column("Hit", [str(label) for label, _ in overrules]),
         make_text_column("Decision", [item.decision for _, item in overrules]),
@@ -390,17 +394,7 @@ def tabulate_overrules(
             "When",
             [format_time(item.stamp) if item.stamp else MISSING for _, item in overrules],
         ),
-        make_text_column(
-            "The analysis says",
-            [
-                "\n".join(
-                    str(item)
-                    for item in (*found[label].reasons, *found[label].findings)
-                    if item.reason is not Reason.OPERATOR
-                )
-                for label, _ in overrules
-            ],
-        ),
+        make_text_column("The analysis says", said),
     ]
     count = len({label for label, _ in overrules})
     return list_table(f"Hits on which a person decided: {count}", columns)

@@ -9,7 +9,7 @@ from impact_rig.core.given.records import Block, ChannelBlock, HitLabel, Record
 from impact_rig.core.given.setup import AnalysisSettings, RigSetup, Sample, SampleSet
 from impact_rig.core.hit.detection import ImpactDetector
 from impact_rig.core.hit.judging import FilteredHit, JudgedHit
-from impact_rig.core.mean.mean_hit import MeanHit, make_mean, shift_hit, sum_up
+from impact_rig.core.mean.mean_hit import MeanHit, TraceSum, make_mean, shift_hit
 from impact_rig.core.session import Session
 
 RATE = 1e6
@@ -152,6 +152,4 @@ def make_plain_mean(
 def average_hits(hits: Iterable[FilteredHit]) -> MeanHit:
     """Return the mean of hits, as a series takes it."""
     shifted = [shift_hit(hit) for hit in hits]
-    total = sum_up(shifted)
-    assert total is not None
-    return make_mean(total, shifted)
+    return make_mean(TraceSum.of(shifted), shifted)

@@ -87,7 +87,8 @@ def check_momenta(mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str) 
         note = "not determined, since the record does not hold all of the pulse"
         return Checks(stated_mass=stated, notes=(Note(Subject.MOMENTA, note),))
     restored, contact, whole = found
-    each = [follow_momentum(cut, contact, mean.sampling_rate) for cut in restored.cut_hits()]
+    cuts = (cut.astype(np.float64) for cut in restored.cut_hits())
+    each = [follow_momentum(cut, contact, mean.sampling_rate) for cut in cuts]
     ratios = np.array([item.sample_change / item.hammer_change for item in each])
     course = follow_series(mean, ratios)
     # Momenta need no width.

@@ -321,7 +321,7 @@ def _check_pulses(mean: MeanHit) -> tuple[Note, ...]:
     shape = mean.traces[0, part] / pulse.peak
     slope = np.gradient(shape)
     rows = np.stack((shape, slope, slope * np.arange(shape.size), np.ones(shape.size)))
-    hits = mean.read_hits(0, part) / pulse.peak
+    hits = mean.read_hits(0, part).reshape(-1, shape.size) / pulse.peak
     left = hits - hits @ np.linalg.pinv(rows) @ rows
     # A hundredth of the peak more than the others leave.
     told = "the pulse of {} is of another contact than the others': look at it"

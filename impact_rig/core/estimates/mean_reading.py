@@ -45,7 +45,7 @@ from impact_rig.core.hit.pulse_width import (
     measure_pulse,
 )
 from impact_rig.core.hit.pulses import PULSE_SHAPES
-from impact_rig.core.mean.mean_hit import MeanHit, follow_mean, make_mean, shift_hit, sum_up
+from impact_rig.core.mean.mean_hit import MeanHit, TraceSum, follow_mean, make_mean, shift_hit
 from impact_rig.core.mean.trends import follow_series
 
 DAMPING = (Subject.C1, Subject.C2)
@@ -303,10 +303,7 @@ def _make_decrement_errors(
 def read_hit(hit: FilteredHit, setup: RigSetup, sample: str) -> MeanReading:
     """Read one hit on `sample`, as a series of it alone; the next may well differ by more."""
     shifted = shift_hit(hit)
-    total = sum_up([shifted])
-    if total is None:
-        raise NotDeterminedError("tau_p: there is no hit")
-    mean = make_mean(total, [shifted], alone=hit)
+    mean = make_mean(TraceSum.of([shifted]), [shifted], alone=hit)
     form = look_at_pulse(mean, setup, sample)
     return read_mean_hit(mean, setup, make_rig_numbers(setup, sample), sample, form)
 

@@ -54,20 +54,14 @@ class MeanHit:
         return float(np.nanmax([hit.impact_speed.standard for hit in self.hits]))
 
     def cut_hits(self) -> Iterator[FloatArray]:
-        """Yield each of `hits` over the mean's window, of shape (channels, n)."""
+        """Yield each of `hits` over the mean's window, of shape (channels, n), as it is kept."""
         for hit in self.hits:
             first = hit.origin - self.origin
-            yield hit.traces[:, first : first + self.traces.shape[1]].astype(np.float64)
+            yield hit.traces[:, first : first + self.traces.shape[1]]
 
     def read_hits(self, channel: int, points: slice | list[int]) -> FloatArray:
         """Return some points of the mean's window of each of `hits`, shape (hits, points)."""
-        count = np.arange(self.traces.shape[1])[points].size
-        shifts = [hit.origin - self.origin for hit in self.hits]
-        cuts = [
-            hit.traces[channel, shift : shift + self.traces.shape[1]][points]
-            for shift, hit in zip(shifts, self.hits, strict=True)
-        ]
-        return np.reshape(cuts, (-1, count)).astype(np.float64)
+        return np.array([cut[channel, points] for cut in self.cut_hits()], np.float64)
 
 
 @dataclass(frozen=True)
@@ -76,6 +70,12 @@ class TraceSum:
 
     traces: FloatArray  # (channels, n) [m/s^2]
     origin: int  # point at which the middles of the pulses lie
+
+    @classmethod
+    def of(cls, hits: "Sequence[FilteredHit | TraceSum]") -> Self:
+        """Return the sum of shifted hits, or of their sums, one or more."""
+        first = cls(hits[0].traces.astype(np.float64), hits[0].origin)
+        return reduce(cls.add, hits[1:], first)
 
     def add(self, other: "FilteredHit | TraceSum") -> Self:
         """Return the sum with one more hit, or with those of another sum."""
@@ -98,14 +98,6 @@ def _shorten(hit: FilteredHit) -> FilteredHit:
     traces: NDArray[Any] = hit.traces.astype(np.float32)
     traces.setflags(write=False)
     return replace(hit, traces=traces)
-
-
-def sum_up(hits: Sequence[FilteredHit | TraceSum]) -> TraceSum | None:
-    """Return the sum of shifted hits, or of their sums; None: there is none."""
-    if not hits:
-        return None
-    first = TraceSum(hits[0].traces.astype(np.float64), hits[0].origin)
-    return reduce(TraceSum.add, hits[1:], first)
 
 
 def read_levels(hit: FilteredHit) -> FloatArray:
@@ -136,9 +128,7 @@ def make_mean(
     if levels is None:
         levels = np.stack([read_levels(hit) for hit in shown])
     count, channels = len(levels), len(total.traces)
-    noise, raw_noise, steps = (
-        levels[:, place * channels : (place + 1) * channels] for place in range(3)
-    )
+    noise, raw_noise, steps = np.split(levels[:, : 3 * channels], 3, axis=1)
     traces = total.traces / count
     if alone is not None:
         traces, shown = alone.traces, (replace(_shorten(alone), origin=total.origin),)

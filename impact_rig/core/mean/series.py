@@ -13,14 +13,7 @@ from impact_rig.core.given.records import SIMULATED, FloatArray
 from impact_rig.core.hit.detection import SPREAD_OF_MEDIAN
 from impact_rig.core.hit.judging import FilteredHit, JudgedHit
 from impact_rig.core.hit.verdict import CHANNELS
-from impact_rig.core.mean.mean_hit import (
-    MeanHit,
-    TraceSum,
-    make_mean,
-    read_levels,
-    shift_hit,
-    sum_up,
-)
+from impact_rig.core.mean.mean_hit import MeanHit, TraceSum, make_mean, read_levels, shift_hit
 
 FEWEST_HITS = 5
 """Hits that a test needs, the tested one included [-], our choice: of four, the median absolute
@@ -206,7 +199,7 @@ class HitSeries:
         self._found: dict[Reason, dict[int, str]] = {}  # findings, by number
         self._criteria = compute_criteria(self._figures)
         self._shown: dict[int, FilteredHit] = {}  # hits that show the scatter, shifted
-        self._sums: dict[int, TraceSum | None] = {}  # of each `BLOCK` hits, those in the mean
+        self._sums: dict[int, TraceSum] = {}  # of each `BLOCK` hits, those in the mean
         self._mean: MeanHit | None = None
         self._alone: FilteredHit | None = None  # the only accepted hit so far
 
@@ -244,9 +237,7 @@ class HitSeries:
         """
         if hit.filtered is not None and self.kind is not None:
             apart = self.kind.explain(_find_kind(hit, hit.filtered))
-            apart = apart or _find_turned(
-                hit.filtered, next(filter(None, self._sums.values()), None)
-            )
+            apart = apart or _find_turned(hit.filtered, next(iter(self._sums.values()), None))
             hit = replace(hit, rejections=(*hit.rejections, *apart))
         return replace(hit, rejections=self._compare(hit)) if hit.accepted else hit
 
@@ -295,29 +286,29 @@ class HitSeries:
         """Return which accepted hits are outliers; those accepted by hand are none."""
         self._criteria = compute_criteria(self._figures[~self._by_hand])
         deviations = self._criteria.measure_deviations(self._figures)
-        return np.asarray(np.any(deviations > self._criteria.thresholds, axis=1) & ~self._by_hand)
+        outlying = np.any(deviations > self._criteria.thresholds, axis=1)
+        return np.asarray(outlying & ~self._by_hand)
 
     def _sum_up(self, changed: NDArray[np.int64], number: int, traces: FilteredHit) -> None:
         """Sum up a new hit, and again those beside hits that went out or came back."""
         blocks, newest = set((changed // BLOCK).tolist()), number // BLOCK
-        total = self._sums[newest] if newest < len(self._sums) else None
-        if total is None or newest in blocks:
+        if newest not in self._sums or newest in blocks:
             blocks.add(newest)
         elif not self._outlying[number]:
-            self._sums[newest] = total.add(traces)
+            self._sums[newest] = self._sums[newest].add(traces)
         for block in blocks:
             first, known = block * BLOCK, {**self._shown, number: traces}
             kept = first + np.flatnonzero(~self._outlying[first : first + BLOCK])
             found = (known.get(each) or self._restore(self._places[each]) for each in kept)
-            shifted = (hit if hit.origin else shift_hit(hit) for hit in found if hit is not None)
-            self._sums[block] = sum_up(list(shifted))
+            shifted = [hit if hit.origin else shift_hit(hit) for hit in found if hit is not None]
+            self._sums.pop(block, None)
+            if shifted:
+                self._sums[block] = TraceSum.of(shifted)
 
     def compute_mean(self) -> MeanHit | None:
         """Return the mean hit; None: there is none in it."""
-        if self._mean is not None:
-            return self._mean
-        total = sum_up([part for part in self._sums.values() if part is not None])
-        if total is not None:
+        if self._mean is None and self._sums:
+            total = TraceSum.of([self._sums[block] for block in sorted(self._sums)])
             shown = [hit for number, hit in self._shown.items() if not self._outlying[number]]
             self._mean = make_mean(total, shown, self._levels[~self._outlying], self._alone)
         return self._mean
@@ -339,9 +330,8 @@ class HitSeries:
 
     def list_by_hand(self) -> list[JudgedHit]:
         """Return the hits that a person accepted."""
-        return [
-            self._complete(self._hits[self._places[it]]) for it in np.flatnonzero(self._by_hand)
-        ]
+        places = np.array(self._places, dtype=np.int64)[self._by_hand]
+        return [self._complete(self._hits[place]) for place in places]
 
     def count(self) -> HitCount:
         """Return how many hits are in the mean so far, and how many are not."""
@@ -360,13 +350,8 @@ def _find_turned(hit: FilteredHit, before: TraceSum | None) -> tuple[Finding, ..
     if before is None:
         return ()
     middle, reach = round(hit.pulse.middle), math.ceil(hit.pulse.half_amplitude_width)
-    reach = min(
-        reach,
-        middle,
-        before.origin,
-        hit.traces.shape[1] - middle,
-        before.traces.shape[1] - before.origin,
-    )
+    after = hit.traces.shape[1] - middle, before.traces.shape[1] - before.origin
+    reach = min(reach, middle, before.origin, *after)
     turned = []
     for channel, (ours, theirs) in enumerate(zip(hit.traces, before.traces, strict=False)):
         one = ours[middle - reach : middle + reach]
