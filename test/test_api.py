@@ -586,14 +586,10 @@ def test_a_hit_of_another_run_is_not_taken_for_one_of_its_name(run):
         run.analyze(reject=other.hits[STEEL][2])
 
 
-def test_a_setting_is_swept_over_a_run_that_is_read_once(recording, run, monkeypatch):
-    opened, reads = ir.open_run(recording), []
-    events = opened._source.events
-    monkeypatch.setattr(opened._source, "events", lambda *_: reads.append(1) or events())
-    found = opened.sweep(cutoff=["20 kHz", 30e3])
+def test_a_setting_is_swept_over_a_run(recording, run):
+    found = ir.open_run(recording).sweep(cutoff=["20 kHz", 30e3])
     assert list(found) == ["20 kHz", 30e3]
     assert str(found[30e3]) == str(ir.open_run(recording).analyze(cutoff=30e3))
-    assert len(reads) == 1
     with pytest.raises(ir.RigError, match="sweep changes one setting, not 2"):
         run.sweep(cutoff=[1e3], pulse_factor=[2.0])
 
