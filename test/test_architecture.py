@@ -68,7 +68,7 @@ CORE = ["given", "hit", "mean", "estimates", "session"]
 
 PURE = {
     "GTC", "abc", "array", "cmath", "collections", "dataclasses", "enum", "functools", "itertools",
-    "math", "numbers", "numpy", "operator", "re", "scipy", "sys", "types", "typing",
+    "math", "numbers", "numpy", "operator", "re", "scipy", "sys", "types", "typing", "zlib",
 }  # fmt: skip
 """What the core may import: nothing here reads a clock, a file or the network."""
 
