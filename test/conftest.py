@@ -9,6 +9,7 @@ import gc
 import math
 import os
 import re
+import shutil
 import signal
 import sys
 from collections import Counter
@@ -122,6 +123,25 @@ def strike() -> Strike:
 def results() -> Results:
     """Return the paper's campaign with two hits each."""
     return strike_samples()
+
+
+BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Return a browser without a screen."""
+    if BROWSER is None:
+        pytest.skip("no browser looks at the page: on Debian, apt-get install chromium")
+    options = [
+        "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
+        "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    ]  # fmt: skip
+    sync_api = pytest.importorskip("playwright.sync_api")
+    with sync_api.sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=BROWSER, args=options)
+        yield started
+        started.close()
 
 
 @pytest.hookimpl(optionalhook=True)

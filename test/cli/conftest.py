@@ -167,22 +167,6 @@ def record():
     return record_campaigns
 
 
-@pytest.fixture(scope="module")
-def browser():
-    options = [
-        "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
-        "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    ]  # fmt: skip
-    from playwright.sync_api import sync_playwright
-
-    from .page_rig import BROWSER
-
-    with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=BROWSER, args=options)
-        yield started
-        started.close()
-
-
 @pytest.fixture
 def open_page(rig, browser):
     """Return a function that opens the page in a browser of its own."""

@@ -3,7 +3,6 @@
 import contextlib
 import os
 import re
-import shutil
 import signal
 import subprocess
 
@@ -18,10 +17,6 @@ from .conftest import PATIENCE, start_command
 
 sync_api = pytest.importorskip("playwright.sync_api")
 expect = sync_api.expect
-BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
-needs_browser = pytest.mark.skipif(
-    BROWSER is None, reason="no browser looks at the page: on Debian, apt-get install chromium"
-)
 MILLISECONDS = 40_000
 ARM_FIRST = re.compile(r"^(\w+\. )?ARM FIRST")
 """The sentence after a stop: of a campaign before it, the end stays in sight."""

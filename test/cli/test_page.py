@@ -13,7 +13,6 @@ from .page_rig import (
     MILLISECONDS,
     expect,
     give_name,
-    needs_browser,
     press,
     run_rig,
     say,
@@ -21,7 +20,6 @@ from .page_rig import (
     wait_for_line,
 )
 
-pytestmark = needs_browser
 STRANGE = "<script>window.pwned = 1</script>"
 """Name of a sample."""
 RIG_FILE = read_template().replace('"brass small"', f'"{STRANGE}"') + (
@@ -30,7 +28,7 @@ RIG_FILE = read_template().replace('"brass small"', f'"{STRANGE}"') + (
 
 
 @pytest.fixture(scope="module")
-def rig(tmp_path_factory):
+def rig(browser, tmp_path_factory):
     with run_rig(tmp_path_factory.mktemp("rig"), RIG_FILE, "hammer.swing_time=1.0") as running:
         yield running
 

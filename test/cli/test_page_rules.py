@@ -23,18 +23,15 @@ from .page_rig import (
     expect,
     frozen,
     give_name,
-    needs_browser,
     press,
     run_rig,
     say,
     start,
 )
 
-pytestmark = needs_browser
-
 
 @pytest.fixture(scope="module")
-def rig(tmp_path_factory):
+def rig(browser, tmp_path_factory):
     """Return a rig whose hammer goes by itself, three seconds after its notice."""
     with run_rig(
         tmp_path_factory.mktemp("rig"), read_template(),

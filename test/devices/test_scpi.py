@@ -283,6 +283,7 @@ def cut_in_half(answer):
     ("query", "spoil", "words"),
     [
         ("*IDN?", lambda _: b"", "does not answer"),
+        ("ACQ:DEC:FACTOR?", lambda _: b"64\r\n", "to ACQ:DEC:FACTOR., where 50 was set"),
         ("ACQ:TRIG:STAT?", cut_in_half, "does not answer"),
         ("ACQ:SOUR2:DATA", cut_in_half, "does not answer"),
         ("ACQ:SOUR1:DATA", lambda _: b"{1,2,3}\r\n", "ACQ:SOUR1:DATA:START:N.* begins no block"),

@@ -1,13 +1,6 @@
 """The page in a real browser: on a screen, on a phone, dark, and on paper."""
 
-import html
-import json
-import os
 import re
-import shutil
-import subprocess
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -24,76 +17,37 @@ from impact_rig.present.report.page import (
 from impact_rig.results.table import make_table, make_text_column
 
 PHONE, DESK = 360, 1200
-IS_WIDER = "page.documentElement.scrollWidth > page.documentElement.clientWidth"
-UNFOLD = "page.querySelectorAll('details').forEach(item => item.open = true)"
+IS_WIDER = "document.documentElement.scrollWidth > document.documentElement.clientWidth"
+UNFOLD = "document.querySelectorAll('details').forEach(item => item.open = true)"
 
 
-class Chromium:
-    """Chromium without a screen, started for each question.
+@pytest.fixture
+def show(browser):
+    """Return a function that shows a text as a page this wide."""
+    shown = []
 
-    Parameters
-    ----------
-    folder : Path
-        For its profile and for what it writes.
-    """
+    def show_page(text: str, width: int = DESK):
+        shown.append(browser.new_page(viewport={"width": width, "height": 900}))
+        shown[-1].set_content(text)
+        return shown[-1]
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._program = shutil.which("chromium") or shutil.which("google-chrome")
-        if self._program is None:
-            pytest.skip("no browser looks at the page: on Debian, apt-get install chromium")
-
-    def evaluate(self, page: str, expression: str, width: int) -> Any:
-        """Return what JavaScript finds in a `page` that is shown this wide."""
-        path = self.folder / "frame.html"
-        style = f"width:{width}px;height:900px"
-        path.write_text(
-            f"<iframe style='{style}' srcdoc=\"{html.escape(page)}\"></iframe>"
-            "<script>onload = () => { const page = document.querySelector('iframe')"
-            f".contentDocument; document.title = JSON.stringify({expression}); }}</script>",
-            encoding="utf-8",
-        )
-        dumped = self._run("--dump-dom", path.as_uri())
-        (title,) = re.findall("<title>(.*?)</title>", dumped.partition("<iframe")[0])
-        return json.loads(html.unescape(title))
-
-    def print(self, page: str) -> bytes:
-        """Return the PDF that it prints."""
-        path, paper = self.folder / "page.html", self.folder / "page.pdf"
-        path.write_text(page, encoding="utf-8")
-        self._run(f"--print-to-pdf={paper}", path.as_uri())
-        return paper.read_bytes()
-
-    def _run(self, *words: str) -> str:
-        options = ["--headless", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars"]
-        options += ["--no-sandbox"] if os.geteuid() == 0 else []
-        options += [f"--user-data-dir={self.folder / 'profile'}"]
-        return subprocess.run(
-            [str(self._program), *options, *words],
-            check=True,
-            capture_output=True,
-            text=True,
-            timeout=100.0,
-        ).stdout
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Chromium:
-    return Chromium(tmp_path_factory.mktemp("browser"))
+    yield show_page
+    for page in shown:
+        page.close()
 
 
 @pytest.mark.parametrize("width", [PHONE, DESK])
-def test_the_page_never_scrolls_sideways_and_every_image_fits(chromium, page, width):
-    images = "[...page.images].map(image => [image.naturalWidth, image.clientWidth])"
+def test_the_page_never_scrolls_sideways_and_every_image_fits(show, page, width):
+    images = "[...document.images].map(image => [image.naturalWidth, image.clientWidth])"
     questions = f"[{IS_WIDER}, {images}, {UNFOLD}, {IS_WIDER}]"
-    wider, widths, _, wider_unfolded = chromium.evaluate(page, questions, width)
+    wider, widths, _, wider_unfolded = show(page, width).evaluate(questions)
     assert (wider, wider_unfolded) == (False, False)
     assert len(widths) >= 7
     assert all(natural > 0 and PHONE / 2 < shown <= width for natural, shown in widths)
 
 
 @pytest.mark.parametrize("width", [PHONE, DESK])
-def test_no_name_is_too_long_for_the_page(chromium, width):
+def test_no_name_is_too_long_for_the_page(show, width):
     word = "x" * 300
     section = Section(
         word,
@@ -106,13 +60,14 @@ def test_no_name_is_too_long_for_the_page(chromium, width):
         ),
     )
     document = Document(word, word, word, word, word, True, ((word, word),), (section,))
-    found = chromium.evaluate(render_page(document), f"[{UNFOLD}, {IS_WIDER}]", width)
+    found = show(render_page(document), width).evaluate(f"[{UNFOLD}, {IS_WIDER}]")
     assert found == [None, False]
 
 
-def test_paper_is_a4_and_leaves_out_what_is_folded(chromium, page):
+def test_paper_is_a4_and_leaves_out_what_is_folded(show, page):
     folded, unfolded = (
-        chromium.print(text) for text in (page, page.replace("<details>", "<details open>"))
+        show(text).pdf(prefer_css_page_size=True)
+        for text in (page, page.replace("<details>", "<details open>"))
     )
     pages = [len(re.findall(rb"/Type\s*/Page\b", content)) for content in (folded, unfolded)]
     assert 2 < pages[0] < pages[1]
