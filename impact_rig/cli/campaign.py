@@ -218,7 +218,7 @@ def run(
             check_mass=check_mass,
         )  # fmt: skip
         if resume and resumed is not None:
-            client.check_run(resume, resumed)
+            client.check_run(resume)
             goal.resumed = resumed
         is_attended = sys.stdin.isatty() or sys.stderr.isatty()
         outcome = run_campaign(client, goal, view, is_attended=is_attended)

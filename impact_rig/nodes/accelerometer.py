@@ -19,6 +19,7 @@ from impact_rig.nodes.accelerometer_source import (
     SourceThread,
     open_source,
 )
+from impact_rig.nodes.acts import BEAT
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import Received
@@ -65,6 +66,8 @@ class AccelerometerNode(DeviceNode):
         self._virtual_impact = self.advertise(interfaces.VIRTUAL_IMPACT)
         self._levels = self.advertise(interfaces.INPUT_LEVELS)
         self.create_timer(LEVELS_PERIOD, self._publish_levels)
+        # The hammer's state is not believed if somebody else speaks on its topic.
+        self.create_timer(BEAT, self._check_enable)
         self.listen(interfaces.SETUP, self._on_setup)
         self.listen(interfaces.RELEASE, self._on_release)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
@@ -309,13 +312,18 @@ class AccelerometerNode(DeviceNode):
         self._check_enable()
 
     def _check_enable(self) -> None:
-        """End the record of a hammer that was disarmed while it swings: its hit does not count."""
+        """End the record of a swing if the hammer is disarmed, or somebody else speaks in the rig.
+
+        Its hit does not count.
+        """
         arming, hammer = self._arming, self._hammer
-        is_under_way = hammer.state in (HammerPlace.SWINGING, HammerPlace.FAULT)
-        if arming is None or not arming.is_released or hammer.armed or not is_under_way:
+        if arming is None or not arming.is_released or self._thread is None:
             return
-        if self._thread is not None:
-            self._thread.withdraw(arming)
+        why = self.intake.find_any_stranger()
+        if not hammer.armed and hammer.state in (HammerPlace.SWINGING, HammerPlace.FAULT):
+            why = hammer.message
+        if why is not None:
+            self._thread.withdraw(arming, why)
 
     def _on_hit(self, received: Received[Block]) -> None:
         """End the arming when its impact has been found in the running stream."""

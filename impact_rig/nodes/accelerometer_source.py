@@ -14,6 +14,7 @@ from impact_rig.configuration.rig_checks import require_rig
 from impact_rig.configuration.rig_file import load_rig_file
 from impact_rig.core.given.errors import DeviceError, ParameterError, RigError
 from impact_rig.core.given.records import (
+    DISARMED,
     MEASURED,
     NOT_ARMED,
     SIMULATED,
@@ -33,8 +34,9 @@ from impact_rig.devices.source_table import make_source, override_source
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.identity import Membership
 from impact_rig.nodes.interfaces import STREAM_DEPTH
-from impact_rig.nodes.messages import block_to_msg, fill_block
+from impact_rig.nodes.messages import block_to_msg
 from impact_rig.recordings.hits import BlockCount
+from impact_rig.recordings.messages import fill_block
 from impact_rig.status.levels import LevelMeter
 
 
@@ -192,9 +194,9 @@ class SourceThread:
         """End an arming, unless it has ended; a hit that is judged needs no end of its record."""
         self._orders.put(lambda: self._end(arming, is_judged=is_judged))
 
-    def withdraw(self, arming: Arming) -> None:
+    def withdraw(self, arming: Arming, why: str) -> None:
         """End an arming whose hammer was disarmed, unless its contact has come."""
-        self._orders.put(lambda: self._withdraw(arming))
+        self._orders.put(lambda: self._withdraw(arming, why))
 
     # Called in the thread.
 
@@ -239,16 +241,16 @@ class SourceThread:
         self._arming, self._has_begun = arming, False
         arming.armed.set()
 
-    def _withdraw(self, arming: Arming) -> None:
+    def _withdraw(self, arming: Arming, why: str) -> None:
         if self._arming is arming and not self._has_begun:
-            self._end(arming, is_disarmed=True)
-            self._on_ended(arming, "the hammer was disarmed before the contact")
+            self._end(arming, disarmed=f"{DISARMED}: {why}" if why else DISARMED)
+            self._on_ended(arming, DISARMED)
 
-    def _end(self, arming: Arming, *, is_judged: bool = False, is_disarmed: bool = False) -> None:
+    def _end(self, arming: Arming, *, is_judged: bool = False, disarmed: str = "") -> None:
         if self._arming is arming:
             if not self._plan.continuous:
                 self._source.disarm()
-            self._end_record(is_judged=is_judged, is_disarmed=is_disarmed)
+            self._end_record(is_judged=is_judged, disarmed=disarmed)
 
     def _read(self) -> None:
         deadline = self._compute_deadline()
@@ -276,12 +278,12 @@ class SourceThread:
             return math.inf
         return self._next_due if self._has_begun else self._arming.latest_contact
 
-    def _end_record(self, *, is_judged: bool = False, is_disarmed: bool = False) -> None:
+    def _end_record(self, *, is_judged: bool = False, disarmed: str = "") -> None:
         """End the record of the arming under way, if there is one or a verdict is awaited."""
         is_released = self._arming is not None and self._arming.is_released
         if self._has_begun or (is_released and not is_judged):
             points = self._record_points if self._has_begun else 0
-            self._publish_end(points, is_disarmed=is_disarmed)
+            self._publish_end(points, disarmed=disarmed)
         self._arming, self._has_begun = None, False
 
     def _finish(self) -> None:
@@ -301,7 +303,7 @@ class SourceThread:
             self.flow.add(piece.first_sample, piece.hammer.output.size)
         self._newest = block
 
-    def _publish_end(self, points: int = 0, *, is_disarmed: bool = False) -> None:
+    def _publish_end(self, points: int = 0, *, disarmed: str = "") -> None:
         """Publish an empty last block, behind all points of the record if that has so many."""
         first_sample = max(points, self.flow.expected or 0)
         empty = replace(
@@ -309,7 +311,7 @@ class SourceThread:
             first_sample=first_sample,
             last=True,
             stamp=0,
-            disarmed=is_disarmed,
+            disarmed=disarmed,
         )
         self._publisher.publish(self._make_message(self._complete(empty)))
 
@@ -328,5 +330,5 @@ class SourceThread:
         identity = self._membership.identity
         if not self._plan.continuous:
             return block_to_msg(block, identity)
-        fill_block(self._stream_message, block, identity)
+        fill_block(identity.fill(self._stream_message), block)
         return self._stream_message

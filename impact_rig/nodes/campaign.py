@@ -53,8 +53,8 @@ CHECK_ATTEMPTS = 3
 """Hits in a row that fail the operational check, and end a campaign [-], our choice."""
 BLIND_HITS = 5
 """Hits in a row that showed nothing, and end a campaign [-]: a cable off stays off."""
-TRUTH_TIMEOUT = 2.0
-"""How long the truth behind the last simulated hits is waited for [s]."""
+LAST_VERDICT_TIMEOUT = 2.0
+"""How long the verdict on a hit is waited for that the end has cut off [s]."""
 DISPLAYS = ("visualizer", "page")
 DISPLAY_TIMEOUT = 1.0
 """How long a campaign's start may wait for a display [s]."""
@@ -74,6 +74,7 @@ class CampaignNode(RigNode):
         self._checked_on = ""  # day of the latest operational check that was passed
         self._campaign: Campaign | None = None
         self._ended: Campaign | None = None  # the latest that is over
+        self._estimator = messages.OWN_ESTIMATOR  # of the latest results
         self._hammer = HammerStatus(message="it has published no state")
         self._setup = self.advertise(interfaces.SETUP)
         self.listen(interfaces.HAMMER_STATE, self._on_hammer_state)
@@ -113,6 +114,10 @@ class CampaignNode(RigNode):
             execute_callback=self._execute,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )
+
+    def describe_warning(self) -> str | None:
+        """Return that the results are those of another estimator than the rig's."""
+        return messages.describe_estimator(self._estimator)
 
     def configure(self) -> None:
         """Read the rig file."""
@@ -256,6 +261,7 @@ class CampaignNode(RigNode):
         ledger = await self.call(self._results, request)
         if ledger.setup.campaign_id != campaign.setup.campaign_id:
             raise DeviceError("the estimator was started again")
+        self._estimator = ledger.estimator
         if ledger.waiting_record:
             raise DeviceError(
                 f"the recorder has not stored record {ledger.waiting_record} yet: see to its disk"
@@ -450,6 +456,7 @@ class CampaignNode(RigNode):
             until = self.get_clock().now() + Duration(seconds=released.latest_contact)
             campaign.publish(task=Task.LET_GO, until=until.to_msg())
         timeout = float(self.get_value("verdict_timeout"))
+        campaign.awaited = record
         campaign.failures += 1
         campaign.failure = f"no verdict on record {record} came within {timeout:g} s"
         timeout += released.latest_contact
@@ -659,6 +666,10 @@ class CampaignNode(RigNode):
         with contextlib.suppress(DeviceError):
             await self._take_enable(campaign, "at the campaign's end")
         await self._call_if_there(self._disarm, Trigger.Request())
+        # A hit that the end has cut off is in the recording, and so in the results.
+        await self.wait_until(
+            lambda: campaign.verdict.record >= campaign.awaited, LAST_VERDICT_TIMEOUT
+        )
         # Before the first hit it may read a run; later it answers soon, or not at all.
         patience = self.silence if campaign.has_joined else RESULTS_TIMEOUT
         counts = srv.GetResults.Request(counts_only=True)
@@ -671,12 +682,13 @@ class CampaignNode(RigNode):
             result.success = False
             result.message += ": the estimator has no results, analyze the recording"
             return
-        for name in ("hammer", "samples", "speed_exponents", "accepted", "rejected"):
+        for name in ("estimator", "hammer", "samples", "speed_exponents", "accepted", "rejected"):
             setattr(result, name, getattr(results, name))
-        if not campaign.setup.plan.trial and campaign.recording:
-            await self.wait_until(lambda: not self._writer.lacks_truth(result), TRUTH_TIMEOUT)
-            written = self._writer.write(result, campaign.recording)
-            await self.wait_until(written.done, RESULTS_TIMEOUT)
+        recording = "" if campaign.setup.plan.trial else campaign.recording
+        written = self._writer.write(result, recording)
+        if await self.wait_until(written.done, RESULTS_TIMEOUT):
+            faults = written.result().items()
+            result.truths = [msg.VirtualImpact(record=it, faults=told) for it, told in faults]
 
 
 def _find_counts(

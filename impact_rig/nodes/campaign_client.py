@@ -12,7 +12,7 @@ from typing import Any, Protocol, TypeAlias
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import HammerRelease, RigSetup
+from impact_rig_msgs.msg import HammerRelease
 from impact_rig_msgs.srv import Act, ConfirmSample, SetArmed
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy
@@ -22,13 +22,10 @@ from std_msgs.msg import String
 from impact_rig.core.given.errors import DeviceError, RigError
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.acts import describe_caller, fill_act
-from impact_rig.nodes.campaign_results import read_faults
 from impact_rig.nodes.client import START_ONE, RigClient
 from impact_rig.nodes.identity import Identity, id_from_msg, id_to_msg, make_id
 from impact_rig.nodes.intake import UNSOUND, Received
 from impact_rig.nodes.result_messages import hit_results_from_msg, results_from_msg
-from impact_rig.recordings.messages import RecordedTruth
-from impact_rig.recordings.run import Run
 from impact_rig.results.campaign import Results
 from impact_rig.status.rig_status import RigStatus
 from impact_rig.status.states import CampaignStatus, HammerStatus, RecorderStatus, Step, Task
@@ -118,8 +115,6 @@ class CampaignClient(RigClient):
         }
         self._silent: tuple[str, ...] = ()  # nodes that do not answer
         self._is_to_let_go = False  # the operator is asked to release the hammer
-        self._faults: dict[tuple[bytes, int], tuple[str, ...]] = {}  # by campaign and record
-        self.listen(interfaces.VIRTUAL_IMPACT, self._on_virtual_impact)
         self._beat = CampaignStatus()  # the newest state by the topic, which comes twice a second
         self.listen(interfaces.CAMPAIGN_STATE, self._on_beat, on_liveliness=self._on_liveliness)
         for topic in (
@@ -235,15 +230,7 @@ class CampaignClient(RigClient):
             raise RigError(f"the campaign is rejected: {result.message}")
         if not result.success and not (result.accepted or result.rejected):
             raise DeviceError(result.message)  # it has no hit, or could not collect them
-        if self._status.acquisition and self._status.acquisition.hammerless:
-            hits = [*result.accepted, *result.rejected]
-            # What the virtual rig did on purpose comes by another topic.
-            self.spin_until(
-                lambda: all((campaign_id, hit.record) in self._faults for hit in hits), 2.0
-            )
-        faults = {
-            record: found for (own, record), found in self._faults.items() if own == campaign_id
-        }
+        faults = {item.record: item.faults for item in result.truths}
         return CampaignOutcome(
             success=result.success and answer.status == GoalStatus.STATUS_SUCCEEDED,
             message=result.message,
@@ -438,21 +425,14 @@ class CampaignClient(RigClient):
             self._is_to_let_go = False
             self._operator.hold_back(hammer.message)
 
-    def _on_virtual_impact(self, received: Received[RecordedTruth]) -> None:
-        """Keep the faults that the virtual rig injected."""
-        key = (received.identity.campaign_id, received.value.label.record)
-        self._faults[key] = received.value.truth.faults
-
     @property
     def run_folder(self) -> Path | None:
         """Where the rig records, on the recorder's host; None: nowhere, or it is not known."""
         path = self._status.recorder.uri
         return Path(path).parent if path else None
 
-    def check_run(self, folder: Path, resumed: RigSetup) -> None:
+    def check_run(self, folder: Path) -> None:
         """Require that the rig records into a run's folder, as far as that can be seen from here.
-
-        What the virtual rig did on purpose to the run's earlier hits is read from its recordings.
 
         Raises
         ------
@@ -466,6 +446,3 @@ class CampaignClient(RigClient):
                 f"the rig records into {recording.parent}: start it with"
                 f" `impact-rig up --resume {folder}`"
             )
-        campaign_id = id_from_msg(resumed.campaign_id)
-        for record, faults in read_faults(Run(folder), campaign_id).items():
-            self._faults.setdefault((campaign_id, record), faults)

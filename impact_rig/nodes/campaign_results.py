@@ -55,30 +55,29 @@ class ResultsWriter:
         label, truth = received.value
         self._faults[label.record] = truth.faults
 
-    def lacks_truth(self, found: Any) -> bool:
-        """Return whether the truth behind some hits of the virtual rig is still on its way."""
-        records = {hit.record for hit in (*found.accepted, *found.rejected)}
-        return bool(self._faults) and not records <= self._faults.keys()
+    def write(self, found: Any, recording: str) -> "Future[Faults]":
+        """Write what the estimator has found, if the recording is on this computer.
 
-    def write(self, found: Any, recording: str) -> "Future[None]":
-        """Write what the estimator has found, if the recording is on this computer."""
-        return self._thread.submit(self._write, found, Path(recording).parent, {**self._faults})
+        Return what the virtual rig did on purpose, also before a campaign was resumed.
+        """
+        return self._thread.submit(self._write, found, recording, {**self._faults})
 
-    def _write(self, found: Any, folder: Path, faults: Faults) -> None:
+    def _write(self, found: Any, recording: str, faults: Faults) -> Faults:
         # Who only runs campaigns waits for no physics to be loaded.
         from impact_rig.nodes.result_messages import results_from_msg
         from impact_rig.results.results_file import write_results
 
         try:
-            if not (folder.is_dir() and (found.accepted or found.rejected)):
-                return
-            hits = (*found.accepted, *found.rejected)
+            folder, hits = Path(recording).parent, (*found.accepted, *found.rejected)
+            if not (recording and folder.is_dir() and hits):
+                return faults
             simulated = [hit.record for hit in hits if hit.origin.kind == SIMULATED]
             if any(record not in faults for record in simulated):  # struck before it was resumed
                 faults = read_faults(Run(folder), id_from_msg(found.setup.campaign_id)) | faults
             write_results(folder / RESULTS_NAME, results_from_msg(found, faults))
         except (RigError, OSError) as error:
             self._report(str(error))
+        return faults
 
     def close(self) -> None:
         """End when what was asked for is written."""

@@ -56,6 +56,7 @@ class Campaign:
     seen: int = 0  # number of the hammer's state at that word
     hit: dict[str, Any] = field(default_factory=dict)  # the next one's label
     newest_record: int = 0
+    awaited: int = 0  # record of the newest release, which gets a verdict
     verdict: Impact = field(default_factory=Impact)
     failures: int = 0  # strikes in a row without an accepted hit [-]
     failure: str = ""  # of the last of them

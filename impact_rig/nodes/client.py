@@ -59,6 +59,7 @@ class RigClient:
                     start_parameter_services=False,
                 )
             self._intake = Intake(self._node)
+            self.listen = self._intake.subscribe  # by the same way in as the rig's nodes
             self._executor = make_executor(self._context)
             self._executor.add_node(self._node)
             self._making = making.pop_all()
@@ -86,15 +87,6 @@ class RigClient:
     def advertise(self, topic: interfaces.Topic) -> Any:
         """Create a publisher of what is replayed on a topic."""
         return self._node.create_publisher(topic.type, topic.name, topic.replayed_qos)
-
-    def listen(
-        self,
-        topic: interfaces.Topic,
-        callback: Callable[[Received[Any]], None],
-        on_liveliness: Callable[[Any], None] | None = None,
-    ) -> None:
-        """Subscribe to a topic, as `Intake.subscribe`: by the same way in as the rig's nodes."""
-        self._intake.subscribe(topic, callback, on_liveliness)
 
     def spin_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Take messages until a condition is true; return whether it came true in time [s].

@@ -21,7 +21,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, id_from_msg
 from impact_rig.nodes.intake import Received
 from impact_rig.nodes.ledger import Ledger
-from impact_rig.nodes.messages import block_to_msg
+from impact_rig.nodes.messages import OWN_ESTIMATOR, block_to_msg
 from impact_rig.nodes.result_messages import (
     comparison_to_msg,
     estimate_to_msg,
@@ -318,7 +318,7 @@ class EstimatorNode(RigNode):
         ledger, identity = self._ledger, self.membership.identity
         if ledger is None or self._setup is None:
             return response
-        response.setup = self._setup
+        response.estimator, response.setup = OWN_ESTIMATOR, self._setup
         response.counts = [
             msg.SampleCount(
                 sample=name,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from impact_rig_msgs.msg import AccelerationBlock, StreamBlock
+from impact_rig_msgs.msg import StreamBlock
 from unique_identifier_msgs.msg import UUID
 
 from impact_rig.recordings.fields import NO_ID
@@ -80,8 +80,7 @@ class Membership:
         if not self.is_joined or not hasattr(message, "campaign_id"):
             return False
         if id_from_msg(message.campaign_id) == self.identity.campaign_id:
-            # A node that copies the campaign's id has other accelerometers.
-            return isinstance(message, AccelerationBlock) and self.is_foreign_stream(message)
+            return False
         # The running stream goes on while a campaign begins.
         return not isinstance(message, StreamBlock) or self.is_foreign_stream(message)
 

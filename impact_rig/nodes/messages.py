@@ -49,17 +49,9 @@ def setup_to_msg(setup: RigSetup, stamp: Time) -> msg.RigSetup:
 
 def block_to_msg(block: Block, identity: Identity = NO_IDENTITY) -> msg.AccelerationBlock:
     """Return a block of a hit as a message, stamped with its first point's time."""
-    message = msg.AccelerationBlock(triggered=block.triggered)
-    fill_block(message, block, identity)
-    return message
-
-
-def fill_block(
-    message: msg.AccelerationBlock | msg.StreamBlock, block: Block, identity: Identity
-) -> None:
-    """Write a block, and the ids of its campaign and stream, into a message."""
-    identity.fill(message)
+    message = identity.fill(msg.AccelerationBlock(triggered=block.triggered))
     recorded.fill_block(message, block)
+    return message
 
 
 def virtual_hit_to_msg(
@@ -100,6 +92,17 @@ def health_from_msg(message: DiagnosticArray) -> tuple[NodeHealth, ...]:
         )
         for status in message.status
     )
+
+
+OWN_ESTIMATOR = "impact_rig"
+"""Name of the rig's own estimator in its answers."""
+
+
+def describe_estimator(name: str) -> str | None:
+    """Return whose results these are; None: those of the rig's own estimator."""
+    if name == OWN_ESTIMATOR:
+        return None
+    return f"verdicts and numbers are by {name or 'an estimator without a name'}, not by the rig's"
 
 
 def check_release(message: msg.HammerRelease) -> msg.HammerRelease:

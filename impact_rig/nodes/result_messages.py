@@ -19,13 +19,13 @@ from impact_rig.core.estimates.paper_method import HammerEstimate
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.estimates.speed_exponents import SpeedExponents
 from impact_rig.core.given.errors import ParameterError, check_not_negative
-from impact_rig.core.given.findings import Finding
+from impact_rig.core.given.findings import Finding, Note, Subject
 from impact_rig.core.given.quantity import make_result
 from impact_rig.core.given.records import FloatArray
 from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.hit.overrules import Overrule
 from impact_rig.nodes.identity import NO_IDENTITY, Identity
-from impact_rig.nodes.messages import make_message, stamp_to_msg
+from impact_rig.nodes.messages import describe_estimator, make_message, stamp_to_msg
 from impact_rig.recordings.fields import fill_message, from_message
 from impact_rig.recordings.messages import (
     label_from_msg,
@@ -108,10 +108,13 @@ def results_from_msg(message: Any, faults: Mapping[int, Sequence[str]]) -> Resul
         What the virtual rig did on purpose, by record.
     """
     hits = sorted([*message.accepted, *message.rejected], key=lambda hit: hit.record)
+    whose = describe_estimator(message.estimator)
+    notes = (Note(Subject.ESTIMATOR, whose),) if whose else ()
+    samples = (from_message(SampleEstimate, each) for each in message.samples)
     return Results(
         setup=setup_from_msg(message.setup),
         hammer=from_message(HammerEstimate, message.hammer),
-        samples=tuple(from_message(SampleEstimate, each) for each in message.samples),
+        samples=tuple(replace(it, warnings=it.warnings + notes) for it in samples),
         hits=tuple(
             replace(hit_results_from_msg(hit), injected_faults=tuple(faults.get(hit.record, ())))
             for hit in hits

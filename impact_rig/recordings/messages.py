@@ -14,6 +14,7 @@ from rosbags.typesys.store import Typestore
 
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.records import (
+    DISARMED,
     NO_SPEED,
     NOT_ARMED,
     Block,
@@ -138,7 +139,9 @@ def block_from_msg(message: Any) -> Block:
         hammer=_channel_from_msg(message.hammer),
         specimen=_channel_from_msg(message.specimen),
         triggered=bool(getattr(message, "triggered", True)),  # a stream has no trigger
-        disarmed=bool(getattr(message, "disarmed", False)),  # recordings before have no such field
+        # Recordings before have neither field, or not the sentence.
+        disarmed=getattr(message, "why_disarmed", "")
+        or DISARMED * bool(getattr(message, "disarmed", False)),
         last=bool(message.last),
         stamp=stamp_from_msg(message.header.stamp),
         origin=origin_from_msg(message),
@@ -197,7 +200,7 @@ def fill_block(message: Any, block: Block) -> None:
     message.first_sample = block.first_sample
     message.sampling_rate = block.sampling_rate
     message.last = block.last
-    message.disarmed = block.disarmed
+    message.disarmed, message.why_disarmed = bool(block.disarmed), block.disarmed
     message.impact_speed = block.impact_speed.value
     message.impact_speed_uncertainty = block.impact_speed.standard
     fill_message(message.origin, block.origin)

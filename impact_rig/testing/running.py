@@ -111,6 +111,7 @@ def run_rig(
     folder: Path | None = None,
     *,
     parameters: Mapping[str, Mapping[str, Any]] | None = None,
+    only: Sequence[str] = (),
     **source: Unpack[SourceKeys],
 ) -> Iterator[RunningRig]:
     """Run the nodes of any rig during a block, in a ROS domain of its own.
@@ -127,6 +128,8 @@ def run_rig(
     parameters : mapping, optional
         Of nodes: ``{"accelerometer": {"trigger_timeout": 5.0}}``. The virtual rig is quick where
         nothing else is said.
+    only : sequence of str
+        Nodes that are started; empty: all. A node of yours takes the place of another.
     **source
         As of `impact_rig.VirtualRig`, of a virtual rig: ``seed=7, plant="contact", faults=0.1``.
 
@@ -150,6 +153,7 @@ def run_rig(
             source=read_source_keys(source),
             visualize=False,
             overrides=parameters or (QUICK if is_virtual else {}),
+            only=only,
         )
         domain = stack.enter_context(use_own_domain())
         check = stack.enter_context(run_processes(processes, place / LOG_NAME))

@@ -12,7 +12,8 @@ from impact_rig.core.given.setup import PAPER_SETUP, AnalysisSettings
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.identity import Identity, make_id
-from impact_rig.nodes.messages import fill_block, setup_to_msg, stamp_to_msg
+from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
+from impact_rig.recordings.messages import fill_block
 
 RATE, SIZE = 1e6, 1000
 IDENTITY = Identity(make_id(), make_id())
@@ -26,7 +27,7 @@ def make_block(number, *, full_scale=2000.0, impact=False, record=4):
     message = StreamBlock()
     label = HitLabel("steel small", record=record)
     block = Block(number * SIZE, RATE, channel, channel, label, stamp=number * 1_000_000)
-    fill_block(message, block, IDENTITY)
+    fill_block(IDENTITY.fill(message), block)
     return message
 
 

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from impact_rig_msgs.msg import AccelerationBlock, Impact, StreamBlock
+from impact_rig_msgs.msg import Impact, StreamBlock
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.identity import Identity, Membership, id_to_msg, make_id
@@ -49,16 +49,6 @@ def test_the_accelerometers_stream_is_no_foreign_one_while_a_campaign_begins(mem
         assert not membership.is_foreign(block)
     other.fill(block)
     assert membership.is_foreign(block)
-
-
-def test_a_block_of_the_campaign_comes_from_its_own_stream(membership):
-    own = Identity(make_id(), make_id())
-    block = own.fill(AccelerationBlock())
-    membership.join(Identity(own.campaign_id))
-    assert not membership.is_foreign(block)
-    membership.join(own)
-    assert not membership.is_foreign(block)
-    assert membership.is_foreign(Identity(own.campaign_id, make_id()).fill(block))
 
 
 def test_no_id_is_an_id_like_another(membership):

@@ -1,28 +1,29 @@
 """On a topic of the rig one node speaks: a second is named, and nothing is armed or believed."""
 
+import html
+import re
 import signal
+import sys
+import urllib.request
+from copy import deepcopy
+from functools import partial
 
 import pytest
 from impact_rig_msgs.srv import Act
+from rclpy.serialization import serialize_message
+from terminal import Terminal, run_program
 
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
+from impact_rig.nodes.client import RigClient
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.rig_node import RigNode
+from impact_rig.recordings.scan import Scan
 
-from .campaigns import arm, begin, cancel, start_rig
+from .campaigns import arm
 
-
-def go_on(harness, feedback):
-    """Arm until there is another hit: a busy machine disarms again."""
-    seen = feedback.messages[-1].impact
-
-    def is_struck():
-        harness.call(Act, interfaces.ARM_HAMMER)
-        return feedback.messages[-1].impact > seen
-
-    harness.wait_until(is_struck)
+RIG = (sys.executable, "-m", "impact_rig.cli.main")
 
 
 def speak(harness, topic, *, is_leased=False):
@@ -33,31 +34,93 @@ def speak(harness, topic, *, is_leased=False):
     return publisher
 
 
-def test_who_speaks_beside_an_owner_is_named_on_every_topic_and_nothing_is_armed(harness):
-    client = start_rig(harness, campaign={"verdict_timeout": 1.0})
-    handle, feedback = begin(harness, client, samples=["steel small"], impacts=100_000)
-    feedback.wait(lambda got: got[-1].impact >= 1)
-    states = harness.listen(interfaces.HAMMER_STATE)
-    found = 0
-    for topic in interfaces.OWNED_TOPICS:
-        if topic is interfaces.STREAM:
-            continue  # it has no publisher in triggered mode
-        publisher = speak(harness, topic)
-        told = f"/peer speaks on {topic.name} beside its {topic.owners[0]}: end that node"
-        # Who listens cannot know which of two hammers says so: the campaign does.
-        feedback.wait(lambda got, told=told: told in got[-1].message)
-        assert harness.call(Act, interfaces.ARM_HAMMER).message == told
-        harness.run(lambda publisher=publisher: harness.peer.destroy_publisher(publisher))
-        go_on(harness, feedback)
-        found += 1
-    assert found == len(interfaces.OWNED_TOPICS) - 1
-    result = cancel(harness, handle).result
-    hits = sorted([*result.accepted, *result.rejected], key=lambda hit: hit.record)
-    assert len({hit.record for hit in hits}) == len(hits)
-    assert any(
-        "/peer speaks on impact" in text for text in harness.find(RecorderNode).intake.strangers
-    )
-    assert states.messages[-1].message
+class Forger(RigClient):
+    """A stranger that repeats what it hears, with other numbers and the campaign's own ids."""
+
+    def __init__(self):
+        super().__init__("forger")
+        self.heard, self.forged = {}, set()
+        for topic in interfaces.OWNED_TOPICS:
+            keep = partial(self.heard.__setitem__, topic.name)
+            self._node.create_subscription(topic.type, topic.name, keep, topic.qos)
+
+    def forge(self, topic):
+        """Return the newest message of a topic, with other texts and numbers."""
+        message = deepcopy(self.heard.get(topic.name, topic.type()))
+        for name, kind in message.get_fields_and_field_types().items():
+            if kind in ("double", "string"):
+                value = 2.0 * getattr(message, name) if kind == "double" else "evil"
+                setattr(message, name, value)
+        self.forged.add(serialize_message(message))
+        return message
+
+    def speak_until(self, topic, is_enough):
+        """Speak on a topic until that is enough, then go."""
+        publisher = self._node.create_publisher(topic.type, topic.name, topic.qos)
+
+        def speak():
+            publisher.publish(self.forge(topic))
+            return is_enough()
+
+        self.spin_until(speak, 30.0)
+        self._node.destroy_publisher(publisher)
+
+    def arm(self):
+        """Arm the hammer, as a person does; return the answer."""
+        return self.call(Act, interfaces.ARM_HAMMER, Act.Request(), 60.0).message
+
+
+STRIKE = ("campaign", "--sample", "steel small", "--impacts", "9999")
+UP = ("up", "--no-visualizer", "--page", "--set", "page.port=0", "--set", "hammer.swing_time=0.2")
+
+
+def test_what_each_says_of_a_stranger_that_speaks_on_a_topic(ros_domain, tmp_path):
+    """`-s` prints the table."""
+    folder, named = tmp_path / "run", {}
+    with Terminal([*RIG, *UP, "--output", folder]) as rig:
+        rig.wait_for("the page is at http")
+        link = re.search(r"the page is at (http://\S+)", rig.text)[1]
+        with Terminal([*RIG, *STRIKE]) as campaign, Forger() as forger:
+            campaign.wait_for("accepted")
+            for topic in interfaces.OWNED_TOPICS:
+                if topic is interfaces.STREAM:
+                    continue  # who speaks alone is the owner: in triggered mode nobody listens
+                start, said = len(campaign.text), named.setdefault(topic.name, set())
+                told = f"/forger speaks on {topic.name} beside its {topic.owners[0]}: end"
+
+                def is_said(start=start, said=said, told=told):
+                    page = urllib.request.urlopen(link).read().decode()
+                    texts = {
+                        "client": campaign.text[start:],
+                        "page": html.unescape(page),
+                        "log": rig.text,
+                        "hammer": forger.arm(),
+                    }
+                    said.update(name for name, text in texts.items() if told in text)
+                    return len(said) == len(texts)
+
+                forger.speak_until(topic, is_said)
+                seen = len(campaign.text)
+
+                def goes_on(seen=seen):
+                    return forger.arm() and "accepted" in campaign.text[seen:]
+
+                assert forger.spin_until(goes_on, 60.0)
+            campaign.interrupt()
+    recording = folder / "session.mcap"
+    recorded = [raw for raw in Scan(recording).read_messages() if bytes(raw.data) in forger.forged]
+    info = run_program([*RIG, "info", recording]).stdout
+    analyzed = run_program([*RIG, "analyze", recording, "--json"]).stdout
+    for name, said in named.items():
+        hits = analyzed.count(f"disarmed before the contact: /forger speaks on {name} beside")
+        print(f"{name:20} named by {', '.join(sorted(said))}; rejected for it: {hits}")
+    print(f"{len(recorded)} of {len(forger.forged)} recorded;", info[: info.index("versions")])
+    assert {frozenset(said) for said in named.values()} == {
+        frozenset({"client", "page", "log", "hammer"})
+    }
+    assert not recorded
+    assert re.search(r"losses +none", info)
+    assert analyzed == (folder / "results.json").read_text("utf-8")
 
 
 @pytest.mark.parametrize("is_leased", [False, True])

@@ -103,7 +103,7 @@ def test_after_a_power_cut_the_run_has_every_hit_once_and_analyze_says_the_same(
     with CampaignClient() as client:
         client.wait_for_rig(START_PATIENCE)
         resumed = read_newest_campaign(tmp_path)
-        client.check_run(tmp_path, resumed)
+        client.check_run(tmp_path)
         goal = RunCampaign.Goal(resumed=resumed)
         outcome = client.run(goal, Onlooker(lambda _: None))
     assert outcome.success, outcome.message

@@ -5,17 +5,19 @@ import time
 
 import pytest
 from impact_rig_msgs.action import RunCampaign
+from impact_rig_msgs.msg import CampaignState
 from impact_rig_msgs.srv import Act
 
 from impact_rig.analysis.analyze import analyze
 from impact_rig.configuration.rig_file import read_template
 from impact_rig.core.given.findings import Finding, Reason
+from impact_rig.core.given.records import DISARMED
 from impact_rig.nodes import interfaces
 from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.recordings.run import Run
 from impact_rig.status.states import Step
 
-from .campaigns import start_rig
+from .campaigns import begin, cancel, make_client, start_rig
 
 SWING = 3.0
 """When the hammer would strike [s]: a stop after a moment is long before it."""
@@ -49,6 +51,28 @@ def rig(harness, tmp_path):
     start_rig(harness, hammer={"rig_file": str(path), "swing_time": SWING})
 
 
+STRANGERS = (interfaces.HAMMER_STATE, interfaces.IMPACT)  # of blocks no hit would be recorded
+
+
+@pytest.mark.parametrize("topic", STRANGERS, ids=lambda topic: topic.name)
+def test_a_hit_in_which_a_stranger_speaks_is_rejected_by_that_reason_live_and_by_analyze(
+    rig, harness, topic
+):
+    client = make_client(harness)
+    handle, feedback = begin(harness, client, samples=["steel small"], impacts=1)
+    feedback.wait(lambda got: got[-1].task == CampaignState.LET_GO)
+    publisher = harness.peer.create_publisher(topic.type, topic.name, topic.qos)
+    feedback.wait(lambda got: f"/peer speaks on {topic.name}" in got[-1].message)
+    harness.run(lambda: harness.peer.destroy_publisher(publisher))
+    (hit,) = cancel(harness, handle).result.rejected
+    (reason,) = hit.reasons
+    told = f"{DISARMED}: /peer speaks on {topic.name} beside its {topic.owners[0]}: end that node"
+    assert (reason.reason, reason.explanation) == ("disarmed", told)
+    harness.change_state("recorder", "deactivate")
+    (analyzed,) = analyze(Run(harness.recording)).campaigns[-1].results.hits
+    assert analyzed.reasons == (Finding(Reason.DISARMED, told),)
+
+
 @pytest.mark.parametrize("service", [interfaces.EMERGENCY_STOP, interfaces.DISARM_HAMMER])
 def test_a_stop_withdraws_the_request_at_once_and_the_hit_is_rejected_by_name(
     rig, harness, service
@@ -72,7 +96,7 @@ def test_a_stop_withdraws_the_request_at_once_and_the_hit_is_rejected_by_name(
     assert person.reason in ("emergency stop", "disarmed by an operator")
     (hit,) = outcomes[0].results.hits
     assert not hit.accepted
-    assert hit.reasons == (Finding(Reason.DISARMED, "the hammer was disarmed before the contact"),)
+    assert hit.reasons == (Finding(Reason.DISARMED, f"{DISARMED}: {person.reason}"),)
     harness.change_state("recorder", "deactivate")
     (analyzed,) = analyze(Run(harness.recording)).campaigns[-1].results.hits
     assert analyzed.reasons == hit.reasons

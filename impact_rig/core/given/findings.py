@@ -59,6 +59,7 @@ class Subject(Enum):
     GROUPS = "groups"
     TREND = "trend"
     SCATTER = "scatter of the traces"
+    ESTIMATOR = "estimator"
     UNCERTAINTY = "uncertainty"
     ASSUMED_GAIN = "assumed gain"
     ASSUMED_MASS = "assumed mass"

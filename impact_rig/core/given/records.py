@@ -173,6 +173,9 @@ NO_SPEED = MeasuredSpeed()
 """Speed that was not measured."""
 
 
+DISARMED = "the hammer was disarmed before the contact"
+
+
 @dataclass(frozen=True)
 class Block:
     """A contiguous segment of both channels: what a device delivers, and what comes of it."""
@@ -183,7 +186,7 @@ class Block:
     specimen: ChannelBlock  # as long as the hammer's; without points: not measured
     label: HitLabel = NOT_ARMED  # `NOT_ARMED`: none, or not known yet
     triggered: bool = True  # False: the arming ended without a trigger, and the block is empty
-    disarmed: bool = False  # of such a block: the hammer was disarmed before its contact
+    disarmed: str = ""  # of such a block: that the hammer was disarmed before its contact, and why
     last: bool = False  # it ends the record; in a stream the arming, or of no arming the stream
     stamp: int = 0  # of the first point [ns since the epoch]; 0: not known; never computed with
     origin: Origin = UNSTATED

@@ -29,7 +29,7 @@ class Arming:
     has_hit: bool  # its hit was found
     stop: int | None = None  # behind its last point; None: it goes on
     is_complete: bool = False  # its last block has come
-    is_disarmed: bool = False  # the hammer was, before a contact
+    disarmed: str = ""  # that the hammer was, before a contact, and why
     missing: int = 0  # [points] lost in gaps
 
     @property
@@ -181,7 +181,7 @@ class StreamCutter:
             self._armings.append(current)
         if block.last:
             current.stop = block.stop
-            current.is_complete, current.is_disarmed = True, block.disarmed
+            current.is_complete, current.disarmed = True, block.disarmed
 
     def _search(self, segment: Segment, *, is_over: bool) -> list[Block]:
         """Return the hits whose windows have come, and the armings that ended without one."""
@@ -260,8 +260,8 @@ class StreamCutter:
                     segment.read(arming.start, arming.start),
                     label=arming.label,
                     first_sample=arming.missing,
-                    triggered=arming.missing > 0 and not arming.is_disarmed,
-                    disarmed=arming.is_disarmed,
+                    triggered=arming.missing > 0 and not arming.disarmed,
+                    disarmed=arming.disarmed,
                     last=True,
                     stamp=segment.get_time(stop or arming.start),
                 )

@@ -356,7 +356,7 @@ CHANNELS = ("hammer", "sample")
 def check_stream(record: Record) -> list[Finding]:
     """Find what is wrong with a record before anyone looks for a pulse in it."""
     if record.disarmed:
-        return [Finding(Reason.DISARMED, "the hammer was disarmed before the contact")]
+        return [Finding(Reason.DISARMED, record.disarmed)]
     if not record.triggered:
         return [Finding(Reason.NO_TRIGGER, "the arming ended without a trigger")]
     found = [Finding(Reason.GAP, flaw) for flaw in record.flaws]

@@ -156,8 +156,8 @@ def test_each_impact_belongs_to_the_arming_it_falls_into(following):
 def test_an_arming_whose_hammer_was_disarmed_has_no_hit_and_what_comes_after_it_is_no_ones():
     counts = make_counts([(8000, 900.0)], 20_000)
     armed, *rest = make_stream(counts, [4000, 16_000], [(0, 4000, FIRST)])
-    (end,) = cut([replace(armed, disarmed=True), *rest])
-    assert (end.label, end.triggered, end.disarmed) == (FIRST, False, True)
+    (end,) = cut([replace(armed, disarmed="a stop"), *rest])
+    assert (end.label, end.triggered, end.disarmed) == (FIRST, False, "a stop")
     (record,) = detect([end])
     (found,) = judge_hit(record, SETTINGS).rejections
     assert found.reason is Reason.DISARMED
