@@ -29,7 +29,7 @@ PRINTED = {
     "drive_a_rig": r"2 hits: k = \d+",
     "many_recordings": r"aluminium large +1 +2",
     "own_estimator": r"steel small +1\d\d\.\d ± 3\.4\n",
-    "own_source": r"rubber +\d",
+    "own_source": r"rubber +(799|800)\d ± ",
     "replay_into_own_node": r"steel small 1 True",
     "score_an_estimator": r"steel small +5 +0 +-?0\.\d+ .* 100\.0",
 }

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from study.laboratories import Cause, Laboratory, draw_laboratory, read, run_ser
 from impact_rig.core.given.findings import Subject, join_findings
 from impact_rig.core.given.quantity import Quantity
 
+run = cache(run_series)
 QUIET = Laboratory(
     noise=5e-5,
     bits=16,
@@ -79,7 +81,7 @@ def hold(found: Quantity, truth: float, source: str) -> None:
     ids=lambda item: item if isinstance(item, str) else "",
 )  # fmt: skip
 def test_a_line_is_needed(lab, name, source):
-    estimate, truth, _ = run_series(lab)
+    estimate, truth, _ = run(lab)
     for bound in truth.figures[name]:
         hold(read(estimate, name), bound, source)
 
@@ -97,7 +99,7 @@ def test_a_line_is_needed(lab, name, source):
     ],
 )
 def test_what_is_assumed_and_what_changes_is_named(lab, told):
-    assert told in join_findings(run_series(lab)[2])
+    assert told in join_findings(run(lab)[2])
 
 
 @pytest.mark.parametrize(
@@ -106,7 +108,7 @@ def test_what_is_assumed_and_what_changes_is_named(lab, told):
 )
 def test_two_groups_of_strength_are_named(exponent, kind):
     lab = replace(QUIET, exponent=exponent, speeds=(0.9, 1.1), losses=((1.5, 0.05),))
-    said = join_findings(run_series(lab)[2])
+    said = join_findings(run(lab)[2])
     assert "two groups of strength: 5 hits, and 5 that are 1." in said
     assert kind in said
     assert "trend" not in said
