@@ -16,10 +16,11 @@ from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.core.given.filtering import check_cutoff
 from impact_rig.core.given.findings import Reason
 from impact_rig.core.given.quantity import UNKNOWN, Quantity
-from impact_rig.core.given.records import Block, HitLabel, Record, Truth
+from impact_rig.core.given.records import Block, HitLabel, PackedRecord, Truth
 from impact_rig.core.given.setup import RigSetup
-from impact_rig.core.hit.judging import JudgedHit
+from impact_rig.core.hit.judging import FilteredHit, JudgedHit
 from impact_rig.core.hit.overrules import NO_OVERRULES, Overrules, find_label
+from impact_rig.core.mean.series import MOST_SHOWN, Evenly
 from impact_rig.core.session import Session
 from impact_rig.results.campaign import (
     FileResults,
@@ -28,7 +29,6 @@ from impact_rig.results.campaign import (
     results_from_session,
 )
 from impact_rig.results.traces import (
-    AlignedHit,
     HitTraces,
     TraceAssembler,
     TracedCampaign,
@@ -111,8 +111,8 @@ class _JudgedCampaign:
 
     session: Session
     truths: Mapping[HitLabel, Truth]
-    traces: list[HitTraces] = field(default_factory=list)
-    aligned: dict[HitLabel, AlignedHit] = field(default_factory=dict)
+    # Of each sample, what is wanted of its hits.
+    traces: dict[str, Evenly[tuple[HitTraces, FilteredHit | None]]] = field(default_factory=dict)
     # What the hit of a file says by itself.
     alone: dict[HitLabel, FileResults] = field(default_factory=dict)
 
@@ -130,7 +130,7 @@ def judge(
     reading: Reading,
     settings: Settings = NO_CHANGES,
     overrules: Overrules = NO_OVERRULES,
-) -> Iterator[tuple[Session, Block, tuple[tuple[Record, JudgedHit], ...]]]:
+) -> Iterator[tuple[Session, Block, tuple[tuple[PackedRecord, JudgedHit], ...]]]:
     """Yield each block with the session of its campaign, and the hits that it completes.
 
     Parameters and errors as of `analyze`.
@@ -156,6 +156,7 @@ def analyze(
     by_hand: ByHand = NOTHING_BY_HAND,
     *,
     keep_traces: bool = False,
+    most_traces: int = MOST_SHOWN,
     report: Report = lambda *_: None,
 ) -> Analysis:
     """Judge every hit, as the estimator does live, and estimate.
@@ -166,6 +167,8 @@ def analyze(
         Fields of `AnalysisSettings` to use in place of the source's.
     keep_traces : bool
         Whether the traces are wanted as well.
+    most_traces : int
+        Of the hits of each sample; of more they are those that lie evenly over the series.
 
     Raises
     ------
@@ -182,13 +185,13 @@ def analyze(
         if not judged or judged[-1].session is not session:
             judged.append(_JudgedCampaign(session, reading.truths))
         campaign = judged[-1]
-        for _, hit in found:
-            if source.hammer_unit is not None:
+        if source.hammer_unit is not None:
+            for _, hit in found:
                 campaign.alone[hit.label] = _describe_file(hit, source, session.setup)
-            if keep_traces and hit.filtered is not None:
-                campaign.aligned[hit.label] = align_hit(hit.label, hit.filtered)
         if keep_traces and (joined := assembler.feed(block)) is not None:
-            campaign.traces.append(joined)
+            filtered = next((hit.filtered for _, hit in found if hit.label == joined.label), None)
+            kept = campaign.traces.setdefault(joined.label.sample, Evenly(most_traces))
+            kept.take((joined, filtered))
     campaigns = tuple(
         _finish(campaign, source, report) for campaign in judged if campaign.session.names
     )
@@ -273,12 +276,12 @@ def _finish(
     tell(0)
     found = session.estimate_all(tell)
     judged = {hit.label: hit for hit in (*found.accepted, *found.rejected)}
-    means = [(estimate, session.compute_mean(estimate.name)) for estimate in found.samples]
     samples = [
         sample_traces_from_estimate(estimate, mean)
-        for estimate, mean in means
-        if campaign.traces and mean is not None
+        for estimate in (found.samples if campaign.traces else ())
+        if (mean := session.compute_mean(estimate.name)) is not None
     ]
+    traces = [pair for kept in campaign.traces.values() for pair in kept.values()]
     files = tuple(
         replace(alone, accepted=judged[label].accepted, reasons=judged[label].rejections)
         for label, alone in campaign.alone.items()
@@ -293,9 +296,9 @@ def _finish(
                 result=hit_results_from_judged(hit, faults.get(hit.label.record, ())),
                 stamp=hit.stamp,
                 recorded=recorded,
-                aligned=campaign.aligned.get(hit.label),
+                aligned=None if filtered is None else align_hit(hit.label, filtered),
             )
-            for recorded in campaign.traces
+            for recorded, filtered in sorted(traces, key=lambda pair: pair[0].label.record)
             if (hit := judged.get(recorded.label)) is not None
         ),
         overrules=tuple(

@@ -1,8 +1,8 @@
 """Hits and mean traces of a recording as arrays, and as channels for other tools, in m/s^2."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,12 +12,13 @@ from impact_rig.core.given.records import (
     FloatArray,
     HitLabel,
     Origin,
+    PackedRecord,
     Record,
     Truth,
     join_origins,
 )
 from impact_rig.core.given.sensors import CHANNELS
-from impact_rig.core.hit.judging import JudgedHit
+from impact_rig.core.hit.judging import FilteredHit, JudgedHit
 from impact_rig.core.session import Session
 from impact_rig.files.measurement import MeasuredChannel
 from impact_rig.results.traces import AlignedHit, align_hit
@@ -47,6 +48,7 @@ class Hit:
     accepted: bool | None = None  # it is in the mean; None: it is not judged
     title: str = ""  # ``SAMPLE/IMPACT.ATTEMPT``, behind its campaign where there are several
     truth: Truth | None = None  # of the virtual rig; None: not known
+    session: Session | None = None  # that judged it, and filters it again
 
     @property
     def label(self) -> HitLabel:
@@ -106,8 +108,14 @@ class Hit:
     @property
     def filtered(self) -> AlignedHit | None:
         """After baseline and low-pass: `time` [s] and `traces` [m/s^2]; None: it has no pulse."""
-        filtered = None if self.judged is None else self.judged.filtered
+        filtered = self.filter()
         return None if filtered is None else align_hit(self.block.label, filtered)
+
+    def filter(self) -> FilteredHit | None:
+        """Return it filtered, in its own time; None: it has no pulse, or is not judged."""
+        if self.session is None or not isinstance(self.block, Record):
+            return None
+        return self.session.filter(self.block)
 
     def __repr__(self) -> str:
         """Return its name, and what was recorded."""
@@ -127,10 +135,11 @@ def make_channels(hit: Hit, *, is_filtered: bool) -> tuple[MeasuredChannel, ...]
     is_filtered : bool
         After baseline and low-pass; False: as recorded.
     """
-    block, filtered = hit.block, None if hit.judged is None else hit.judged.filtered
+    block = hit.block
     traces: Sequence[FloatArray] = [channel.acceleration for channel in block.channels]
     if is_filtered:
-        traces = tuple(filtered.traces) if filtered is not None else ()
+        filtered = hit.filter()
+        traces = () if filtered is None else tuple(filtered.traces)
     if not traces or not traces[0].size:
         return ()
     rate, origin = block.sampling_rate, block.origin
@@ -144,26 +153,26 @@ class ExportedCampaign:
     session: Session
     truths: Mapping[HitLabel, Truth]
     prefix: str = ""  # of the names of its hits, where there are several campaigns
-    records: list[tuple[Record, JudgedHit]] = field(default_factory=list)
+    # In little memory: a hit's traces are made as it is come to.
+    records: list[tuple[PackedRecord, JudgedHit]] = field(default_factory=list)
 
-    def list_hits(self) -> tuple[Hit, ...]:
-        """Return all hits in the order of their arrival."""
+    def list_hits(self) -> Iterator[Hit]:
+        """Yield all hits in the order of their arrival."""
         kept = {
             (hit.label, hit.stamp)
             for name in self.session.names
             for hit in self.session.get_selection(name).kept
         }
         seen: Counter[HitLabel] = Counter()
-        hits = []
-        for record, judged in self.records:
-            label = record.label
+        for packed, judged in self.records:
+            label = judged.label
             seen[label] += 1
             name = f"{self.prefix}{label.sample}/{label.impact}.{label.attempt}"
             if seen[label] > 1:
                 name += f" ({seen[label]})"
             accepted = (label, judged.stamp) in kept
-            hits.append(Hit(record, judged, accepted, name, self.truths.get(label)))
-        return tuple(hits)
+            truth = self.truths.get(label)
+            yield Hit(packed.unpack(), judged, accepted, name, truth, self.session)
 
     def make_mean_channels(self, name: str) -> tuple[MeasuredChannel, ...]:
         """Return the channels of one sample's mean hit; none where no hit was accepted.
@@ -199,7 +208,7 @@ def read_campaigns(reading: Reading) -> tuple[ExportedCampaign, ...]:
         if hits and (not found or found[-1].session is not session):
             found.append(ExportedCampaign(session, reading.truths))
         if hits:
-            found[-1].records += hits
+            found[-1].records += ((packed, replace(hit, filtered=None)) for packed, hit in hits)
     if len(found) > 1:
         for number, campaign in enumerate(found, start=1):
             campaign.prefix = f"campaign {number}/"

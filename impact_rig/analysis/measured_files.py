@@ -31,11 +31,7 @@ from impact_rig.files.import_file import (
     read_analysis_settings,
     read_import_file,
 )
-from impact_rig.files.importing import (
-    check_series,
-    choose_window,
-    read_hits,
-)
+from impact_rig.files.importing import check_series, choose_window, read_hits
 from impact_rig.files.plan import ChannelPlan
 from impact_rig.results.numbers import format_count
 

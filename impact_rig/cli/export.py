@@ -1,7 +1,7 @@
 """`impact-rig export`: hits, mean traces, results and contacts for other tools."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,26 @@ AWKWARD = re.compile(r"[^\w.+-]+")  # what is replaced in file names
 
 Group = tuple[str, tuple[MeasuredChannel, ...]]
 """Name and channels of one hit or mean."""
+
+
+class Traces(Sequence[MeasuredChannel]):
+    """The channels of many hits, made hit by hit each time they are gone through."""
+
+    def __init__(self, make_groups: Callable[[], Iterator[Group]]) -> None:
+        self._make_groups = make_groups
+        self.names = [(name, len(channels)) for name, channels in make_groups()]
+
+    def __iter__(self) -> Iterator[MeasuredChannel]:
+        """Yield them, with those of one hit in memory."""
+        return (channel for _, group in self._make_groups() for channel in group)
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return sum(count for _, count in self.names)
+
+    def __getitem__(self, place: Any) -> Any:
+        """Return one, or some of them."""
+        return tuple(self)[place]
 
 
 @dataclass(frozen=True)
@@ -96,23 +116,23 @@ def export_run(source: RunSource, task: ExportTask) -> str:
     campaigns = read_campaigns(reading)
     for warning in reading.warnings:
         print_warning(warning)
-    groups = _make_groups(campaigns, task)
-    if not groups:
+    groups = _choose_groups(campaigns, task)
+    traces = Traces(groups)
+    if not traces:
         raise FileError(f"{path} holds no such {' or '.join(sorted(task.parts))}")
     if task.suffix is None:
-        channels = tuple(channel for _, group in groups for channel in group)
-        write_measurement(task.output, Measurement(path, channels))
-        return f"{task.output}: {len(groups)} traces in {len(channels)} channels"
+        write_measurement(task.output, Measurement(path, traces))
+        return f"{task.output}: {len(traces.names)} traces in {len(traces)} channels"
     files = [
         task.output / f"{number:04}_{AWKWARD.sub('_', name)}{task.kind}"
-        for number, (name, _) in enumerate(groups, start=1)
+        for number, (name, _) in enumerate(traces.names, start=1)
     ]
     for file in files:
         if file.exists():
             raise FileError(f"{file} exists already: name another folder")
-    for file, (_, group) in zip(files, groups, strict=True):
+    for file, (_, group) in zip(files, groups(), strict=True):
         write_measurement(file, Measurement(path, group))
-    return f"{task.output}: {len(groups)} traces in as many files"
+    return f"{task.output}: {len(files)} traces in as many files"
 
 
 def export_contact(source: RunSource, name: str, output: Path, samples: Sequence[str]) -> str:
@@ -180,10 +200,12 @@ def _write_results(output: Path, results: Sequence[Results]) -> str:
     return f"{output}: results of {format_count(count, 'sample')}"
 
 
-def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> list[Group]:
-    """Return the exported content, hit by hit, then mean by mean."""
-    hits = [(campaign, hit) for campaign in campaigns for hit in campaign.list_hits()]
-    wanted = {find_label(name, [hit.block.label for _, hit in hits]) for name in task.hits}
+def _choose_groups(
+    campaigns: Sequence[ExportedCampaign], task: ExportTask
+) -> Callable[[], Iterator[Group]]:
+    """Return what yields the exported content, hit by hit, then mean by mean."""
+    labels = [hit.label for campaign in campaigns for _, hit in campaign.records]
+    wanted = {find_label(name, labels) for name in task.hits}
     known = {name for campaign in campaigns for name in campaign.session.names}
     for name in task.samples:
         if name not in known:
@@ -191,23 +213,22 @@ def _make_groups(campaigns: Sequence[ExportedCampaign], task: ExportTask) -> lis
                 f"there is no hit on {name!r}: there are some on"
                 f" {', '.join(map(repr, sorted(known)))}"
             )
-    groups: list[Group] = []
-    if "hits" in task.parts:
-        groups += [
-            (hit.title, make_channels(hit, is_filtered=task.filtered))
-            for _, hit in hits
-            if (not wanted or hit.block.label in wanted)
-            and (not task.samples or hit.sample in task.samples)
-            and (hit.accepted or not task.accepted_only)
-        ]
-    if "means" in task.parts:
-        groups += [
-            (f"{campaign.prefix}{name}/mean", campaign.make_mean_channels(name))
-            for campaign in campaigns
-            for name in campaign.session.names
-            if not task.samples or name in task.samples
-        ]
-    return [group for group in groups if group[1]]
+
+    def make_all() -> Iterator[Group]:
+        for campaign in campaigns if "hits" in task.parts else ():
+            for hit in campaign.list_hits():
+                if (
+                    (not wanted or hit.label in wanted)
+                    and (not task.samples or hit.sample in task.samples)
+                    and (hit.accepted or not task.accepted_only)
+                ):
+                    yield hit.title, make_channels(hit, is_filtered=task.filtered)
+        for campaign in campaigns if "means" in task.parts else ():
+            for name in campaign.session.names:
+                if not task.samples or name in task.samples:
+                    yield f"{campaign.prefix}{name}/mean", campaign.make_mean_channels(name)
+
+    return lambda: (group for group in make_all() if group[1])
 
 
 def save_sound_copy(run: Run, output: Path) -> None:

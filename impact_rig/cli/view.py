@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+import sys
 import tempfile
 import threading
 from collections.abc import Sequence
@@ -45,7 +46,7 @@ def read_campaigns(path: Path, namespace: str | None) -> tuple[TracedCampaign, .
         print_warning(f"{path}: results hold no traces: only tables and figures are shown")
         return (TracedCampaign(read_results(source.results)),)
     with show_progress() as follow:
-        traced = analyze(source.run, keep_traces=True, report=follow)
+        traced = analyze(source.run, keep_traces=True, most_traces=sys.maxsize, report=follow)
     for warning in traced.warnings:
         print_warning(f"{path}: {warning}")
     return traced.campaigns

@@ -30,7 +30,7 @@ from impact_rig.core.given.quantity import Quantity
 from impact_rig.core.given.records import SIMULATED, Block, HitLabel, PackedRecord, Record
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.detection import ImpactDetector
-from impact_rig.core.hit.judging import JudgedHit, judge_hit
+from impact_rig.core.hit.judging import FilteredHit, JudgedHit, judge_hit
 from impact_rig.core.hit.overrules import (
     NO_OVERRULES,
     Overrule,
@@ -96,12 +96,13 @@ class Session:
         """
         return tuple(hit for _, hit in self.feed_records(block))
 
-    def feed_records(self, block: Block) -> tuple[tuple[Record, JudgedHit], ...]:
+    def feed_records(self, block: Block) -> tuple[tuple[PackedRecord, JudgedHit], ...]:
         """Take the next block as `feed`; return the hits with their records."""
         self.setup.samples.find(block.label.sample)
-        return tuple((record, self._judge(record)) for record in self._detector.feed(block))
+        found = [(PackedRecord.pack(record), record) for record in self._detector.feed(block)]
+        return tuple((packed, self._judge(record, packed)) for packed, record in found)
 
-    def _judge(self, record: Record) -> JudgedHit:
+    def _judge(self, record: Record, packed: PackedRecord) -> JudgedHit:
         """Judge one record, compare it with the hits so far, and count it in.
 
         What is accepted here may still turn out an outlier once more hits have come.
@@ -109,7 +110,7 @@ class Session:
         self._estimated = ()
         hit = self._judge_alone(record)
         name = hit.label.sample
-        self._records.setdefault(name, []).append(PackedRecord.pack(record))
+        self._records.setdefault(name, []).append(packed)
         if name not in self._series:
             self._series[name] = self._make_series(name)
         series = self._series[name]
@@ -120,7 +121,11 @@ class Session:
     def _make_series(self, name: str) -> HitSeries:
         """Return an empty series of a sample, which gets traces again from packed records."""
         records = self._records[name]
-        return HitSeries(lambda place: self._judge_alone(records[place].unpack()).filtered)
+        return HitSeries(lambda place: self.filter(records[place].unpack()))
+
+    def filter(self, record: Record) -> FilteredHit | None:
+        """Return the filtered traces of a hit again, which are not kept; None: it has no pulse."""
+        return self._judge_alone(record).filtered
 
     def _judge_alone(self, record: Record) -> JudgedHit:
         """Judge one record by itself."""

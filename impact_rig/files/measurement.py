@@ -81,7 +81,7 @@ class Measurement:
 
     path: Path
     # One at least, in the order of the file; lengths, rates and starts may differ.
-    channels: tuple[MeasuredChannel, ...]
+    channels: Sequence[MeasuredChannel]
     cues: tuple[int, ...] = ()  # points that are marked as hits, in ascending order
     remarks: tuple[str, ...] = ()  # what a person must know of how it was read
 

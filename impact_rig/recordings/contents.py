@@ -10,12 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from impact_rig.core.given.errors import FileError
-from impact_rig.recordings.hits import (
-    HIT_TYPES,
-    BlockCount,
-    HitWatch,
-    RecordedHit,
-)
+from impact_rig.recordings.hits import HIT_TYPES, BlockCount, HitWatch, RecordedHit
 from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, count_points
 from impact_rig.recordings.new_file import list_successors, write_new_file
 from impact_rig.recordings.records import (
@@ -52,9 +47,8 @@ class TopicContents:
 
     def take(self, message: RawMessage) -> None:
         """Count a message."""
-        if not self.messages:
-            self.start_time = message.log_time
-        self.start_time = min(self.start_time, message.log_time)
+        start = self.start_time if self.messages else message.log_time
+        self.start_time = min(start, message.log_time)
         self.end_time = max(self.end_time, message.log_time)
         self.messages += 1
 
@@ -278,10 +272,8 @@ def _add_message(contents: Contents, watch: HitWatch, message: RawMessage) -> No
     except FileError:
         contents.remarks[f"messages on {topic} do not fit their schema"] = None
     except AttributeError as error:
-        contents.remarks[
-            f"{type_name} on {topic} has no field {error.name!r}: it was recorded with"
-            " another version of the interfaces"
-        ] = None
+        said = f"{type_name} on {topic} was recorded with another version of the interfaces"
+        contents.remarks[f"{said}: {error}"] = None
 
 
 def _list_file_problems(reading: Pass) -> Iterator[str]:

@@ -34,11 +34,7 @@ from impact_rig.recordings.fields import (
     set_stamp,
     stamp_from_msg,
 )
-from impact_rig.recordings.schemas import (
-    MessageDefinition,
-    find_message_definition,
-    parse_schema,
-)
+from impact_rig.recordings.schemas import MessageDefinition, find_message_definition, parse_schema
 from impact_rig.version import __version__
 
 PACKAGE = "impact_rig_msgs/msg/"

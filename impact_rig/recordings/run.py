@@ -207,19 +207,14 @@ class Run:
         """
         try:
             return convert(decode_message(raw))
-        except AttributeError as error:
-            raise FileError(
-                f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has no field"
-                f" {error.name!r}: it was recorded with another version of the interfaces"
-            ) from None
         except FileError as error:  # it names the topic
             raise FileError(f"{self.path}: {error}") from None
         except RigError as error:
             raise FileError(f"{self.path}: {raw.channel.topic}: {error}") from None
-        except (TypeError, ValueError, OverflowError) as error:
+        except (AttributeError, TypeError, ValueError, OverflowError) as error:
             raise FileError(
-                f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} has a field of"
-                f" another kind than in this version: {error}"
+                f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} was recorded with"
+                f" another version of the interfaces: {error}"
             ) from None
 
 

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
+from typing import TypeVar
 
 from impact_rig.core.estimates.paper_method import HammerEstimate
 from impact_rig.core.estimates.ringing import BY_FREE_DECAY
@@ -23,12 +24,7 @@ from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.overrules import Overrule
 from impact_rig.core.hit.pulses import PULSE_NAME
 from impact_rig.results.campaign import FileResults, HitResults, Results
-from impact_rig.results.numbers import (
-    MISSING,
-    format_number,
-    format_time,
-    show_unit,
-)
+from impact_rig.results.numbers import MISSING, format_number, format_time, show_unit
 from impact_rig.results.references import SCATTER_HITS, PlantTruth, find_plant
 from impact_rig.results.table import (
     Column,
@@ -41,6 +37,7 @@ from impact_rig.results.table import (
     read_optional,
 )
 
+_T = TypeVar("_T")
 EXPLANATIONS = {
     SIMULATED: "No hammer struck.",
     MIXED: "The list of hits says which is which.",
@@ -333,7 +330,8 @@ def count_reasons(hits: Sequence[HitResults]) -> str:
 
 def tabulate_rejections(results: Results) -> list[Table]:
     """Return the rejected hits with their reasons, and what the virtual rig did on purpose."""
-    hits = sorted(results.rejections, key=lambda hit: hit.record)
+    rejected = sorted(results.rejections, key=lambda hit: hit.record)
+    hits, more = _list_first(rejected)
     columns = [
         *_make_label_columns(hits),
         _make_hammer_column(hits, results.setup),
@@ -341,10 +339,21 @@ def tabulate_rejections(results: Results) -> list[Table]:
         make_text_column("Injected", ["\n".join(hit.injected_faults) for hit in hits]),
         *_make_origin_columns(hits),
     ]
-    notes = [f"Hit 3.2: impact 3, attempt 2. Reasons: {count_reasons(hits)}."]
+    notes = [*more, f"Hit 3.2: impact 3, attempt 2. Reasons: {count_reasons(rejected)}."]
     if any(hit.injected_faults for hit in hits):
         notes.append("Injected: what the virtual rig did wrong on purpose.")
-    return list_table(f"Rejected hits: {len(hits)}", columns, notes)
+    return list_table(f"Rejected hits: {len(rejected)}", columns, notes)
+
+
+MOST_LISTED = 1000
+"""Hits that a table lists [-], our choice: thirty pages; a published campaign has 120."""
+
+
+def _list_first(hits: Sequence[_T]) -> tuple[Sequence[_T], list[str]]:
+    """Return the hits that a table lists, and how many more there are."""
+    more = len(hits) - MOST_LISTED
+    told = [f"The first {MOST_LISTED} hits; {more} more are in results.json."] if more > 0 else []
+    return hits[:MOST_LISTED], told
 
 
 IN_MEAN, LEFT_OUT = "✓", "✗"
@@ -356,11 +365,11 @@ def tabulate_marks(results: Results) -> list[Table]:
     for hit in sorted(results.hits, key=lambda hit: hit.record):
         found.setdefault(hit.sample, []).append(hit)
     accepted = [sum(hit.accepted for hit in hits) for hits in found.values()]
+    listed = [_list_first(hits) for hits in found.values()]
+    more = dict.fromkeys(text for _, told in listed for text in told)
     columns = [
         make_text_column("Sample", list(found)),
-        make_text_column(
-            "Hits, as they came", [" ".join(map(_mark, hits)) for hits in found.values()]
-        ),
+        make_text_column("Hits, as they came", [" ".join(map(_mark, it)) for it, _ in listed]),
         Column("In the mean", list(map(str, accepted))),
         Column(
             "Left out",
@@ -368,7 +377,7 @@ def tabulate_marks(results: Results) -> list[Table]:
         ),
     ]
     note = f"{IN_MEAN}: in the mean; {LEFT_OUT}: left out; in brackets: as a person decided."
-    return list_table(f"Hits: {len(results.hits)}", columns, [note])
+    return list_table(f"Hits: {len(results.hits)}", columns, [*more, note])
 
 
 def _mark(hit: HitResults) -> str:
@@ -402,7 +411,8 @@ def tabulate_overrules(
 
 def tabulate_accepted(results: Results) -> list[Table]:
     """Return the hits in the means, each as it was by itself."""
-    hits = [hit for hit in results.hits if hit.accepted]
+    accepted = [hit for hit in results.hits if hit.accepted]
+    hits, more = _list_first(accepted)
     columns = [
         *_make_label_columns(hits),
         read_optional("τp [µs]", hits, "contact_time", 2),
@@ -411,7 +421,7 @@ def tabulate_accepted(results: Results) -> list[Table]:
         *_make_origin_columns(hits),
     ]
     note = "τp: of this hit alone. Peaks: largest value after the low-pass, either sign."
-    return list_table(f"Hits in the means: {len(hits)}", columns, [note])
+    return list_table(f"Hits in the means: {len(accepted)}", columns, [*more, note])
 
 
 def _make_label_columns(hits: Sequence[HitResults]) -> list[Column]:
@@ -446,6 +456,7 @@ def _make_hammer_column(hits: Sequence[HitResults], setup: RigSetup) -> Column:
 
 def tabulate_hits(hits: Sequence[FileResults]) -> Table:
     """Return the findings in every file; rejected ones are marked."""
+    hits, more = _list_first(hits)
     unit = hits[0].measured_unit if hits else ""
     base = "Above 1 %: time above a hundredth of the peak."
     left = "leaves: RMS of what the best shape leaves, over the peak."
@@ -468,7 +479,7 @@ def tabulate_hits(hits: Sequence[FileResults]) -> Table:
         make_optional("Place", [hit.origin.place for hit in hits], is_text=True),
     ]
     wrong = [place for place, hit in enumerate(hits) if not hit.accepted]
-    return make_table("Hits", columns, marked=wrong)
+    return make_table("Hits", columns, more, marked=wrong)
 
 
 def _shorten(files: Sequence[str]) -> Sequence[str]:

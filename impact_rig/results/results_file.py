@@ -18,14 +18,7 @@ from impact_rig.core.estimates.speed_exponents import SpeedExponents
 from impact_rig.core.given.errors import FileError, ParameterError, RigError
 from impact_rig.results.campaign import Results
 from impact_rig.results.remarks import gather_remarks
-from impact_rig.results.wire import (
-    Json,
-    format_json,
-    from_json,
-    origin_to_json,
-    to_json,
-    to_row,
-)
+from impact_rig.results.wire import Json, format_json, from_json, origin_to_json, to_json, to_row
 
 FORMAT_NAME = "impact-rig results"
 FORMAT_VERSION = 13
@@ -77,10 +70,9 @@ def write_results(path: Path, results: Results) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
-        reason = error.strerror or error
         raise FileError(
-            f"results {path}: cannot be written ({reason}); give a folder that exists and that"
-            " you may write to"
+            f"results {path}: cannot be written ({error.strerror or error}); give a folder that"
+            " exists and that you may write to"
         ) from None
 
 
@@ -124,11 +116,8 @@ def read_results(path: Path) -> Results:
 def check_names(results: Results) -> None:
     """Raise `ParameterError` if results are of a sample that their set-up does not have."""
     control = results.hammer.control_sample
-    for name in (
-        *(sample.name for sample in results.samples),
-        *(hit.sample for hit in results.hits),
-        *([control] if control else []),
-    ):
+    names = [item.name for item in results.samples] + [hit.sample for hit in results.hits]
+    for name in names + [control] * bool(control):
         results.setup.samples.find(name)
 
 

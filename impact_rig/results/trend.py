@@ -201,16 +201,11 @@ def _tabulate(points: Sequence[TrendPoint]) -> Table:
         told.append(f"{item.sample_symbol} {describe_course(found, points)}.")
     checks = [point.check_deviation for point in points]
     columns.append(Column("Check [%]", [format_quantity(item, 2, 100.0) for item in checks]))
-    columns.append(make_text_column("By ISO 7626-1", list(map(_judge_check, checks))))
+    limits = -CHAIN_TOLERANCE, CHAIN_TOLERANCE
+    judged = [item.judge(*limits).value if item.is_known else "" for item in checks]
+    columns.append(make_text_column("By ISO 7626-1", judged))
     caption = f"Control sample from run to run: {points[0].sample}"
     return make_table(caption, columns, [*told, NOTE], sorted(marked))
-
-
-def _judge_check(deviation: Quantity) -> str:
-    """Return whether an operational check keeps its limit; empty: there was none."""
-    if not deviation.is_known:
-        return ""
-    return deviation.judge(-CHAIN_TOLERANCE, CHAIN_TOLERANCE).value
 
 
 def describe_course(found: Followed, points: Sequence[TrendPoint]) -> str:

@@ -228,7 +228,7 @@ def write_foreign(path: Path, **changes: str) -> None:
         ({"encoding": "ros1", "schema_encoding": "ros1msg"}, "'ros1'.*'cdr' and 'ros2msg'"),
         ({"encoding": "json"}, "'json'.*'cdr' and 'ros2msg'"),
         ({"schema": "sensor_msgs/msg/Imu"}, "holds no set-up of a rig"),
-        ({}, "has no field '.*': it was recorded with another version"),
+        ({}, "another version of the interfaces: .*no attribute"),
         ({"text": "other_msgs/Lost analysis\n"}, "schema of .*RigSetup on /setup cannot be"),
         ({"text": "float64[3] samples\n"}, "does not fit its schema"),
     ],

@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,6 +173,26 @@ MOST_SHOWN = 128
 campaign."""
 
 
+_T = TypeVar("_T")
+
+
+class Evenly(dict[int, _T]):
+    """Things of a long series by their numbers: every one, every other, every fourth ..."""
+
+    def __init__(self, most: int = MOST_SHOWN) -> None:
+        super().__init__()
+        self._most, self._count = most, 0
+
+    def take(self, thing: _T) -> None:
+        """Keep the next thing, or not; of those before so many that there are not too many."""
+        step = 1 << (self._count // self._most).bit_length()
+        if self._count % step == 0:
+            self[self._count] = thing
+        self._count += 1
+        for other in [other for other in self if other % step] if len(self) > self._most else []:
+            del self[other]
+
+
 class HitSeries:
     """Hits of one sample in the order of arrival.
 
@@ -198,7 +219,7 @@ class HitSeries:
         self._levels = np.zeros((0, 0))
         self._found: dict[Reason, dict[int, str]] = {}  # findings, by number
         self._criteria = compute_criteria(self._figures)
-        self._shown: dict[int, FilteredHit] = {}  # hits that show the scatter, shifted
+        self._shown = Evenly[FilteredHit]()  # hits that show the scatter, shifted
         self._sums: dict[int, TraceSum] = {}  # of each `BLOCK` hits, those in the mean
         self._mean: MeanHit | None = None
         self._alone: FilteredHit | None = None  # the only accepted hit so far
@@ -266,21 +287,10 @@ class HitSeries:
             if item.reason is not Reason.OTHER_SAMPLE:
                 self._found.setdefault(item.reason, {})[number] = item.explanation
         self._alone = None if number else hit.filtered
-        self._show(number, traces)
+        self._shown.take(traces)
         before, self._outlying = self._outlying, self._find_outliers()
         self._sum_up(np.flatnonzero(before != self._outlying[:-1]), number, traces)
         self._mean = None
-
-    def _show(self, number: int, traces: FilteredHit) -> None:
-        """Keep the traces of every one, every other, every fourth ... of the accepted hits.
-
-        So a new hit seldom changes which ones show the scatter.
-        """
-        step = 1 << (number // MOST_SHOWN).bit_length()
-        if number % step == 0:
-            self._shown[number] = traces
-        if len(self._shown) > MOST_SHOWN:
-            self._shown = {key: hit for key, hit in self._shown.items() if key % step == 0}
 
     def _find_outliers(self) -> NDArray[np.bool_]:
         """Return which accepted hits are outliers; those accepted by hand are none."""

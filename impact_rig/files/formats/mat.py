@@ -95,10 +95,10 @@ def write_mat(path: Path, measurement: Measurement) -> None:
 
     channels = measurement.channels
     names = make_unique([CHANNELS, *(channel.name for channel in channels)], _clean, "_{}")[1:]
-    variables = {
-        name: channel.values[:, np.newaxis] for name, channel in zip(names, channels, strict=True)
-    }
-    savemat(path, {CHANNELS: describe_channels(channels, names), **variables}, appendmat=False)
+    with path.open("wb") as file:
+        savemat(file, {CHANNELS: describe_channels(channels, names)})
+        for name, channel in zip(names, channels, strict=True):
+            savemat(file, {name: channel.values[:, np.newaxis]})
 
 
 def _clean(name: str) -> str:

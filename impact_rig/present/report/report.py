@@ -223,6 +223,9 @@ def _make_sample_section(
         hits = run.campaign.list_aligned(sample.name)
         curves = compute_law_curves(sample.contact_law, traces, results.setup)
         parts.append(make_sample_picture(traces, hits, curves))
+        if len(hits) < sample.impacts_accepted:
+            told = f"Drawn: {len(hits)} of {sample.impacts_accepted} hits, evenly over the series."
+            parts.append(Paragraph(told))
     if sample.impacts_accepted:
         parts.append(tables.tabulate_methods(results, sample))
     remarks = gather_sample_remarks(sample, common)
