@@ -19,55 +19,32 @@ from launch.actions import (
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 
-from impact_rig.configuration import option_texts
+from impact_rig.cli.rig_options import RIG_OPTIONS
 from impact_rig.configuration.parameters import check_parameter_file
 from impact_rig.configuration.processes import (
     WINDOW,
     choose_view,
     make_viewer_parameters,
-    parse_number,
     split_names,
 )
 from impact_rig.recordings.source import find_recordings
 
-SWITCH = ["true", "false"]
+NAMES = ("rate", "loop", "visualizer", "viewer", "namespace", "params_file")
 ARGUMENTS = (
     DeclareLaunchArgument(
-        "file",
-        description="path of the recording: an .mcap file, or the folder of a run",
+        "file", description="Path of the recording: an .mcap file, or the folder of a run"
     ),
+    *(DeclareLaunchArgument(name, **RIG_OPTIONS[name].argument) for name in NAMES),
     DeclareLaunchArgument(
-        "rate",
-        default_value="1.0",
-        description=option_texts.RATE.text,
-    ),
-    DeclareLaunchArgument("loop", default_value="1", description=option_texts.LOOP.text),
-    DeclareLaunchArgument(
-        "visualizer",
-        default_value="auto",
-        choices=["auto", "true", "false"],
-        description="show model and measurement in Rerun; auto: if rerun-sdk is installed",
-    ),
-    DeclareLaunchArgument(
-        "viewer",
+        "view",
         default_value="",
-        description=f"{option_texts.VIEWER.text}: spawn, web or the address, several by commas;"
-        " empty: spawn, unless `view` names a file",
-    ),
-    DeclareLaunchArgument(
-        "view", default_value="", description="write the view into this .rrd file"
+        description="Write the view into this .rrd file; with neither this nor viewer: a window",
     ),
     DeclareLaunchArgument(
         "exit_when_done",
         default_value="false",
-        choices=SWITCH,
-        description="end all nodes at the end of the recording",
-    ),
-    DeclareLaunchArgument("namespace", default_value="", description="ROS namespace to replay in"),
-    DeclareLaunchArgument(
-        "params_file",
-        default_value="",
-        description="YAML file with ROS parameters of the nodes; the other arguments go before it",
+        choices=["true", "false"],
+        description="End all nodes at the end of the recording",
     ),
 )
 
@@ -80,8 +57,9 @@ def generate_launch_description() -> LaunchDescription:
 def make_replay(context: LaunchContext) -> list[Action]:
     """Return the replayer, an estimator, and a visualizer where it can be had."""
 
-    def read(name: str) -> str:
-        return LaunchConfiguration(name).perform(context)
+    def read(name: str) -> Any:
+        text = LaunchConfiguration(name).perform(context)
+        return RIG_OPTIONS[name].read(name, text) if name in NAMES else text
 
     actions: list[Action] = []
     listeners: dict[str, dict[str, Any]] = {"estimator": {}}
@@ -94,8 +72,7 @@ def make_replay(context: LaunchContext) -> list[Action]:
     find_recordings(path)  # refuses what is none before a node starts
     replayer = {
         "file": str(path.resolve()),
-        "rate": parse_number("rate", read("rate"), float),
-        "loop": parse_number("loop", read("loop"), int),
+        **{name: read(name) for name in ("rate", "loop") if read(name) is not None},
         "required_subscribers": ", ".join(listeners),
         "exit_when_done": read("exit_when_done") == "true",
     }

@@ -24,7 +24,7 @@ from launch_ros.actions import Node, PushRosNamespace
 from launch_ros.utilities import make_namespace_absolute, prefix_namespace
 
 from impact_rig.analysis.resuming import find_rig_of_run
-from impact_rig.configuration import option_texts
+from impact_rig.cli.rig_options import RIG_OPTIONS
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.parameters import check_parameter_file
 from impact_rig.configuration.processes import (
@@ -36,103 +36,15 @@ from impact_rig.configuration.processes import (
     list_rig_processes,
     make_network_variables,
     make_run_folder,
-    parse_number,
     split_names,
 )
 from impact_rig.configuration.rig_file import load_rig_file
-from impact_rig.core.given.errors import ParameterError
-from impact_rig.devices.virtual.choices import Fault, Plant
 
-PLANTS = [plant.value for plant in Plant]
-FAULTS = ", ".join(fault.value for fault in Fault)
-SWITCH = ["true", "false"]
-ARGUMENTS = (
-    DeclareLaunchArgument(
-        "rig_file",
-        default_value="",
-        description=option_texts.RIG_FILE.description,
-    ),
-    DeclareLaunchArgument(
-        "impacts",
-        default_value="",
-        description="run a campaign at once, with so many accepted hits per sample, and end after"
-        " it; empty: wait for `impact-rig campaign` or the action campaign/run",
-    ),
-    DeclareLaunchArgument(
-        "plant",
-        default_value="",
-        choices=["", *PLANTS],
-        description=option_texts.PLANT.description,
-    ),
-    DeclareLaunchArgument(
-        "seed",
-        default_value="",
-        description=option_texts.SEED.description,
-    ),
-    DeclareLaunchArgument(
-        "faults",
-        default_value="",
-        description=f"{option_texts.FAULTS.description}; faults: {FAULTS}",
-    ),
-    DeclareLaunchArgument(
-        "continuous",
-        default_value="false",
-        choices=SWITCH,
-        description=option_texts.CONTINUOUS.text,
-    ),
-    DeclareLaunchArgument(
-        "output",
-        default_value="",
-        description=option_texts.OUTPUT.description,
-    ),
-    DeclareLaunchArgument(
-        "resume",
-        default_value="",
-        description=f"{option_texts.RESUME.text}; with impacts, with its campaign",
-    ),
-    DeclareLaunchArgument(
-        "visualizer",
-        default_value="auto",
-        choices=["auto", "true", "false"],
-        description="show model and measurement in Rerun; auto: if rerun-sdk is installed",
-    ),
-    DeclareLaunchArgument(
-        "page",
-        default_value="false",
-        choices=SWITCH,
-        description=option_texts.PAGE.text,
-    ),
-    DeclareLaunchArgument(
-        "viewer",
-        default_value="",
-        description=f"{option_texts.VIEWER.text}: spawn, web or the address, several by commas",
-    ),
-    DeclareLaunchArgument(
-        "only",
-        default_value="",
-        description=f"{option_texts.ONLY.text}; several by commas; empty: all",
-    ),
-    DeclareLaunchArgument(
-        "namespace", default_value="", description=option_texts.NAMESPACE.description
-    ),
-    DeclareLaunchArgument(
-        "respawn",
-        default_value="false",
-        choices=SWITCH,
-        description="start a node again that has ended; else the rig ends with it",
-    ),
-    DeclareLaunchArgument(
-        "params_file",
-        default_value="",
-        description="YAML file with ROS parameters of the nodes; the other arguments go before it",
-    ),
-    DeclareLaunchArgument(
-        "network",
-        default_value="false",
-        choices=SWITCH,
-        description=f"{option_texts.NETWORK.text}, unless ROS_AUTOMATIC_DISCOVERY_RANGE is set",
-    ),
-)
+NAMES = (
+    "rig_file", "impacts", "plant", "seed", "faults", "continuous", "output", "resume",
+    "visualizer", "page", "viewer", "only", "namespace", "respawn", "params_file", "network",
+)  # fmt: skip
+ARGUMENTS = [DeclareLaunchArgument(name, **RIG_OPTIONS[name].argument) for name in NAMES]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -143,18 +55,15 @@ def generate_launch_description() -> LaunchDescription:
 def make_rig(context: LaunchContext) -> list[Action]:
     """Return the rig's nodes, and the campaign if one is to be run at once."""
 
-    def read(name: str) -> str:
-        return LaunchConfiguration(name).perform(context)
+    def read(name: str) -> Any:
+        return RIG_OPTIONS[name].read(name, LaunchConfiguration(name).perform(context))
 
     rig = load_rig_file(read("rig_file"))
-    is_continuous = read("continuous") == "true"
-    faults = parse_number("faults", read("faults"), float)
-    if faults is not None and not 0.0 <= faults <= 1.0:
-        raise ParameterError(f"faults:={faults:g}: it must be a probability, from 0 to 1")
+    is_continuous = read("continuous")
     source = {
         "plant": read("plant") or None,
-        "seed": parse_number("seed", read("seed"), int),
-        "fault_probability": faults,
+        "seed": read("seed"),
+        "fault_probability": read("faults"),
     }
     if read("resume"):
         found = find_rig_of_run(Path(read("resume")), rig.path, source)
@@ -169,7 +78,7 @@ def make_rig(context: LaunchContext) -> list[Action]:
         source=source,
         continuous=is_continuous,
         visualize=choose_view(read("visualizer"), executables / "visualizer"),
-        page=read("page") == "true",
+        page=read("page"),
         viewers=split_names(read("viewer")),
         only=split_names(read("only")),
     )
@@ -181,14 +90,13 @@ def make_rig(context: LaunchContext) -> list[Action]:
     is_written = any("output" in process.parameters for process in processes)
     if is_written and not read("resume"):
         make_run_folder(folder)
-    respawn = read("respawn") == "true"
+    respawn = read("respawn")
     actions = [make_node(process, params_file, respawn=respawn) for process in processes]
     if read("namespace"):
         actions = [GroupAction([PushRosNamespace(read("namespace")), *actions])]
-    impacts = parse_number("impacts", read("impacts"), int)
-    if impacts is not None:
+    if impacts := read("impacts"):
         actions.append(make_campaign(impacts, read("resume"), namespace))
-    variables = make_network_variables(os.environ, network=read("network") == "true")
+    variables = make_network_variables(os.environ, network=read("network"))
     variables[LAUNCHER] = str(os.getpid())
     return [*(SetEnvironmentVariable(*item) for item in variables.items()), *actions]
 

@@ -13,8 +13,8 @@ import click
 from impact_rig.cli import options
 from impact_rig.cli.options import FILE, FOLDER
 from impact_rig.cli.rig_group import RigGroup
+from impact_rig.cli.rig_options import RIG_OPTIONS
 from impact_rig.cli.start import load_module
-from impact_rig.configuration import option_texts
 from impact_rig.version import __version__
 
 HAMMER_ACTIONS = ("state", "arm", "disarm", "stop", "reset", "confirm")
@@ -80,7 +80,7 @@ def demo() -> None:
 @click.option(
     "--visualizer/--no-visualizer", "visualize", default=True, help="Write a Rerun view. [yes]"
 )
-@options.make_list_option("--only", "NODE", option_texts.ONLY.text)
+@options.make_list_option("--only", "NODE", RIG_OPTIONS["only"].text)
 @options.make_list_option(
     "--set",
     "NODE.PARAMETER=VALUE",
@@ -338,10 +338,8 @@ def info() -> None:
 
 @_command
 @click.argument("file", metavar="RUN", type=FILE)
-@click.option(
-    "--rate", type=click.FloatRange(0.001, 1000.0), default=1.0, help=option_texts.RATE.help
-)
-@click.option("--loop", type=click.IntRange(0), default=1, help=option_texts.LOOP.help)
+@options.make_rig_option("rate", default=1.0)
+@options.make_rig_option("loop", default=1)
 @options.rig_options
 @click.option("--estimate", is_flag=True, help="Estimate with a fresh estimator, and print.")
 @options.json_option

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from impact_rig.configuration import option_texts
+from impact_rig.cli.rig_options import RIG_OPTIONS
 from impact_rig.configuration.processes import make_network_variables
 from impact_rig.core.given.errors import ParameterError
-from impact_rig.devices.virtual.choices import Fault, Plant
 
 if TYPE_CHECKING:
     from impact_rig.configuration.rig_file import RigFile
@@ -53,6 +52,22 @@ FILE = click.Path(path_type=Path)
 FOLDER = click.Path(path_type=Path, file_okay=False)
 
 
+def make_rig_option(name: str, *parameter: str, **more: Any) -> Decorator:
+    """Return an option as `RIG_OPTIONS` has it; `more` are keywords of click."""
+    option = RIG_OPTIONS[name]
+    kind, choices = type(option.value.default), option.value.choices
+    if kind is bool:
+        more["is_flag"] = True
+    elif choices:
+        more["type"] = click.Choice(choices)
+    elif kind is not str:
+        make_range: Callable[..., Any] = click.IntRange if kind is int else click.FloatRange
+        ends = option.value.low, option.value.high
+        more["type"] = make_range(*(None if math.isinf(end) else kind(end) for end in ends))
+    words = f"--{name.replace('_', '-')}", *parameter
+    return click.option(*words, **{"help": option.help, **more})
+
+
 def make_quantity_option(
     name: str, unit: str, example: str, text: str, default: float | None = None
 ) -> Decorator:
@@ -89,43 +104,28 @@ def make_output_option(text: str, metavar: str = "FILE", *, required: bool = Fal
     return click.option("-o", "--output", type=FILE, metavar=metavar, required=required, help=text)
 
 
-PLANTS = [plant.value for plant in Plant]
-FAULTS = ", ".join(fault.value for fault in Fault)
 SOURCE_KEYS = ("plant", "seed", "fault_probability")
 """Options of the virtual rig; they are keys of the rig file's table [source]."""
 notes_option = click.option(
     "--notes", default="", metavar="TEXT", help="Words to keep in the recording."
 )
 nodes_options = _combine(
-    click.option("--rig-file", type=FILE, help=option_texts.RIG_FILE.help),
-    click.option(
-        "--plant",
-        type=click.Choice(PLANTS),
-        metavar="PLANT",
-        help=f"{option_texts.PLANT.text}: {', '.join(PLANTS)}. [{option_texts.PLANT.default}]",
-    ),
-    click.option("--seed", type=click.IntRange(0), help=option_texts.SEED.help),
-    click.option(
-        "--faults",
-        "fault_probability",
-        type=click.FloatRange(0.0, 1.0),
-        help=f"{option_texts.FAULTS.text}: {FAULTS}. [{option_texts.FAULTS.default}]",
-    ),
-    click.option("--continuous", is_flag=True, help=option_texts.CONTINUOUS.help),
+    make_rig_option("rig_file", type=FILE),
+    make_rig_option("plant", metavar="PLANT"),
+    make_rig_option("seed"),
+    make_rig_option("faults", "fault_probability"),
+    make_rig_option("continuous"),
     click.option(
         "--record-stream", is_flag=True, help="With --continuous: record all of the stream."
     ),
     notes_option,
-    make_output_option(option_texts.OUTPUT.help, "FOLDER"),
-    click.option("--page", is_flag=True, help=option_texts.PAGE.help),
-    make_list_option("--viewer", "spawn|web|ADDRESS", option_texts.VIEWER.text, "viewers"),
+    make_output_option(RIG_OPTIONS["output"].help, "FOLDER"),
+    make_rig_option("page"),
+    make_list_option("--viewer", "spawn|web|ADDRESS", RIG_OPTIONS["viewer"].text, "viewers"),
 )
 """Options of the commands that start the nodes of a rig."""
-resume_option = click.option(
-    "--resume",
-    type=click.Path(path_type=Path, file_okay=False, exists=True),
-    metavar="RUN",
-    help=option_texts.RESUME.help,
+resume_option = make_rig_option(
+    "resume", type=click.Path(path_type=Path, file_okay=False, exists=True), metavar="RUN"
 )
 
 samples_option = make_list_option("--sample", "NAME", "Only this sample", "samples")
@@ -153,10 +153,7 @@ results_options = _combine(
     ),
     json_option,
 )
-rig_options = _combine(
-    click.option("--namespace", default="", help=option_texts.NAMESPACE.help),
-    click.option("--network", is_flag=True, help=option_texts.NETWORK.help),
-)
+rig_options = _combine(make_rig_option("namespace", default=""), make_rig_option("network"))
 """Options of the commands that find a rig."""
 recorded_rig_option = click.option(
     "--namespace",

@@ -36,8 +36,8 @@ class Parameter:
         kind = type(self.default)
         is_whole = kind is float and type(value) is int
         wanted, is_good = KINDS[kind], is_whole or type(value) is kind
-        if math.isfinite(self.high):
-            wanted += f" from {self.low:g} to {self.high:g}"
+        if math.isfinite(self.low):
+            wanted += f" from {self.low:g}" + f" to {self.high:g}" * math.isfinite(self.high)
             is_good = is_good and self.low <= value <= self.high
         if self.choices:
             wanted, is_good = f"one of {', '.join(self.choices)}", value in self.choices

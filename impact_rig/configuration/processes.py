@@ -5,7 +5,7 @@ import json
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -328,15 +328,6 @@ def parse_parameters(settings: tuple[str, ...]) -> dict[str, dict[str, Any]]:
         except json.JSONDecodeError:
             of_node[parameter] = value
     return parsed
-
-
-def parse_number(name: str, text: str, kind: Callable[[str], float | int]) -> Any:
-    """Return a launch argument as a number; None if it is empty."""
-    try:
-        return kind(text) if text else None
-    except ValueError:
-        wanted = "a whole number" if kind is int else "a number"
-        raise ParameterError(f"{name}:={text}: it must be {wanted}") from None
 
 
 def choose_view(wanted: str, executable: Path) -> bool:

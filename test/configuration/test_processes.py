@@ -82,12 +82,9 @@ def test_a_running_stream_is_recorded_where_there_is_one():
 
 def test_two_computers_share_the_nodes_of_one_rig():
     whole = by_name(continuous=True, rig=MINE, viewers=("web",))
+    parts = ("hammer", "accelerometer"), ("visualizer", "campaign", "estimator", "recorder")
     at_the_devices, elsewhere = (
-        by_name(continuous=True, rig=MINE, viewers=("web",), only=only)
-        for only in (
-            ("hammer", "accelerometer"),
-            ("visualizer", "campaign", "estimator", "recorder"),
-        )
+        by_name(continuous=True, rig=MINE, viewers=("web",), only=only) for only in parts
     )
     assert at_the_devices.keys() == {"hammer", "accelerometer"}
     assert at_the_devices | elsewhere == whole

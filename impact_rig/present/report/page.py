@@ -1,5 +1,6 @@
 """The parts of a report, and their page: one HTML file that needs no other file."""
 
+import math
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -102,8 +103,14 @@ def render_page(document: Document) -> str:
         """Return the id of a section's heading."""
         return f"section-{numbers.setdefault(id(section), len(numbers) + 1)}"
 
-    template = _make_environment().get_template(PAGE)
-    return template.render(document=document, anchor=anchor, version=__version__).lstrip()
+    return (
+        get_template(PAGE).render(document=document, anchor=anchor, version=__version__).lstrip()
+    )
+
+
+def get_template(name: str) -> "jinja2.Template":
+    """Return a template of reports, which escapes what it is given."""
+    return _make_environment().get_template(name)
 
 
 @cache
@@ -121,6 +128,8 @@ def _make_environment() -> "jinja2.Environment":
     environment.filters["kind"] = lambda part: type(part).__name__
     environment.filters["quote"] = _quote_css
     environment.filters["cite"] = cite
+    environment.filters["clean"] = _clean
+    environment.tests["finite"] = math.isfinite
     return environment
 
 
@@ -136,3 +145,8 @@ def _quote_css(text: str) -> str:
     """Return a text as a string of CSS, which nothing in it can end."""
     letters = (item if item.isalnum() else f"\\{ord(item):x} " for item in text)
     return f'"{"".join(letters)}"'
+
+
+def _clean(text: str) -> str:
+    """Return a text with single blanks, without letters that XML does not allow."""
+    return re.sub(r"[^\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "", " ".join(text.split()))

@@ -138,25 +138,19 @@ def test_every_line_of_the_figures_has_its_look_and_name_in_their_legend(traces,
         "force from both traces",
     ]  # fmt: skip
     channel = draw_channel(traces, hits, curves, 0).axes[0].lines[:5]
-    drawn = [(line.get_color(), line.get_linestyle(), line.get_linewidth()) for line in channel]
-    drawn += [
-        (line.get_color(), line.get_linestyle(), line.get_linewidth())
-        for line in draw_law_loop(curves).axes[0].lines
-    ]
-    named = {
-        (line.get_color(), line.get_linestyle(), line.get_linewidth()) for line in known.values()
-    }
-    assert set(drawn) == named
+    drawn = [*channel, *draw_law_loop(curves).axes[0].lines]
+    assert set(map(read_look, drawn)) == set(map(read_look, known.values()))
+
+
+def read_look(line):
+    return line.get_color(), line.get_linestyle(), line.get_linewidth()
 
 
 def test_marks_stand_where_they_were_read(traces):
-    marks = [
-        {
-            text.get_text(): text.xy
-            for text in draw_channel(traces, (), None, channel).axes[0].texts
-        }
-        for channel in (0, 1)
-    ]
+    marks = []
+    for channel in (0, 1):
+        texts = draw_channel(traces, (), None, channel).axes[0].texts
+        marks.append({text.get_text(): text.xy for text in texts})
     width = next(point for name, point in marks[0].items() if name.startswith("w50"))
     assert width == pytest.approx(
         (0.5e6 * traces.half_amplitude_width, 0.5 * traces.mean[0].max()), rel=1e-3
@@ -233,14 +227,10 @@ def test_each_sample_has_a_point_for_each_speed_and_a_straight_line(series, show
 
 def test_the_table_has_a_row_for_each_sample_and_one_for_all(series):
     (table,) = tabulate_speed_exponents(series.speed_exponents)
-    assert [row[:2] for row in table.rows] == [
-        ("steel small", "3"),
-        ("brass large", "3"),
-        ("all", "6"),
-    ]
-    assert [float(cell.split()[0]) for cell in table.rows[2][2:]] == pytest.approx(
-        [-0.2, 1.2, 0.0], abs=1e-3
-    )
+    counts = [row[:2] for row in table.rows]
+    assert counts == [("steel small", "3"), ("brass large", "3"), ("all", "6")]
+    exponents = [float(cell.split()[0]) for cell in table.rows[2][2:]]
+    assert exponents == pytest.approx([-0.2, 1.2, 0.0], abs=1e-3)
     assert tabulate_speed_exponents(()) == []
 
 
