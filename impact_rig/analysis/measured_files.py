@@ -205,7 +205,7 @@ class MeasuredHits:
 
     @cached_property
     def setup(self) -> RigSetup:
-        """Masses and settings, each hit a record if nothing else is given."""
+        """Masses and settings; unless they are given, each hit is one record."""
         return _make_series_setup(self.series, self.hits)
 
     @property

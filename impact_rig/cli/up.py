@@ -59,7 +59,7 @@ def make_words(process: NodeProcess, namespace: str = "") -> list[str]:
 
 
 def check_ros() -> None:
-    """Raise `ModuleNotFoundError` where nodes cannot run: each would, with its log around it."""
+    """Raise `ModuleNotFoundError` where nodes cannot run: one error, in place of one by each."""
     for name in ("rclpy", "impact_rig_msgs"):
         if find_spec(name) is None:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)

@@ -300,8 +300,8 @@ def _parse_setup(document: TomlTable, sensors: tuple[Sensor, ...]) -> RigSetup:
 
 
 PRE_TRIGGER_MARGIN = 1.5
-"""Recorded before the trigger over what the analysis keeps: the pulse begins below the trigger
-level, and its baseline before it."""
+"""Time recorded before the trigger, over the time that the analysis keeps before the impact [-]:
+a pulse begins before it reaches the trigger level."""
 
 
 def _follow_record(settings: dict[str, float], source: TomlTable) -> dict[str, float]:

@@ -92,7 +92,7 @@ class MessageClock:
         return lost
 
     def _learn(self) -> None:
-        """Hold the rate against the stated one, once enough has come."""
+        """Compare the measured rate with the stated one, once there are enough points."""
         end, points = self._learned[-1]
         is_long = self._is_stamped or end >= SHORTEST_TIME * 1e9
         if points < LEARNED_POINTS or len(self._learned) < LEARNED_MESSAGES or not is_long:

@@ -399,7 +399,7 @@ def _find_words(measurement: Measurement) -> str | None:
     """Return that times are written in words, with their name; None: they are not."""
     flawed = [channel for channel in measurement.channels if channel.flaw]
     names = [of.name for of in flawed if find_axis(of.name, of.unit) is not None]
-    return f"its {names[0]!r} is not of numbers" if names else None
+    return f"its {names[0]!r} is not numeric" if names else None
 
 
 def _check_width(questions: Questions, hammer: MeasuredChannel, rate: float, unit: str) -> None:

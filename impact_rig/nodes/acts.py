@@ -110,7 +110,7 @@ class NumberedState:
 def fill_act(
     request: Any, state: CampaignStatus | HammerStatus, by: str, within: float = REACTION
 ) -> Any:
-    """Return a request as an act from a state that a person saw, good for so many seconds."""
+    """Fill a request with the state that a person saw, its deadline and who asks; return it."""
     deadline = state.stamp + round(within * NANOSECONDS)
     request.deadline.sec, request.deadline.nanosec = divmod(deadline, NANOSECONDS)
     request.seen, request.by = state.number, by

@@ -78,7 +78,7 @@ class Intake:
             self.dropped[topic.name] += 1
             if self.dropped[topic.name] == 1:
                 self._node.get_logger().warning(
-                    f"a message of {topic.name} is dropped, as all like it: {error}"
+                    f"a message of {topic.name} is dropped, and so is each like it: {error}"
                 )
             return None
 

@@ -12,7 +12,7 @@ from impact_rig.status.states import AcquisitionStatus, Phase
 
 
 class RigMember:
-    """One other node of the rig, by a topic that it alone publishes: its state, its life.
+    """Another node of the rig: its state and whether it lives, by a topic that only it publishes.
 
     A node whose process is killed, or whose computer is out of reach, publishes no goodbye. The
     lease of its topic ends in time all the same.

@@ -428,8 +428,8 @@ class Acts(_Checked):
 class LivePage(_Checked, WebSocketHandler):
     """One open page. It says what it has put on the screen, and then gets the newest.
 
-    Each message of the browser carries its time, which comes back with the answer: a browser that
-    was asleep knows by it that what waited for it is old.
+    Each message of the browser carries its time, and the answer brings it back: so a browser that
+    was asleep sees that an answer is old.
     """
 
     def check_origin(self, origin: str) -> bool:

@@ -35,7 +35,7 @@ class Printed:
 
     def list_tables(self) -> list[Table]:
         """Return the printed tables."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} prints itself and lists no tables")
 
     def __str__(self) -> str:
         """Return the tables as text."""

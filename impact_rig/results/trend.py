@@ -27,7 +27,7 @@ PEAK_RATIO = Measurand("ratio of the peaks", "a2/a1", "", 4, "peak_ratio")
 FOLLOWED = (CONTACT_TIME, STIFFNESS, PEAK_RATIO)
 """What is followed from run to run; the ratio of both peaks changes with the gains."""
 FALSE_ALARM = 0.005
-"""Probability that anything is told of runs among which nothing changed [-], our choice."""
+"""Probability of a false alarm among runs in which nothing changed [-], our choice."""
 RUN_SCATTER = 0.005
 """Standard deviation of the ratio of both peaks from run to run, over it [-], our choice: sensors
 that are mounted anew, and hits beside the axis."""

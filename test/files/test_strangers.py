@@ -204,11 +204,11 @@ def test_stamps_in_words_need_a_rate(tmp_path):
     begin = dt.datetime(2026, 11, 25, 12, tzinfo=dt.UTC)
     stamps = [(begin + dt.timedelta(seconds=time)).isoformat() for time in TIME]
     write_text(tmp_path / "hit.csv", "Timestamp,Force (N)", stamps, FORCE.tolist())
-    with pytest.raises(ValueError, match=r"its 'Timestamp' is not of numbers.*give --rate"):
+    with pytest.raises(ValueError, match=r"its 'Timestamp' is not numeric.*give --rate"):
         read(tmp_path / "hit.csv")
     assert read(tmp_path / "hit.csv", rate=RATE)[0] == pytest.approx([RIGHT], rel=1e-3)
     files = MeasuredFiles([tmp_path / "hit.csv"], make_series(MeasurementOptions(rate=RATE)))
-    assert files.warnings[0].endswith("not of numbers: whether points are missing is not seen")
+    assert files.warnings[0].endswith("not numeric: whether points are missing is not seen")
 
 
 def test_a_count_that_skips_points_is_a_gap(tmp_path):

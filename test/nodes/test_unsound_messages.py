@@ -62,5 +62,5 @@ def test_the_first_unsound_message_of_a_topic_is_named():
         assert intake.take(interfaces.HAMMER_STATE, msg.HammerState(state=7)) is None
     (warning,) = listener.warnings
     assert warning.startswith(
-        "a message of hammer/state is dropped, as all like it: 7 is not a valid HammerPlace"
+        "a message of hammer/state is dropped, and so is each like it: 7 is not a valid"
     )

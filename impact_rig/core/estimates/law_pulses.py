@@ -39,7 +39,7 @@ DEGREES = ((14, 0, 8), (14, 9, 8), *3 * [(14, 7, 8)], (14, 0, 8), (8, 11, 8))
 SMALLEST_TERM = 3e-6
 """Of a polynomial's term at any node [-], our choice: half of them are smaller, and left out."""
 LARGEST = 4.0
-"""B of the loss δⁿ δ' alone where e is 0.25 [-]."""
+"""B of the form of loss δⁿ δ' at which that loss alone gives e = 0.25 [-]."""
 SECOND = np.array(
     [
         (1.0, 0.0, 0.0),

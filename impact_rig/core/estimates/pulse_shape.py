@@ -188,11 +188,11 @@ class WindowFit:
         return excess > 2.0 * chance
 
     def project(self, changes: FloatArray) -> FloatArray:
-        """Return the change of the parameters by changes of the trace, shape (n, ...)."""
+        """Return by how much changes of the trace, shape (n, ...), change the parameters."""
         return np.asarray(self._inverse @ changes)
 
     def find_rest(self, change: FloatArray) -> float:
-        """Return the RMS of what no parameter can make of a change of the trace, shape (n,)."""
+        """Return the RMS of the part of a change, shape (n,), that no parameter can follow."""
         return float(np.std(change - self.jacobian.T @ self.project(change)))
 
     def compute_covariance(self, correlation: FloatArray) -> FloatArray:

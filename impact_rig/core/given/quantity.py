@@ -227,7 +227,7 @@ class Quantity(Comparable):
         return math.inf if math.isnan(width) else width
 
     def judge(self, low: float, high: float) -> Conformity:
-        """Return what is stated beside two limits, with the expanded uncertainty as guard band."""
+        """Return the conformity with two limits; the expanded uncertainty is the guard band."""
         least, most = self.lower, self.upper
         if math.isnan(most) and math.isfinite(least):
             most = math.inf

@@ -151,8 +151,8 @@ class Segment:
 
 
 RELATIVE_LEVEL = 0.1
-"""Where full scale is unknown, the part of the largest deviation that starts a pulse [-], our
-choice: a hit recorded as a whole always has one."""
+"""Level that starts a pulse where full scale is unknown, over the largest deviation [-], our
+choice: every hit that is recorded as a whole reaches it."""
 LOUD_BEGINNING = 2.0
 """Noise of a record's beginning over that of its end from which a pulse is there [-], our choice:
 of 125 points each, noise alone differs by less."""

@@ -248,7 +248,7 @@ class StreamCutter:
         return [part, end]
 
     def _end_armings(self, segment: Segment, point: int) -> list[Block]:
-        """Return an empty block for each arming that ended before a point without a hit.
+        """Return an empty block for each arming that ended, without a hit, before a point.
 
         It is a gap if points are missing, which may have held the hit; else it has no trigger.
         """
