@@ -110,8 +110,8 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
             is_live=True,
         ),
         "lead_time": Parameter(
-            -1.0, "notice before each release [s]; below 0: 3 where a holder releases a hammer,"
-            " none by hand or where no hammer hangs",
+            -1.0, "notice before each release [s]; below 0: 3 s where a holder releases a hammer,"
+            " else none",
             low=-1.0, high=60.0, is_live=True,
         ),
     },

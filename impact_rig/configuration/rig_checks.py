@@ -89,17 +89,17 @@ class _Reading:
 
 
 def fault(table: TomlTable, key: str, told: str) -> RigNote:
-    """Return what cannot work, with its line: what is told of a key."""
+    """Return what cannot work because of a key, with its line."""
     return RigNote(str(table.make_error(key, f"{key} of {table.place} {told}")), is_fault=True)
 
 
 def warning(table: TomlTable, key: str, told: str) -> RigNote:
-    """Return what is unwise, with its line: what is told of a key."""
+    """Return a warning about a key, with its line."""
     return replace(fault(table, key, told), is_fault=False)
 
 
 def remark(table: TomlTable, key: str, text: str, *, is_fault: bool = False) -> RigNote:
-    """Return what is to be said of more than a key, with its line."""
+    """Return a whole sentence, with the line of a key."""
     return RigNote(str(table.make_error(key, text)), is_fault)
 
 
@@ -189,8 +189,8 @@ def _check_trigger(reading: _Reading) -> Notes:
     if level >= 1.0:
         yield fault(source, "trigger_level", f"{text}: no hit reaches it")
     elif level > analysis.minimum_peak:
-        text = f"{text}: hits from minimum_peak, {analysis.minimum_peak * 100:g} %, on are wanted"
-        yield warning(source, "trigger_level", f"{text}, and those below the level are not seen")
+        text = f"{text}: weaker hits are not seen, and minimum_peak accepts them from"
+        yield warning(source, "trigger_level", f"{text} {analysis.minimum_peak * 100:g} % on")
     elif level < 2e-3:
         yield warning(source, "trigger_level", f"{text}: noise may trigger, 1 % is usual")
 
@@ -338,7 +338,7 @@ def _check_sensors(reading: _Reading) -> Notes:
             text = f"is {sensor.upper_corner:g} Hz: it widens {contact}"
             yield warning(table, "upper_corner", text)
         if sensor.sensitivity_uncertainty > 0.1:
-            text = f"is {sensor.sensitivity_uncertainty:g}, part of the sensitivity: sheets say"
+            text = f"is {sensor.sensitivity_uncertainty:g} of the sensitivity: certificates say"
             yield warning(table, "sensitivity_uncertainty", f"{text} 0.005 to 0.05")
         largest = abs(sensor.sensitivity) * sensor.full_scale
         text = f"sensitivity times full_scale of {table.place} is {largest:.4g} V:"
@@ -372,7 +372,7 @@ PLAUSIBLE: tuple[tuple[str, str, Callable[[RigSetup], float], str, float, float,
     ("analysis", "maximum_peak", lambda rig: rig.analysis.maximum_peak, "{:g}",
      0.0, 0.99, "it leaves no room below the rail, 0.95 is usual"),
 )  # fmt: skip
-"""Table and key of a number, how it is read and written, usual range, and advice outside it."""
+"""Of each number: table, key, how it is read and printed, usual range, advice outside it."""
 
 
 def _check_plausible(reading: _Reading) -> Notes:

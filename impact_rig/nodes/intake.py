@@ -122,7 +122,7 @@ class Intake:
         return found
 
     def find_any_stranger(self) -> str | None:
-        """Return the first sentence about a stranger on any topic; None: there is none."""
+        """Return a sentence about the first stranger on any topic; None: there is none."""
         found = (self.find_stranger(topic) for topic in OWNED_TOPICS)
         return next(filter(None, found), None)
 

@@ -218,7 +218,7 @@ class PageServer:
         self._loop.call_soon_threadsafe(self._show, view)
 
     def show_trace(self, record: int, trace: bytes, *, is_first: bool) -> None:
-        """Let all pages show a hit's trace; `is_first`: those before are of another sample."""
+        """Let all pages show a hit's trace; `is_first`: it is the first of its sample."""
         self._loop.call_soon_threadsafe(self._show_trace, record, trace, is_first)
 
     def render(self, answer: str, who: str) -> str:

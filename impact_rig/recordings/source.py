@@ -68,9 +68,9 @@ def find_recordings(path: Path) -> tuple[Path, ...]:
 
 
 def _drop_empty(parts: tuple[Path, ...], named: Path) -> tuple[Path, ...]:
-    """Return the parts that hold something: of a recorder that was killed at once nothing is left.
+    """Return the parts that are not empty: a recorder that is killed at once leaves an empty file.
 
-    Where all are empty it is the one that was named, which its reader refuses.
+    If all are empty, return the named one: its reader refuses it.
     """
     return tuple(part for part in parts if part.stat().st_size) or (named,)
 

@@ -14,8 +14,8 @@ from mcap.opcode import Opcode
 from mcap.stream_reader import StreamReader
 
 MAX_SIZE = 1 << 27
-"""Largest record that is taken into memory [byte], our choice: a hundred chunks of our recorder. A
-message in a chunk, and its decoded numbers, take as much again."""
+"""Largest record that is taken into memory [byte], our choice: a hundred chunks of our recorder.
+Its messages and their decoded numbers take as much memory once more."""
 MAX_RATIO = 1000
 """Unpacked size over the size of the file [-], our choice: ten times that of constant signals."""
 FREE_SIZE = 1 << 22

@@ -269,10 +269,10 @@ def _describe_mean(mean: MeanHit, channel: int, cutoff_frequency: float) -> Trac
 
 
 def _read_decrements(mean: MeanHit, channel: int, peaks: LogDecrement) -> FloatArray:
-    """Return Delta of every hit, about that of the mean.
+    """Return the log decrement of every hit, linearised about that of the mean.
 
-    Read at the mean's two peaks and linearised: a weak second peak may drown in one hit's noise,
-    and the highest point near it would be too high.
+    It is read at the mean's two peaks: a weak second peak may drown in one hit's noise, and the
+    highest point near it would be too high.
     """
     places = [peaks.first_index, peaks.second_index]
     means = mean.traces[channel, places]
