@@ -25,10 +25,8 @@ PARTS = {
     "read": ("recording", "Reading a recording, beside mcap.reader doing nothing"),
     "stream": ("stream", "The running stream through three processes, two channels"),
     "fuzz": ("damage", "Damaged files of every format: no hang, no crash, memory bounded"),
-    "foreign": ("foreign", "A stranger on all topics and services, beside a campaign"),
     "faults": ("faults", "A fault in each campaign: no hit lost or double, all told"),
     "clone": ("running", "From a fresh clone to the tables"),
-    "acts": ("acts", "An act whose node stands still: done in time, or never"),
     "study": ("study", "The estimators where the truth is known; asked is what chance leaves"),
 }
 """The module of this package with `measure_<name>`, and the title of each part, in the order in

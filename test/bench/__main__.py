@@ -39,7 +39,7 @@ def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser("bench", description="Measure what is claimed.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--full", action="store_true", help="50 faults, 2000 damaged files ...")
-    extents = ("seconds", "kills", "acts", "mutations", "seed")
+    extents = ("seconds", "kills", "mutations", "seed")
     for name in extents:
         parser.add_argument(f"--{name}", type=int, metavar="N")
     parser.add_argument(

@@ -90,14 +90,13 @@ class Extent:
     demos: int = 2  # campaigns of 120 hits
     seconds: float = 15.0  # [s] of streaming at the highest rate
     kills: int = 2  # campaigns, each with a fault
-    acts: int = 5  # beside a node that stands still
     mutations: int = 60  # damaged files of each format
     simulated: int = 36  # campaigns on each plant, and series of each fault, in part study
     repeats: int = 7  # of each figure that is a time
     seed: int = 1
 
 
-FULL = Extent(demos=5, seconds=60.0, kills=50, acts=200, mutations=2000, simulated=360)
+FULL = Extent(demos=5, seconds=60.0, kills=50, mutations=2000, simulated=360)
 """As much as every goal asks for: three quarters of an hour."""
 
 

@@ -2,7 +2,6 @@
 
 import mcap.reader
 import pytest
-from bench.stranger import TOPICS, Stranger
 from std_msgs.msg import String
 
 from impact_rig.nodes.recorder import RecorderNode
@@ -10,6 +9,7 @@ from impact_rig.nodes.visualizer import VisualizerNode
 from impact_rig.recordings.scan import Scan
 
 from .campaigns import arm, begin, cancel, run, start_rig
+from .stranger import TOPICS, Stranger
 
 
 def read_health(path):
@@ -44,7 +44,7 @@ def test_a_rig_without_a_namespace_does_not_record_another_rig(harness, tmp_path
 
 
 COUNT = 150
-"""How often; part `foreign` of the bench does it for longer."""
+"""How often."""
 
 
 @pytest.mark.parametrize("with_ids", [False, True], ids=["other ids", "ids read from the wire"])

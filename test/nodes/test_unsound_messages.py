@@ -6,7 +6,6 @@ The messages of all topics are made of their definitions, over DDS, against all 
 from types import SimpleNamespace
 
 import pytest
-from bench.stranger import TOPICS, RandomMessages
 from impact_rig_msgs import msg
 from impact_rig_msgs.srv import GetResults
 
@@ -18,6 +17,8 @@ from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.intake import Intake
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.visualizer import VisualizerNode
+
+from .stranger import TOPICS, RandomMessages
 
 
 @pytest.fixture

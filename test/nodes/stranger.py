@@ -94,7 +94,6 @@ class Stranger:
         self._publishers: list[tuple[Topic, Any]] = []
         self._clients = [(kind, node.create_client(kind, name)) for name, kind in SERVICES.items()]
         self.foreign: set[bytes] = set()  # messages with another id than the campaign's
-        self.messages = self.requests = 0
         node.create_subscription(
             interfaces.RELEASE.type,
             interfaces.RELEASE.name,
@@ -128,7 +127,6 @@ class Stranger:
         if not with_ids and hasattr(message, "campaign_id"):
             self.foreign.add(serialize_message(message))
         publisher.publish(message)
-        self.messages += 1
 
     def ask(self) -> None:
         """Send a random request, and wait for no answer."""
@@ -136,7 +134,6 @@ class Stranger:
         if client.service_is_ready():
             future = client.call_async(self._random.make(kind.Request))
             client.remove_pending_request(future)
-            self.requests += 1
 
     def list_recorded(self, messages: Iterator[Any]) -> list[str]:
         """Return the topics of foreign messages among those of a recording."""
