@@ -17,8 +17,8 @@ from impact_rig.cli.output import (
     print_taken,
     raise_errors,
     show_progress,
+    show_results,
 )
-from impact_rig.cli.show import show_results
 from impact_rig.configuration.rig_file import read_today
 from impact_rig.core.given.errors import ParameterError, RigError
 from impact_rig.files.formats.arrays import is_list
@@ -130,17 +130,7 @@ def run(
         _show_again(results[0], files, unused, show)
         return
     measured = MeasurementOptions(**given)
-    found = [find_bag(path) for path in files]
-    recorded = [path for path in found if _is_folder(path) or is_recording(path)]
-    plain = [path for path in found if path not in recorded]
-    # The workers of a cluster have other working folders.
-    runs, errors = find_runs(
-        [path.absolute() if scheduler else path for path in recorded], namespace
-    )
-    repeated = find_repeated_files([*(run.files[0] for run in runs), *plain])
-    errors += repeated.values()
-    runs = [run for place, run in enumerate(runs) if place not in repeated]
-    others = [path for place, path in enumerate(plain, len(runs)) if place not in repeated]
+    runs, others, errors = _sort_files(files, namespace, is_elsewhere=bool(scheduler))
     if runs and others:
         raise ParameterError(
             f"{runs[0].path} is a recording and {others[0]} a plain trace: analyze them apart"
@@ -168,6 +158,24 @@ def run(
         else:
             report_batch(campaigns, as_json=as_json)
     raise_errors(list(dict.fromkeys(errors)))  # an error of an option comes with each file
+
+
+def _sort_files(
+    files: Sequence[Path], namespace: str | None, *, is_elsewhere: bool
+) -> tuple[list[Run], list[Path], list[str]]:
+    """Return recordings, plain files, and the errors of those that are neither, or come twice."""
+    found = [find_bag(path) for path in files]
+    recorded = [path for path in found if _is_folder(path) or is_recording(path)]
+    plain = [path for path in found if path not in recorded]
+    # The workers of a cluster have other working folders.
+    named = [path.absolute() if is_elsewhere else path for path in recorded]
+    runs, errors = find_runs(named, namespace)
+    repeated = find_repeated_files([*(run.files[0] for run in runs), *plain])
+    return (
+        [run for place, run in enumerate(runs) if place not in repeated],
+        [path for place, path in enumerate(plain, len(runs)) if place not in repeated],
+        [*errors, *repeated.values()],
+    )
 
 
 def _show_again(

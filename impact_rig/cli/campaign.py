@@ -11,8 +11,7 @@ import click
 from rich.text import Text
 
 from impact_rig.cli import options
-from impact_rig.cli.output import make_progress, print_places
-from impact_rig.cli.show import show_results
+from impact_rig.cli.output import make_progress, print_places, show_results
 from impact_rig.configuration.processes import RESULTS_NAME, choose_run_folder
 from impact_rig.core.given.errors import DeviceError, RigError
 from impact_rig.core.given.findings import join_findings

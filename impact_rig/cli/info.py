@@ -295,8 +295,7 @@ def run(
     runs, errors = find_runs(files, namespace)
     found, unreadable = process_each(runs, process)
     if as_json and found:
-        listed = [contents_to_json(contents) for contents in found]
-        print_json(listed if len(files) > 1 else listed[0])
+        print_json(list(map(contents_to_json, found)), is_list=len(files) > 1)
     raise_errors([*errors, *unreadable])
     if not all(contents.is_sound for contents in found):
         raise SystemExit(EXIT_DAMAGED)

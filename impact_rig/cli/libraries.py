@@ -33,32 +33,20 @@ class Library:
         )
 
 
+NEEDED = ("numpy", "scipy", "GTC", "pint", "rosbags", "mcap")
+OF_ROS = ("rclpy", "impact_rig_msgs")
+OPTIONAL = {
+    "nptdms": "npTDMS", "pyuff": "pyuff", "h5py": "h5py", "pyarrow": "pyarrow",
+    "python_calamine": "python-calamine", "RigolWFM": "RigolWFM",
+    "mcap_protobuf": "mcap-protobuf-support", "nidaqmx": "nidaqmx", "pyvisa": "pyvisa",
+    "pyvisa_py": "pyvisa-py", "serial": "pyserial", "sounddevice": "sounddevice",
+    "opendaq": "opendaq", "distributed": "distributed", "matplotlib": "matplotlib",
+    "jinja2": "jinja2", "rerun": "rerun-sdk",
+}  # fmt: skip
 LIBRARIES = (
-    Library("numpy", "numpy"),
-    Library("scipy", "scipy"),
-    Library("rclpy", "rclpy", is_ros=True),
-    Library("impact_rig_msgs", "impact_rig_msgs", is_ros=True),
-    Library("GTC", "GTC"),
-    Library("pint", "pint"),
-    Library("rosbags", "rosbags"),
-    Library("mcap", "mcap"),
-    Library("nptdms", "npTDMS", is_needed=False),
-    Library("pyuff", "pyuff", is_needed=False),
-    Library("h5py", "h5py", is_needed=False),
-    Library("pyarrow", "pyarrow", is_needed=False),
-    Library("python_calamine", "python-calamine", is_needed=False),
-    Library("RigolWFM", "RigolWFM", is_needed=False),
-    Library("mcap_protobuf", "mcap-protobuf-support", is_needed=False),
-    Library("nidaqmx", "nidaqmx", is_needed=False),
-    Library("pyvisa", "pyvisa", is_needed=False),
-    Library("pyvisa_py", "pyvisa-py", is_needed=False),
-    Library("serial", "pyserial", is_needed=False),
-    Library("sounddevice", "sounddevice", is_needed=False),
-    Library("opendaq", "opendaq", is_needed=False),
-    Library("distributed", "distributed", is_needed=False),
-    Library("matplotlib", "matplotlib", is_needed=False),
-    Library("jinja2", "jinja2", is_needed=False),
-    Library("rerun", "rerun-sdk", is_needed=False),
+    *(Library(name, name) for name in NEEDED),
+    *(Library(name, name, is_ros=True) for name in OF_ROS),
+    *(Library(module, name, is_needed=False) for module, name in OPTIONAL.items()),
 )
 
 

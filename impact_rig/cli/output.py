@@ -10,13 +10,21 @@ import click
 
 from impact_rig.configuration.processes import RECORDING_NAME, REPORT_NAME
 from impact_rig.core.given.errors import RigError
-from impact_rig.present.console import GOOD, make_console, make_printable, print_text, print_trace
+from impact_rig.present.console import (
+    GOOD,
+    make_console,
+    make_printable,
+    print_text,
+    print_trace,
+    print_warning,
+)
 from impact_rig.results.wire import format_json
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
     from impact_rig.analysis.measured_files import MeasuredFiles
+    from impact_rig.results.campaign import Results
 
 _S = TypeVar("_S")
 _T = TypeVar("_T")
@@ -92,9 +100,36 @@ def raise_errors(errors: Sequence[str]) -> None:
         raise RigError(errors[-1])
 
 
-def print_json(content: Any) -> None:
-    """Print a content as JSON."""
-    click.echo(format_json(content), nl=False)
+def print_json(contents: Sequence[Any], *, is_list: bool = True) -> None:
+    """Print contents as JSON: as a list or, if there is only one, by itself."""
+    if contents or is_list:
+        click.echo(format_json(contents if is_list else contents[0]), nl=False)
+
+
+def show_results(
+    path: Path,
+    found: "Sequence[Results]",
+    warnings: Sequence[str] = (),
+    *,
+    is_full: bool,
+    as_json: bool,
+) -> None:
+    """Print the results of each campaign of a file, as tables or as JSON."""
+    # Most commands show none.
+    from impact_rig.present.screen import print_full, print_screen
+    from impact_rig.results.results_file import results_to_json
+
+    if as_json:
+        for warning in warnings:
+            print_warning(warning)
+        print_json(list(map(results_to_json, found)), is_list=len(found) > 1)
+        return
+    console = make_console()
+    show = print_full if is_full else print_screen
+    for number, results in enumerate(found, start=1):
+        if len(found) > 1:
+            console.print(f"{path}, campaign {number}\n", style="bold underline")
+        show(console, results, warnings)
 
 
 def print_places(**places: Path | None) -> None:

@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from impact_rig.cli import options
-from impact_rig.cli.output import show_progress
-from impact_rig.cli.show import show_results
+from impact_rig.cli.output import show_progress, show_results
 from impact_rig.core.given.errors import FileError, ParameterError
 from impact_rig.nodes.replay_client import ReplayClient
 from impact_rig.nodes.replayer import RunToReplay, run_replayer
