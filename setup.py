@@ -87,7 +87,7 @@ setup(
     ],
     entry_points={
         "console_scripts": [
-            *(f"{node} = {NAME}.nodes.__main__:{node}" for node in NODES if not FOR_PIP),
+            *(f"{node} = {NAME}.nodes.__main__:main" for node in NODES if not FOR_PIP),
             f"impact-rig = {NAME}.cli.start:main",
         ],
         "pytest11": [f"impact_rig = {NAME}.pytest_plugin"],

@@ -3,8 +3,8 @@
 import os
 import signal
 import sys
-from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import NoReturn
 
 from impact_rig.configuration.processes import open_closed_streams
@@ -55,14 +55,10 @@ def _run(name: str) -> int:
     return int(process.run_node(getattr(module, f"{name.capitalize()}Node")))
 
 
-accelerometer = partial(run, "accelerometer")
-campaign = partial(run, "campaign")
-estimator = partial(run, "estimator")
-hammer = partial(run, "hammer")
-page = partial(run, "page")
-recorder = partial(run, "recorder")
-replayer = partial(run, "replayer")
-visualizer = partial(run, "visualizer")
+def main() -> NoReturn:
+    """Run the node that this program is called after, as `ros2 run` has it."""
+    run(Path(sys.argv[0]).name)
+
 
 if __name__ == "__main__":
     run(sys.argv[1])

@@ -135,8 +135,8 @@ class AccelerometerNode(DeviceNode):
         figures = {"subscribers": self._blocks.get_subscription_count()}
         if self._thread is not None:
             flow = self._thread.flow
-            figures |= {"blocks sent": flow.blocks, "points sent": flow.points}
-            figures["points lost"] = flow.missing_points
+            sent = {"blocks sent": flow.blocks, "points sent": flow.points}
+            figures |= {**sent, "points lost": flow.missing_points}
         return figures
 
     # Campaign and set-up.

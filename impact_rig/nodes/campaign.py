@@ -684,8 +684,8 @@ class CampaignNode(RigNode):
             return
         for name in ("estimator", "hammer", "samples", "speed_exponents", "accepted", "rejected"):
             setattr(result, name, getattr(results, name))
-        recording = "" if campaign.setup.plan.trial else campaign.recording
-        written = self._writer.write(result, recording)
+        is_trial = campaign.setup.plan.trial
+        written = self._writer.write(result, "" if is_trial else campaign.recording)
         if await self.wait_until(written.done, RESULTS_TIMEOUT):
             faults = written.result().items()
             result.truths = [msg.VirtualImpact(record=it, faults=told) for it, told in faults]

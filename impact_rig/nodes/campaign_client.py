@@ -230,11 +230,10 @@ class CampaignClient(RigClient):
             raise RigError(f"the campaign is rejected: {result.message}")
         if not result.success and not (result.accepted or result.rejected):
             raise DeviceError(result.message)  # it has no hit, or could not collect them
-        faults = {item.record: item.faults for item in result.truths}
         return CampaignOutcome(
             success=result.success and answer.status == GoalStatus.STATUS_SUCCEEDED,
             message=result.message,
-            results=results_from_msg(result, faults),
+            results=results_from_msg(result, {it.record: it.faults for it in result.truths}),
             recording=result.recording,
         )
 

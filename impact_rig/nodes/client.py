@@ -86,7 +86,7 @@ class RigClient:
 
     def advertise(self, topic: interfaces.Topic) -> Any:
         """Create a publisher of what is replayed on a topic."""
-        return self._node.create_publisher(topic.type, topic.name, topic.replayed_qos)
+        return self._node.create_publisher(topic.type, topic.name, topic.leased_qos)
 
     def spin_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Take messages until a condition is true; return whether it came true in time [s].

@@ -52,6 +52,7 @@ class EstimatorNode(RigNode):
 
     # How long the answer with the results waits for other nodes to have what was published [s].
     patience = 2.0
+    longest_work = 600  # many samples are estimated, or a run is read
 
     def __init__(self, **options: Any) -> None:
         super().__init__("estimator", **options)
@@ -187,9 +188,12 @@ class EstimatorNode(RigNode):
 
     def _on_stream_block(self, received: Received[Block]) -> None:
         """Publish the impact that a block completes as `AccelerationBlock`."""
-        if not self.is_active or self.membership.is_foreign_stream(received.message):
+        if not self.is_active:
             return
         if self._cuts is None:
+            hits = self.get_publishers_info_by_topic(interfaces.ACCELERATION.name)
+            if any(item.node_name == "accelerometer" for item in hits):
+                return  # it publishes its hits itself: somebody else streams
             self._cuts = self.advertise(interfaces.ACCELERATION)
         if self._cutter is not None:
             for cut in self._cutter.feed(received.value):

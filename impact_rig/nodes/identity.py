@@ -82,9 +82,6 @@ class Membership:
         if id_from_msg(message.campaign_id) == self.identity.campaign_id:
             return False
         # The running stream goes on while a campaign begins.
-        return not isinstance(message, StreamBlock) or self.is_foreign_stream(message)
-
-    def is_foreign_stream(self, message: Any) -> bool:
-        """Return whether a block is of another stream of accelerations than the campaign's."""
-        known = self.identity.stream_id
-        return self.is_joined and known != NO_ID and id_from_msg(message.stream_id) != known
+        if not isinstance(message, StreamBlock):
+            return True
+        return self.identity.stream_id not in (NO_ID, id_from_msg(message.stream_id))

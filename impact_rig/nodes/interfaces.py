@@ -82,11 +82,6 @@ class Topic:
     owners: tuple[str, ...] = ()  # of these nodes one alone speaks on it; empty: anybody may
 
     @property
-    def lease(self) -> float:
-        """After what time a publisher without a sign of life is silent [s]; 0: never."""
-        return LEASE if self.owners else 0.0
-
-    @property
     def type_name(self) -> str:
         """The name of the message type, for example `std_msgs/msg/String`."""
         return f"{self.type.__module__.split('.')[0]}/msg/{self.type.__name__}"
@@ -94,17 +89,12 @@ class Topic:
     @property
     def leased_qos(self) -> QoSProfile:
         """The QoS of the rig's own publishers, and of subscribers that watch their liveliness."""
-        if not self.lease:
+        if not self.owners:
             return self.qos
         leased = copy(self.qos)
         leased.liveliness = LivelinessPolicy.AUTOMATIC
-        leased.liveliness_lease_duration = Duration(seconds=self.lease)
+        leased.liveliness_lease_duration = Duration(seconds=LEASE)
         return leased
-
-    @property
-    def replayed_qos(self) -> QoSProfile:
-        """The QoS of a replay, without a lease: a rig ignores it, but where it is an owner."""
-        return self.leased_qos if set(REPLAYS) & set(self.owners) else self.qos
 
     @property
     def unread(self) -> "Topic":

@@ -45,6 +45,8 @@ class ManagedNode(LifecycleNode):
 
     # How long another node may take to answer [s]; only the estimator may have much to read first.
     answer_timeout = 5.0
+    # How long a callback may take [s]; after that where it stands goes to the log.
+    longest_work = 5
 
     def __init__(self, name: str, *, pace: float = 1.0, **options: Any) -> None:
         super().__init__(name, **options)

@@ -28,6 +28,8 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 STUCK_AFTER = 600.0
 """How long a node may stand still, none of its threads running Python, or take to end [s], our
 choice: longer than a person lets a stopped process stand who means to go on with it."""
+LOOK_PERIOD = 1.0
+"""How often a thread looks whether the node's executor comes round [s]."""
 DRAIN_QUIET = 0.1
 """How long nothing may have come before the queues count as empty at the end [s]."""
 
@@ -118,16 +120,25 @@ def _stop_on_signals(node: RigNode) -> None:
         if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, lambda *_: None)
 
-    request_stop = weakref.WeakMethod(node.request_stop)
+    request_stop, watched_node = weakref.WeakMethod(node.request_stop), weakref.ref(node)
 
     def wait() -> None:
         watched = [reader, *_open_launcher()]
-        is_asked = False
+        is_asked, rounds, looks = False, 0, 0
         while not is_asked:
             # Fast DDS under rmw_fastrtps 8.4.3 can lock itself up for ever while it tells of a
             # publisher that came or went, and Python with it: no signal would be heard then.
             faulthandler.dump_traceback_later(STUCK_AFTER, exit=True, file=2)
-            is_asked = bool(select.select(watched, [], [], STUCK_AFTER / 6)[0])
+            is_asked = bool(select.select(watched, [], [], LOOK_PERIOD)[0])
+            if (node := watched_node()) is not None:
+                looks = looks + 1 if 0 < node.rounds == rounds else 0
+                rounds = node.rounds
+                # By looks: a process that was stopped has not stood in a callback.
+                if looks == node.longest_work:
+                    told = f"no callback for {looks} s, after {node.intake.handled} messages"
+                    node.get_logger().error(f"{told}: where each thread stands follows")
+                    faulthandler.dump_traceback(file=2)
+            del node
         if stop := request_stop():
             stop()
 

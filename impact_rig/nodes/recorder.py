@@ -101,10 +101,10 @@ class RecorderNode(RigNode):
 
     def activate(self) -> None:
         """Begin the recording, and subscribe to the rig's topics."""
-        attachments = [
-            read_attached_file(Path(name).expanduser())
-            for name in _split_paths(self.get_value("attachments"))
-        ]
+        text = self.get_value("attachments")
+        # One path may have a comma.
+        names = [text] if Path(text).is_file() else split_names(text)
+        attachments = [read_attached_file(Path(name).expanduser()) for name in names]
         self._forget()
         writer = self._writer = self._open()
         try:
@@ -453,8 +453,3 @@ class RecorderNode(RigNode):
             if self._texts.get(node) != text:
                 self._texts[node] = text
                 writer.add_metadata(PARAMETERS_RECORD, self._texts)
-
-
-def _split_paths(text: str) -> list[str]:
-    """Return the paths in a text that lists them by commas, or the one path that has a comma."""
-    return [text] if Path(text).is_file() else split_names(text)

@@ -118,7 +118,7 @@ class ReplayerNode(RigNode):
         for warning in recording.run.warnings:
             self.get_logger().warning(warning)
         self._outputs = {
-            name: self.create_publisher(topic.type, name, topic.replayed_qos)
+            name: self.create_publisher(topic.type, name, topic.leased_qos)
             for name, topic in recording.topics.items()
         }
         self._position = 0

@@ -82,8 +82,7 @@ class RigMember:
         self._was_there = True
         silent = status.not_alive_count
         here = min(self._count_publishers_here(), silent) if silent else 0
-        alive = status.alive_count + here
-        self._alive, self._silent = alive, silent - here
+        self._alive, self._silent = status.alive_count + here, silent - here
         self._on_change()
 
     def _count_publishers_here(self) -> int:

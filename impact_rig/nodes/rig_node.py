@@ -48,6 +48,7 @@ class RigNode(ManagedNode):
         super().__init__(name, **options)
         self.intake = Intake(self)
         self.membership = self.intake.membership
+        self.rounds = 0  # of the executor, one a second
         self._states: list[tuple[Any, Callable[[], None]]] = []
         self._stated = b""  # the campaign for which they were published when it was joined
         self._diagnostics = self.advertise(interfaces.DIAGNOSTICS)
@@ -246,6 +247,7 @@ class RigNode(ManagedNode):
 
     def on_changed(self) -> None:
         """Publish how the node is, and its parameters."""
+        self.rounds += 1
         level, message, host = DiagnosticStatus.OK, self.lifecycle, platform.node()
         if self.fault is not None:
             level, message = DiagnosticStatus.ERROR, self.fault

@@ -176,8 +176,8 @@ unit = "m/s^2"               # or g, N, V …: where the type of the message doe
             # Messages of several nodes look like all sorts of faults.
             count = self._listener.count_publishers(item.topic) if self._listener else 1
             several = DeviceError(f"{count} nodes publish on {item.topic}: one must")
-            with self.changed:
-                self._fault = several if count > 1 else error
+            with self.changed:  # the first is the cause of those that follow
+                self._fault = self._fault or (several if count > 1 else error)
             self.end(str(self._fault))
 
     def _take_partners(self) -> None:

@@ -2,20 +2,26 @@
 
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from statistics import median
 
 import numpy as np
 import psutil
+from impact_rig_msgs.msg import Channel
 
 from bench.measure import Bench, Figure
 from bench.rig_processes import RigProcesses, run_campaign
 from impact_rig.core.given.errors import RigError
+from impact_rig.nodes.interfaces import ACCELERATION, IMPACT
+from impact_rig.nodes.listener import BackgroundNode
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.schemas import decode_message
+from impact_rig.testing import use_own_domain
 from impact_rig.testing.running import QUICK, run_virtual_rig
 
 HITS = 120, 12  # of the paper's campaign, and of one with a single hit of each sample
@@ -134,6 +140,33 @@ def measure_latency(bench: Bench) -> Iterator[Figure]:
     name = "release to verdict and estimate"
     yield Figure(name, delays, "ms", note, most=LONGEST_MEDIAN)
     yield Figure(f"{PERCENTILE}th percentile of it", tail, "ms", most=LONGEST_TAIL)
+    yield Figure("a record there, a verdict back, by bare rclpy", list(time_rclpy()), "ms")
+
+
+def time_rclpy() -> Iterator[float]:
+    """Yield how long a record's points to another node and its answer take [ms]."""
+    came, points = threading.Event(), Channel(counts=range(1000), scale=1.0)
+    block = partial(ACCELERATION.type, hammer=points, specimen=points)
+    with (
+        use_own_domain() as domain,
+        closing(BackgroundNode("here", domain)) as here,
+        closing(BackgroundNode("echo", domain)) as echo,
+    ):
+        back = echo.node.create_publisher(IMPACT.type, "back", IMPACT.qos)
+        there = here.node.create_publisher(ACCELERATION.type, "there", ACCELERATION.qos)
+        for node, kind, name, take in (
+            (echo.node, ACCELERATION, "there", lambda it: it.last and back.publish(IMPACT.type())),
+            (here.node, IMPACT, "back", lambda _: came.set()),
+        ):
+            node.create_subscription(kind.type, name, take, kind.qos)
+        for _ in range(HITS[0]):
+            time.sleep(0.05)  # the first ones find each other meanwhile
+            came.clear()
+            started = time.perf_counter()
+            for last in (False, False, False, False, True):
+                there.publish(block(last=last))
+            if came.wait(1.0):
+                yield 1e3 * (time.perf_counter() - started)
 
 
 def read_delays(path: Path) -> list[int]:

@@ -46,9 +46,16 @@ def start_nodes(host, environment, names, *words):
     return start(host, environment, "up", "--set", "hammer.swing_time=0.1", *only, *words)
 
 
-def test_a_campaign_outlasts_a_cable_that_is_pulled_and_loses_no_hit(hosts, environment, tmp_path):
+@pytest.mark.parametrize("multicast", [True, False], ids=["multicast", "static peers"])
+def test_a_campaign_outlasts_a_cable_that_is_pulled_and_loses_no_hit(
+    hosts, environment, tmp_path, multicast
+):
     devices, desk = hosts
     run = tmp_path / "run"
+    for host in hosts:
+        switch_multicast(host, is_on=multicast)
+    if not multicast:
+        environment = {**environment, "ROS_STATIC_PEERS": "198.18.0.1;198.18.0.2"}
     with (
         start_nodes(devices, environment, AT_THE_DEVICES),
         start_nodes(desk, environment, AT_THE_DESK, "--output", run),
@@ -200,6 +207,11 @@ def pull_cable(host: Host) -> None:
 def plug_in_cable(host: Host) -> None:
     run("ip", "-n", host.namespace, "link", "set", host.cable_end, "up")
     run("ip", "-n", host.namespace, "route", "replace", MULTICAST, "dev", host.cable_end)
+
+
+def switch_multicast(host: Host, *, is_on: bool) -> None:
+    word = "on" if is_on else "off"
+    run("ip", "-n", host.namespace, "link", "set", host.cable_end, "multicast", word)
 
 
 @contextlib.contextmanager

@@ -10,6 +10,7 @@ from impact_rig_msgs.msg import StreamBlock
 from impact_rig.core.given.records import Block, ChannelBlock, HitLabel
 from impact_rig.core.given.setup import PAPER_SETUP, AnalysisSettings
 from impact_rig.nodes import interfaces
+from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
@@ -81,3 +82,13 @@ def test_other_settings_go_on_with_the_stream_from_where_it_is(harness, stream):
 
     harness.wait_until(is_found)
     assert node.describe_warning() is None
+
+
+def test_a_stream_beside_accelerometers_that_publish_their_hits_is_somebody_else_s(harness):
+    harness.add(AccelerometerNode)
+    node = harness.add(EstimatorNode)
+    publisher = harness.advertise(interfaces.STREAM)
+    harness.wait_until(publisher.get_subscription_count)
+    publisher.publish(make_block(0))
+    harness.wait_until(lambda: node.intake.handled)
+    assert node.count_publishers(interfaces.ACCELERATION.name) == 1

@@ -28,13 +28,9 @@ def of(campaign_id):
     return Impact(campaign_id=id_to_msg(campaign_id), contact_time=math.nan)
 
 
-def test_a_node_that_has_joined_none_takes_everything(membership):
-    assert not membership.is_foreign(of(make_id()))
-    assert not membership.is_foreign(of(NO_ID))
-
-
-def test_what_carries_another_id_is_foreign(membership):
+def test_what_carries_another_id_is_foreign_once_a_node_has_joined(membership):
     own, other = make_id(), make_id()
+    assert not any(map(membership.is_foreign, (of(other), of(NO_ID))))
     membership.join(Identity(own))
     assert not membership.is_foreign(of(own))
     assert membership.is_foreign(of(other))

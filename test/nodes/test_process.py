@@ -95,25 +95,29 @@ def test_a_node_ends_when_its_launcher_is_killed(start_process, tmp_path, monkey
     launcher.wait()
 
 
-def test_a_node_that_stands_for_good_ends_and_shows_where(run_script):
-    """No thread of it runs Python, as when the middleware has locked itself up."""
+def test_a_node_that_stands_shows_where_and_ends_if_that_is_for_good(run_script):
+    """At last no thread of it runs Python, as when the middleware has locked itself up."""
     process = run_script("""
-import ctypes
+import ctypes, time
 from impact_rig.nodes import process
 from impact_rig.nodes.hammer import HammerNode
 
 class Standing(HammerNode):
+    longest_work = 2
+
     def autostart(self):
-        self.create_timer(0.1, self.stand)
+        self.create_timer(1.5, self.stand)
 
     def stand(self):
+        time.sleep(5.0)
         ctypes.PyDLL(None).sleep(1000)  # holds Python's lock
 
 process.STUCK_AFTER = 2.0
 process.run_node(Standing)
 """)
     assert process.returncode == 1
-    assert "in stand" in process.stderr
+    assert process.stderr.count("no callback for 2 s, after 0 messages") == 1
+    assert process.stderr.count("in stand") == 2
 
 
 def test_a_recording_is_whole_although_the_middleware_is_locked_up_at_the_end(

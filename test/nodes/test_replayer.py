@@ -1,5 +1,6 @@
 """The replayer gives a recording back, byte by byte; its rate, its loop and its pauses."""
 
+import os
 import time
 
 import pytest
@@ -11,6 +12,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from impact_rig.configuration.node_claim import claim_node
 from impact_rig.core.given.errors import FileError
 from impact_rig.core.given.setup import CONTROL_SAMPLE
 from impact_rig.nodes import interfaces
@@ -190,3 +192,9 @@ def test_a_replay_that_begins_again_leaves_nothing_of_the_one_before_to_do(harne
         publishers[topic.name].publish(message)
     comparisons.wait_for_count(1)  # of the control sample, the second in turn
     assert node.fault is None
+
+
+def test_a_replay_into_a_rig_of_this_computer_is_refused(harness):
+    with claim_node("/bench/accelerometer"):
+        node = harness.add(ReplayerNode, namespace="bench", file="absent.mcap")
+    assert node.fault.startswith(f"process {os.getpid()} is /bench/accelerometer")

@@ -5,7 +5,6 @@ import time
 
 import pytest
 from impact_rig_msgs.action import RunCampaign
-from impact_rig_msgs.msg import CampaignState
 from impact_rig_msgs.srv import Act
 
 from impact_rig.analysis.analyze import analyze
@@ -17,7 +16,7 @@ from impact_rig.nodes.campaign_client import CampaignClient
 from impact_rig.recordings.run import Run
 from impact_rig.status.states import Step
 
-from .campaigns import begin, cancel, make_client, start_rig
+from .campaigns import start_rig
 
 SWING = 3.0
 """When the hammer would strike [s]: a stop after a moment is long before it."""
@@ -49,28 +48,6 @@ def rig(harness, tmp_path):
     path = tmp_path / "rig.toml"
     path.write_text(f'{read_template()}\n[holder]\ndriver = "manual"\n')
     start_rig(harness, hammer={"rig_file": str(path), "swing_time": SWING})
-
-
-STRANGERS = (interfaces.HAMMER_STATE, interfaces.IMPACT)  # of blocks no hit would be recorded
-
-
-@pytest.mark.parametrize("topic", STRANGERS, ids=lambda topic: topic.name)
-def test_a_hit_in_which_a_stranger_speaks_is_rejected_by_that_reason_live_and_by_analyze(
-    rig, harness, topic
-):
-    client = make_client(harness)
-    handle, feedback = begin(harness, client, samples=["steel small"], impacts=1)
-    feedback.wait(lambda got: got[-1].task == CampaignState.LET_GO)
-    publisher = harness.peer.create_publisher(topic.type, topic.name, topic.qos)
-    feedback.wait(lambda got: f"/peer speaks on {topic.name}" in got[-1].message)
-    harness.run(lambda: harness.peer.destroy_publisher(publisher))
-    (hit,) = cancel(harness, handle).result.rejected
-    (reason,) = hit.reasons
-    told = f"{DISARMED}: /peer speaks on {topic.name} beside its {topic.owners[0]}: end that node"
-    assert (reason.reason, reason.explanation) == ("disarmed", told)
-    harness.change_state("recorder", "deactivate")
-    (analyzed,) = analyze(Run(harness.recording)).campaigns[-1].results.hits
-    assert analyzed.reasons == (Finding(Reason.DISARMED, told),)
 
 
 @pytest.mark.parametrize("service", [interfaces.EMERGENCY_STOP, interfaces.DISARM_HAMMER])

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import rclpy
 from geometry_msgs.msg import AccelStamped, WrenchStamped
+from impact_rig_msgs.msg import ImpactTrace
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, String
@@ -233,6 +234,16 @@ def test_a_message_unlike_the_first_ends_the_stream_with_a_sentence():
         sizes[:] = [80]
         with pytest.raises(DeviceError, match="a message on /table has other fields than the"):
             source.read(1.0)
+
+
+def test_of_several_faults_the_first_is_told():
+    topics: dict[str, Make] = {"/daq": lambda *_: ImpactTrace(hammer=[0.0] * 40)}
+    plan = make_plan(make_channel("hammer", 'channel = "/daq.hammer"\nunit = "m/s^2"'))
+    with (
+        closing(Publisher(topics, rate=1.09 * RATE / 40.0)) as publisher,
+        pytest.raises(DeviceError, match="its points come at 1090 Hz"),
+    ):
+        take_hit(publisher, plan)
 
 
 def test_messages_that_are_missing_are_a_gap_in_the_stream():
