@@ -191,9 +191,6 @@ class Run:
         >>> run.analyze(cutoff="20 kHz", reject="steel small/3")
         1 sample, 3 hits accepted, 1 rejected; simulated (virtual rig, plant published)
         """
-        return self._analyze(accept, reject, settings)
-
-    def _analyze(self, accept: Chosen, reject: Chosen, settings: Settings) -> Results:
         by_hand = ByHand(self._name_hits(accept), self._name_hits(reject))
         chosen = read_settings({**settings})
         with _speaking_python():
@@ -201,7 +198,6 @@ class Run:
         campaign = choose_campaign(self.name, found.campaigns, self._campaign)
         return Results(campaign, self.name, [*map(_say_in_python, found.warnings)])
 
-    @compute_alone()
     def sweep(self, **settings: Iterable[Given]) -> dict[Given, Results]:
         """Analyze with each value of one setting.
 
@@ -226,10 +222,7 @@ class Run:
         if len(settings) != 1:
             raise ParameterError(f"sweep changes one setting, not {len(settings)}")
         ((name, values),) = settings.items()
-        return {
-            value: self._analyze((), (), {name: value})  # type: ignore[misc]
-            for value in list_items(values)
-        }
+        return {value: self.analyze(**{name: value}) for value in list_items(values)}
 
     def _name_hits(self, chosen: Chosen) -> list[str]:
         """Return hits by name; raises `ParameterError` for one of another run."""

@@ -18,7 +18,7 @@ from impact_rig.core.given.findings import Reason
 from impact_rig.core.given.quantity import UNKNOWN, Quantity
 from impact_rig.core.given.records import Block, HitLabel, PackedRecord, Truth
 from impact_rig.core.given.setup import RigSetup
-from impact_rig.core.hit.judging import FilteredHit, JudgedHit
+from impact_rig.core.hit.judging import JudgedHit
 from impact_rig.core.hit.overrules import NO_OVERRULES, Overrules, find_label
 from impact_rig.core.mean.series import MOST_SHOWN, Evenly
 from impact_rig.core.session import Session
@@ -29,7 +29,6 @@ from impact_rig.results.campaign import (
     results_from_session,
 )
 from impact_rig.results.traces import (
-    HitTraces,
     TraceAssembler,
     TracedCampaign,
     TracedHit,
@@ -111,8 +110,8 @@ class _JudgedCampaign:
 
     session: Session
     truths: Mapping[HitLabel, Truth]
-    # Of each sample, what is wanted of its hits.
-    traces: dict[str, Evenly[tuple[HitTraces, FilteredHit | None]]] = field(default_factory=dict)
+    # Of each sample, what is wanted of its hits: as recorded, and filtered.
+    traces: dict[str, Evenly] = field(default_factory=dict)
     # What the hit of a file says by itself.
     alone: dict[HitLabel, FileResults] = field(default_factory=dict)
 

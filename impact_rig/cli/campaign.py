@@ -149,8 +149,9 @@ def report_outcome(
             recording = recording.parent  # the run was resumed
         print_places(results=path, recording=recording)
     if not outcome.success:
+        recorded = Path(outcome.recording).parent if outcome.recording else folder
         raise RigError(
-            f"the campaign did not end as planned: {outcome.message}; {advise_resuming(folder)}"
+            f"the campaign did not end as planned: {outcome.message}; {advise_resuming(recorded)}"
         )
 
 

@@ -180,7 +180,8 @@ def write_imported(output: Path, setup: RigSetup, hits: Sequence[MeasuredHit]) -
         remarks = dict.fromkeys(remark for hit in hits for remark in hit.remarks)
         made = {"software_version": __version__, IMPORT_REMARKS: "\n".join(remarks)}
         writer.add_metadata(PROVENANCE_RECORD, made)
-        origins = {str(hit.block.label.record): _describe(hit) for hit in hits}
+        digests = {path: compute_sha256(path) for path in dict.fromkeys(hit.path for hit in hits)}
+        origins = {str(hit.block.label.record): _describe(hit, digests[hit.path]) for hit in hits}
         writer.add_metadata("impact_rig/import", origins)
         # As the rig's nodes offer these topics.
         state = OfferedQos(durability="transient_local", depth=1)
@@ -206,11 +207,11 @@ def _assign_stamps(hits: Sequence[MeasuredHit]) -> list[int]:
     return stamps
 
 
-def _describe(hit: MeasuredHit) -> str:
+def _describe(hit: MeasuredHit, digest: str) -> str:
     """Return where a hit comes from, as JSON: enough to find the file and prove that it is it."""
     content: dict[str, object] = {
         "file": hit.path.name,
-        "sha256": compute_sha256(hit.path),
+        "sha256": digest,
         "channels": hit.names,
     }
     if hit.block.stamp:

@@ -214,7 +214,7 @@ class HammerNode(DeviceNode):
         recorder = self._recorder.state
         if recorder is None or recorder.recording:
             return None
-        return f"nothing is being recorded ({recorder.message}): start the recorder"
+        return f"nothing is being recorded: {recorder.message}"
 
     def _describe_obstacle(self, request: Release.Request) -> str | None:
         """Return why the rest of the rig could not record a hit."""

@@ -161,10 +161,7 @@ class RecorderNode(RigNode):
             if newest is not None and not self.membership.is_foreign(newest):
                 self._stored.publish(newest)  # an estimator that missed it waits for it
         else:
-            # What has ended, as where the disk was full, no command starts again.
-            ended = "end the rig, see to it, and go on by `impact-rig up --resume`"
-            advice = ended if self.fault else "start the recorder"
-            response.message = f"nothing is being recorded ({self._message}): {advice}"
+            response.message = f"nothing is being recorded: {self._message}"
 
     def autostart(self) -> None:
         """Start, or publish that nothing is recorded yet."""
@@ -266,7 +263,10 @@ class RecorderNode(RigNode):
             with contextlib.suppress(FileError):
                 reason = "disk full" if isinstance(error, DiskFullError) else "error"
                 self._close(self._writer, reason)
-        self.report_fault(str(error))
+        # What has ended, as where the disk was full, no command starts again.
+        self.report_fault(
+            f"{error}: end the rig, see to it, and go on by `impact-rig up --resume`"
+        )
 
     def _close(self, writer: RecordingWriter, reason: str) -> None:
         """Write how it ended, finish the recording, and withdraw the subscriptions.

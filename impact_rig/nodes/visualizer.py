@@ -5,6 +5,7 @@ The file is written as hits come. What it keeps of a hit is its verdict; 512 MB 
 this host that come late.
 """
 
+import shutil
 from collections import Counter
 from collections.abc import Callable, Hashable
 from dataclasses import replace
@@ -29,7 +30,7 @@ from impact_rig.nodes.rig_node import RigNode
 from impact_rig.present.rerun.delivery import LiveView
 from impact_rig.present.rerun.view_log import ViewLog
 from impact_rig.recordings.messages import RecordedTruth
-from impact_rig.recordings.new_file import choose_free
+from impact_rig.recordings.new_file import ROOM_FOR_ENDING, choose_free
 from impact_rig.results.campaign import HitResults, Results
 from impact_rig.results.traces import JudgedTraces, SampleTraces, TraceAssembler
 
@@ -238,6 +239,13 @@ class VisualizerNode(RigNode):
         self._log_latest()
         if self._view is not None:
             self._is_behind = not self._view.flush()
+        output = self.get_value("output")
+        if not (output and self._subscriptions_of_view):
+            return
+        if shutil.disk_usage(Path(output).parent).free < 2 * ROOM_FOR_ENDING:
+            self._left_out = "the disk is nearly full, and what room it has is the recorder's"
+            self.get_logger().warning(f"the view ends here: {self._left_out}")
+            self.deactivate()
 
     def _on_campaign(self, received: Received[RigSetup]) -> None:
         self._log_latest()

@@ -144,15 +144,14 @@ def results_from_session(
     faults_by_record : mapping of int to tuple of str
         Injected faults by number of the arming; what is absent had none.
     """
+    judged = sorted(session.accepted + session.rejected, key=lambda hit: hit.label.record)
     return Results(
         setup=session.setup,
         hammer=make_result(session.hammer),
         samples=tuple(map(make_result, session.samples)),
         hits=tuple(
             hit_results_from_judged(hit, faults_by_record.get(hit.label.record, ()))
-            for hit in sorted(
-                session.accepted + session.rejected, key=lambda hit: hit.label.record
-            )
+            for hit in judged
         ),
         speed_exponents=tuple(map(make_result, session.speed_exponents)),
     )

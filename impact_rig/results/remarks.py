@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
-from typing import TypeVar
+from typing import Any
 
 from impact_rig.core.estimates.paper_method import HammerEstimate
 from impact_rig.core.estimates.ringing import BY_FREE_DECAY
@@ -37,7 +37,6 @@ from impact_rig.results.table import (
     read_optional,
 )
 
-_T = TypeVar("_T")
 EXPLANATIONS = {
     SIMULATED: "No hammer struck.",
     MIXED: "The list of hits says which is which.",
@@ -349,7 +348,7 @@ MOST_LISTED = 1000
 """Hits that a table lists [-], our choice: thirty pages; a published campaign has 120."""
 
 
-def _list_first(hits: Sequence[_T]) -> tuple[Sequence[_T], list[str]]:
+def _list_first(hits: Sequence[Any]) -> tuple[Sequence[Any], list[str]]:
     """Return the hits that a table lists, and how many more there are."""
     more = len(hits) - MOST_LISTED
     told = [f"The first {MOST_LISTED} hits; {more} more are in results.json."] if more > 0 else []

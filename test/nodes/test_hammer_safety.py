@@ -103,7 +103,7 @@ def test_accelerometers_at_fault_or_a_recorder_that_stops_disarm_the_hammer_unti
     rig.acquisition.publish(ARMED)
     rig._harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)
     rig.recorder.publish(RecorderState(recording=False, message="disk full"))
-    rig.wait(lambda item: "nothing is being recorded (disk full)" in item.message)
+    rig.wait(lambda item: "nothing is being recorded: disk full" in item.message)
     assert not rig.states.messages[-1].armed
     rig.recorder.publish(RecorderState(recording=True, uri="b.mcap"))
     rig._harness.wait_until(lambda: rig.call(interfaces.ARM_HAMMER).success)

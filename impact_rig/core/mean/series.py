@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,17 +173,14 @@ MOST_SHOWN = 128
 campaign."""
 
 
-_T = TypeVar("_T")
-
-
-class Evenly(dict[int, _T]):
+class Evenly(dict[int, Any]):
     """Things of a long series by their numbers: every one, every other, every fourth ..."""
 
     def __init__(self, most: int = MOST_SHOWN) -> None:
         super().__init__()
         self._most, self._count = most, 0
 
-    def take(self, thing: _T) -> None:
+    def take(self, thing: Any) -> None:
         """Keep the next thing, or not; of those before so many that there are not too many."""
         step = 1 << (self._count // self._most).bit_length()
         if self._count % step == 0:
@@ -219,7 +216,7 @@ class HitSeries:
         self._levels = np.zeros((0, 0))
         self._found: dict[Reason, dict[int, str]] = {}  # findings, by number
         self._criteria = compute_criteria(self._figures)
-        self._shown = Evenly[FilteredHit]()  # hits that show the scatter, shifted
+        self._shown = Evenly()  # hits that show the scatter, shifted
         self._sums: dict[int, TraceSum] = {}  # of each `BLOCK` hits, those in the mean
         self._mean: MeanHit | None = None
         self._alone: FilteredHit | None = None  # the only accepted hit so far
