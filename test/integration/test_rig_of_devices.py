@@ -40,8 +40,8 @@ def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virt
             "--set", "hammer.reconnect_period=0.1",
             "--set", "accelerometer.reconnect_period=0.1",
             # A busy machine may take seconds to compute the first hit.
-            "--set", "accelerometer.trigger_timeout=5.0",
-            "--set", "campaign.verdict_timeout=10.0",
+            "--set", "accelerometer.trigger_timeout=20.0",
+            "--set", "campaign.verdict_timeout=30.0",
             "--rig-file", tmp_path / "bench.toml",
         ], environment) as rig,
         Terminal([

@@ -59,6 +59,7 @@ def test_every_hit_comes_through_and_no_block_of_the_stream_is_lost(
             *enter, *RIG, "up", "--output", tmp_path, "--no-visualizer", "--continuous",
             "--record-stream", "--rig-file", tmp_path / "bench.toml",
             "--set", "hammer.swing_time=0.02", "--set", "hammer.lead_time=0.1",
+            "--set", "accelerometer.trigger_timeout=20.0",
             "--set", "campaign.verdict_timeout=30.0",
         ], environment) as rig,
         Terminal([

@@ -167,8 +167,9 @@ def test_only_a_rig_that_is_told_so_leaves_its_computer(
         {**environment, **({} if network else OPEN)},
     ) as rig:
         rig.wait_for("this node is active")
-        could, told = arm_from(hosts[1], environment)
-        assert could is network, told
+        # A busy computer finds a node late; one that is not to be found is looked for once.
+        tries = (arm_from(hosts[1], environment)[0] for _ in range(TRIES if network else 1))
+        assert any(tries) is network
 
 
 MULTICAST = "224.0.0.0/4"
