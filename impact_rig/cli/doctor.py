@@ -34,12 +34,7 @@ DISTRIBUTION = "jazzy"
 QUIET: dict[str, Any] = {
     "stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE,
 }  # fmt: skip
-ADVICE = (
-    "repair the faults above first, then look for a firewall on the loopback interface, and at the"
-    " variables of ROS 2"
-)
 ROS_VARIABLES = ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE", "RMW_IMPLEMENTATION")
-EXIT_FAULT = 1
 
 
 def has_ros() -> bool:
@@ -92,13 +87,8 @@ def check_conversation() -> Finding:
     if asked.returncode == 0:
         return Finding(name, "a node answers a command")
     reason = (asked.stderr or errors).decode(errors="replace").strip().splitlines()[-1]
-    return Finding(name, reason, FAULT, ADVICE)
-
-
-def check_drivers() -> list[Finding]:
-    """List the drivers of devices that are installed."""
-    groups = {"sources": SOURCES, "holders": HOLDERS}
-    return [Finding(title, ", ".join(find_drivers(group))) for title, group in groups.items()]
+    advice = "repair the faults above first; then look for a firewall on the loopback interface"
+    return Finding(name, reason, FAULT, f"{advice}, and at the variables of ROS 2")
 
 
 def check_disk(folder: Path) -> Finding:
@@ -116,7 +106,8 @@ def run() -> None:
         *map(check_library, LIBRARIES),
         *check_ros(),
         check_conversation(),
-        *check_drivers(),
+        Finding("sources", ", ".join(find_drivers(SOURCES))),
+        Finding("holders", ", ".join(find_drivers(HOLDERS))),
         check_disk(Path.cwd()),
     ]
     faults = sum(finding.status == FAULT for finding in findings)
@@ -128,6 +119,6 @@ def run() -> None:
     print_facts(console, rows)
     if faults:
         console.print(f"{format_count(faults, 'fault')}: see above.")
-        raise SystemExit(EXIT_FAULT)
+        raise SystemExit(1)
     alone = "Recordings and files can be analysed. What runs a rig needs ROS 2."
     console.print("The rig can work." if has_ros() else alone)

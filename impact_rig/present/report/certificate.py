@@ -70,9 +70,8 @@ def list_results(runs: Sequence[ReportedCampaign]) -> list[StatedResult]:
 
 def _list_of_sample(place: str, sample: SampleEstimate) -> Iterator[StatedResult]:
     paper = list_items(sample.paper)
-    for item in SAMPLE_MEASURANDS:
-        items = {item.field: paper[item.field]}
-        yield from _state(place, sample.name, items, MAIN_METHOD, is_result=True)
+    items = {item.field: paper[item.field] for item in SAMPLE_MEASURANDS}
+    yield from _state(place, sample.name, items, MAIN_METHOD, is_result=True)
     for name in ADDITIONAL:
         items, method = list_items(getattr(sample, name)), name.replace("_", " ")
         yield from _state(f"{place}.{name}", sample.name, items, method, is_result=False)

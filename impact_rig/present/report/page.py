@@ -32,7 +32,7 @@ class Remarks:
 
 @dataclass(frozen=True)
 class Facts:
-    """Names and values."""
+    """Names and values; those without a value are left out."""
 
     rows: tuple[tuple[str, str], ...]
 

@@ -352,13 +352,12 @@ def _cite_method(
         " stands in the first table. Values by other methods (pulse shape, contact law, free"
         " decay, momenta) are additional."
     )
-    facts = (
+    return (
         ("Method", f"{method}, after [1]: {cited}."),
         ("Validated by", stated.get("report", "validated")),
         ("Results", result),
         ("Uncertainty", UNCERTAINTY),
     )
-    return tuple((name, text) for name, text in facts if text)
 
 
 def _leave_out_printed(run: ReportedCampaign) -> ReportedCampaign:
@@ -388,14 +387,13 @@ def _list_facts(
     """Return the facts below the title: what a person states, and of the runs."""
     results = [run.campaign.results for run in runs]
     rigs = dict.fromkeys(item.setup.name for item in results if item.setup.name)
-    facts = [
+    return (
         *stated.list_facts("laboratory"),
         *_list_stated(runs, stated),
         ("Run", ", ".join(run.name for run in runs)),
         ("Rig", ", ".join(rigs)),
         ("Tested on", _date_tests(runs[0], stated)),
-    ]
-    return tuple((name, text) for name, text in facts if text)
+    )
 
 
 def _list_stated(

@@ -1,7 +1,7 @@
 """Items, instruments, settings, recording and software of a test."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from impact_rig.configuration.particulars import (
     INSTRUMENT,
@@ -107,41 +107,32 @@ def find_test_days(provenance: Provenance | None) -> tuple[str, str]:
 
 def _list_facts(run: ReportedCampaign) -> tuple[tuple[str, str], ...]:
     setup = run.campaign.results.setup
-    facts = [
+    return (
         ("Impact speed v1", _describe_speeds(setup)),
         ("Clock", _describe_clock(setup.clock_uncertainty)),
         ("Hammer stiffness k1", _describe_hammer_stiffness(setup)),
-    ]
-    if run.provenance is not None:
-        facts += _list_recording_facts(run.provenance)
-    return tuple((name, text) for name, text in facts if text)
+        *(_list_recording_facts(run.provenance) if run.provenance is not None else ()),
+    )
 
 
-def _list_recording_facts(provenance: Provenance) -> list[tuple[str, str]]:
+def _list_recording_facts(provenance: Provenance) -> Iterator[tuple[str, str]]:
+    for file in provenance.files:
+        yield "File", f"{file.name}, {file.size / 1e6:.4g} MB, SHA-256 {file.sha256}"
     is_sound = "sound: every checksum is right and nothing is missing"
-    return [
-        *(
-            ("File", f"{file.name}, {file.size / 1e6:.4g} MB, SHA-256 {file.sha256}")
-            for file in provenance.files
-        ),
-        ("Condition", "; ".join(provenance.problems) or is_sound),
-        *(
-            (f"Note, {format_time(time)}" if time else "Notes", text)
-            for time, text in provenance.notes
-        ),
-    ]
+    yield "Condition", "; ".join(provenance.problems) or is_sound
+    for time, text in provenance.notes:
+        yield f"Note, {format_time(time)}" if time else "Notes", text
 
 
 def _list_recorder_facts(provenance: Provenance) -> tuple[tuple[str, str], ...]:
     duration = (provenance.end_time - provenance.start_time) * 1e-9
-    facts = [
+    return (
         ("Duration", f"{duration:.1f} s" if is_dated(provenance.start_time) else ""),
         # Only a recorder that was there knows.
         ("Lost while recorded", provenance.losses or ("nothing" if provenance.ended else "")),
         ("Ended", provenance.ended or ""),
         ("Recorded by", ", ".join(f"{name} {number}" for name, number in provenance.versions)),
-    ]
-    return tuple((name, text) for name, text in facts if text)
+    )
 
 
 def _format_value(value: float, scale: float = 1.0) -> str:
@@ -292,9 +283,7 @@ def _tabulate_instruments(
 
 
 def _tabulate_calibrations(campaign: TracedCampaign) -> Sequence[Table]:
-    found = list(
-        dict.fromkeys(item for hit in campaign.hits for item in hit.recorded.calibrations)
-    )
+    found = [*dict.fromkeys(it for hit in campaign.hits for it in hit.recorded.calibrations)]
     columns = [
         make_text_column("Channel", [item.name for item in found]),
         Column("Rate [kHz]", [f"{item.sampling_rate * 1e-3:.7g}" for item in found]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -137,17 +138,7 @@ class ViewLog:
         """Show the traces of a record; they replace the last one's."""
         self._plots.hide(entities.HITS)
         path = self._plots.draw(entities.HITS, traces.time, traces.values, LINES)
-        label = traces.label
-        self._stream.log(
-            path,
-            self._rr.AnyValues(
-                sample=label.sample,
-                record=label.record,
-                impact=label.impact,
-                attempt=label.attempt,
-            ),
-            static=True,
-        )
+        self._stream.log(path, self._rr.AnyValues(**asdict(traces.label)), static=True)
 
     def log_verdicts(self, hits: Sequence[HitResults], stamps: Sequence[int]) -> None:
         """Show the last hit's verdict, and add all to the log and the trends.
@@ -171,22 +162,17 @@ class ViewLog:
         indexes.append(
             rr.TimeColumn(entities.HIT_TIME, duration=seconds.astype("timedelta64[ns]"))
         )
-        values = np.array(
-            [
-                (hit.contact_time * MICRO, self._hammer[0] * hit.hammer_peak, hit.specimen_peak)
-                for hit in hits
-            ]
+        values = (
+            [hit.contact_time * MICRO for hit in hits],
+            [self._hammer[0] * hit.hammer_peak for hit in hits],
+            [hit.specimen_peak for hit in hits],
         )
-        accepted = np.array([hit.accepted for hit in hits], dtype=bool)
-        for quantity, column in zip(TRENDS, values.T, strict=True):
-            if np.isnan(column).all():
-                continue
-            rows = np.stack(
-                [np.where(accepted, column, np.nan), np.where(accepted, np.nan, column)], axis=1
-            )
-            self._stream.send_columns(
-                self._begin_trend(quantity), indexes=indexes, columns=[make_scalars(rows)]
-            )
+        accepted = np.array([[hit.accepted, not hit.accepted] for hit in hits])
+        for quantity, column in zip(TRENDS, values, strict=True):
+            if np.isfinite(column).any():
+                rows = make_scalars(np.where(accepted, np.array(column)[:, np.newaxis], np.nan))
+                path = self._begin_trend(quantity)
+                self._stream.send_columns(path, indexes=indexes, columns=[rows])
 
     def log_aligned_hits(self, hits: Sequence[AlignedHit]) -> None:
         """Add hits to the aligned hits of their samples; for hits in the mean."""
