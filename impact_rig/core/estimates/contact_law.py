@@ -9,18 +9,15 @@ import numpy as np
 from impact_rig.core.estimates.law_fit import (
     COUNT,
     EXPONENT,
-    GAIN,
     HEIGHT,
     LOSS,
     NEAREST,
     OFFSET,
     PULL,
-    SMALL_PART,
     START,
-    STEP,
-    TERM,
     TIME,
     FittedLoss,
+    Noise,
     evaluate_laws,
     fit_losses,
     fit_models,
@@ -65,6 +62,15 @@ MARGINS = (1.0, 1.5)
 NEARER = 1.1
 """How much less a better model leaves [-], our choice: 10 in BIC of some 50 points (Kass and
 Raftery 1995)."""
+STEP = 1e-4
+"""Step of n and B for derivatives [-], our choice."""
+GAIN = 1e-3
+"""By which e may exceed 1 [-], our choice: the fit itself may be wrong by so much."""
+SMALL_PART = 0.15
+"""Probability below which a form of loss is not named [-], our choice."""
+TERM = 1.0 / 7.0
+"""How probable a second term is before the pulse is seen, over one [-]: that of Bayes' information
+criterion with some 50 points (Kass and Raftery 1995)."""
 LARGEST_LOST = 0.01
 """Of J that a support may take within the contact, by the sample's part of the approach [-], our
 choice: by so much v is off."""
@@ -191,10 +197,10 @@ class _LawFits:
     pulse: PulseWidth  # of the mean
     window: PulseWindow
     unit: float  # [s] of w50
-    noise: float  # of the mean, over its peak [-]
-    correlation: FloatArray  # of the noise, from 0 points on, over its variance [-]
+    noise: Noise  # of the mean
     losses: list[FittedLoss]  # of the mean
     best: int  # of the losses
+    restitution: float  # e of the mean by the best
     points: FloatArray  # (k, 7), parameters of the hits whose fit ended
     left: FloatArray  # (n,), what the best model leaves of all hits together, over the peak
     chances: FloatArray  # (losses,), how probable each is by what it leaves
@@ -223,8 +229,10 @@ class _LawFits:
     @property
     def unexplained(self) -> float:
         """Residual beyond the noise, over the peak [-]."""
-        points = self.left.size / float(2.0 * self.correlation @ self.correlation - 1.0)
-        return compute_unexplained(self.residual, self.noise, points)
+        points = self.left.size / float(
+            2.0 * self.noise.correlation @ self.noise.correlation - 1.0
+        )
+        return compute_unexplained(self.residual, self.noise.level, points)
 
     @property
     def slow(self) -> float:
@@ -234,7 +242,7 @@ class _LawFits:
         count = round(0.25 * (time.size - 1) / (time[-1] - time[0]))
         weights = np.hanning(count + 2)[1:-1]
         left = np.convolve(self.left, weights / weights.sum(), "same")
-        return compute_unexplained(float(np.std(left)), self.noise)
+        return compute_unexplained(float(np.std(left)), self.noise.level)
 
 
 def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
@@ -248,12 +256,12 @@ def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
     window = cut_window(mean.traces[0], pulse, chain, MARGINS)
     correlation = chain.correlate_noise(window.step)
     correlation = correlation[correlation.size // 2 :]
-    noise = float(mean.compute_raw_noise()[0]) * math.sqrt(correlation[0]) / peak
-    correlation = correlation / correlation[0]
-    losses = fit_losses(window, exponent)
-    before = _guess(losses, width)
+    level = float(mean.compute_raw_noise()[0]) * math.sqrt(correlation[0]) / peak
+    noise = Noise(level, correlation / correlation[0])
+    losses = fit_losses(window, exponent, noise)
+    before, restitution = _guess(losses, width)
     left = np.array([loss.fit.fitted - window.measured for loss in losses])
-    chances = weigh_losses(left, before, noise, correlation)
+    chances = weigh_losses(left, before, noise)
     # One hit hardly tells how fast something relaxes: of two that are alike it is the other.
     relaxes = np.array([loss.form is LossForm.MEMORY for loss in losses])
     best = int(np.argmax(chances * np.where(relaxes, 0.5, 1.0)))
@@ -266,18 +274,18 @@ def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
         window=window,
         unit=width / mean.sampling_rate,
         noise=noise,
-        correlation=correlation,
         losses=losses,
         best=best,
+        restitution=restitution[best],
         points=np.array(inside or [fit.parameters for fit in hits]),
         left=pooled,
-        chances=weigh_losses(pooled + left - left[best], before, noise, correlation),
+        chances=weigh_losses(pooled + left - left[best], before, noise),
         is_inside=losses[best].fit.is_inside and 2 * len(inside) > len(hits),
     )
 
 
-def _guess(losses: Sequence[FittedLoss], width: float) -> FloatArray:
-    """Return how probable each model of the loss is before what it leaves is looked at."""
+def _guess(losses: Sequence[FittedLoss], width: float) -> tuple[FloatArray, FloatArray]:
+    """Return how probable each model is before what it leaves is looked at, and its e."""
     exponent, loss, pull = np.array([item.fit.parameters for item in losses])[
         :, [EXPONENT, LOSS, PULL]
     ].T
@@ -289,7 +297,7 @@ def _guess(losses: Sequence[FittedLoss], width: float) -> FloatArray:
     takes &= (np.minimum(loss, pull) >= 0.0) | (width >= OPPOSED_POINTS) | ~is_mixed
     takes &= [item.fit.is_inside for item in losses]
     # A loss that is left out counts only where all are left out.
-    return np.where(takes, np.where(is_mixed, TERM, 1.0), 1e-30)
+    return np.where(takes, np.where(is_mixed, TERM, 1.0), 1e-30), pulses.restitution
 
 
 def _fit_hits(
@@ -300,12 +308,11 @@ def _fit_hits(
     exponent: float | None,
 ) -> tuple[list[WindowFit], FloatArray]:
     """Fit one model to every hit, from where it describes the mean; return their pulses, too."""
-    measured, wider, higher = window.measured[np.newaxis], np.ones(1), np.ones(1)
-    if len(mean.hits) >= LEAST_HITS:
-        measured = mean.read_hits(0, window.points) / pulse.peak
-        wider = np.array([hit.pulse.half_amplitude_width for hit in mean.hits])
-        wider = wider / pulse.half_amplitude_width
-        higher = np.array([hit.pulse.peak for hit in mean.hits]) / pulse.peak
+    if len(mean.hits) < LEAST_HITS:
+        return [best.fit], window.measured[np.newaxis]
+    measured = mean.read_hits(0, window.points) / pulse.peak
+    pulses = np.array([(hit.pulse.half_amplitude_width, hit.pulse.peak) for hit in mean.hits])
+    wider, higher = pulses.T / [[pulse.half_amplitude_width], [pulse.peak]]
     start = np.tile(best.fit.parameters, (len(measured), 1))
     start[:, [START, TIME]] *= wider[:, np.newaxis]
     start[:, HEIGHT] *= higher
@@ -357,8 +364,7 @@ def _find_misfit(
     is_worse : bool
         The law leaves more than a versed-sine does, chance apart.
     """
-    e = _describe_laws(fits.fit.parameters[np.newaxis], [fits.losses[fits.best]])[0, E]
-    crushed = CRUSHED if e > 1.0 + 0.01 else ""
+    crushed = CRUSHED if fits.restitution > 1.0 + 0.01 else ""
     if not fits.is_inside:
         return f"{LIKE_CONTACT}: no fit ends{crushed}"
     # What leaves more is another contact, an amplifier or an average with jitter; our choice.
@@ -386,11 +392,11 @@ def _ask_for_response(chain: Chain) -> str:
 
 def _check_rest(fits: _LawFits, help_needed: str) -> tuple[Note, ...]:
     """Warn that the law leaves more than noise."""
-    if not fits.unexplained > 0.0 < fits.noise:
+    if not fits.unexplained > 0.0 < fits.noise.level:
         return ()
     warning = (
         f"the contact law leaves {100.0 * fits.residual:.2g} % of the peak, where noise is"
-        f" {100.0 * fits.noise:.2g} %: the contact is not quite of this law, and every ± is"
+        f" {100.0 * fits.noise.level:.2g} %: the contact is not quite of this law, and every ± is"
         f" as wide as that makes it{help_needed}"
     )
     return (Note(Subject.CONTACT_LAW, warning),)
@@ -449,8 +455,8 @@ def _list_sources(
     """
     fit, sources = fits.fit, list[tuple[Source, FloatArray]]()
     if len(mean.hits) < LEAST_HITS:
-        unit = fit.compute_covariance(fits.correlation)
-        sources.append((Source("noise"), fits.noise**2 * unit))
+        unit = fit.compute_covariance(fits.noise.correlation)
+        sources.append((Source("noise"), fits.noise.level**2 * unit))
     # Anything of that size, in the worst direction: no noise, so that it does not average out.
     left = (fits.unexplained**2 + NEAREST**2) * fit.fitted.size / 3.0
     sources.append(
@@ -478,7 +484,6 @@ def _move_step(mean: MeanHit, pulse: PulseWidth) -> FloatArray:
 
 LOGARITHMIC = _QUANTITIES.index("stiffness")
 """Place of what is averaged by its logarithm: k, which goes by powers of ten with n."""
-E = _QUANTITIES.index("restitution")
 
 
 def _compute_quantities(
@@ -499,9 +504,21 @@ def _compute_quantities(
     bodies = (masses.hammer_mass, masses.moving_mass)
     known = np.array([body.x for body in bodies])
     each = np.column_stack((fits.points * fits.scales, np.tile(known, (len(fits.points), 1))))
-    best = fits.losses[fits.best]
-    hits, slopes = _describe_laws(each, [best] * len(each)), _find_slopes(each, best)
-    moves, chances = _compare_losses(fits, known), fits.chances
+    middle = each.mean(axis=0)
+    steps = STEP * np.where(np.isin(np.arange(middle.size), (EXPONENT, LOSS, PULL)), 1.0, middle)
+    steps[[START, OFFSET]] = 1.0
+    means = np.array([loss.fit.parameters for loss in fits.losses]) * fits.scales
+    means = np.column_stack((means, np.tile(known, (len(means), 1))))
+    ends = np.cumsum([len(each), 1, middle.size])
+    hits, center, stepped, models = np.split(
+        _describe_laws(
+            np.concatenate((each, middle[np.newaxis], middle + np.diag(steps), means)),
+            [fits.losses[fits.best]] * int(ends[-1]) + fits.losses,
+        ),
+        ends,
+    )
+    slopes = np.nan_to_num((stepped - center).T / steps)
+    moves, chances = np.nan_to_num(models - models[fits.best]), fits.chances
     moved = chances @ moves
     values = hits.mean(axis=0) + moved
     effect = slopes[:, :COUNT] * fits.scales
@@ -510,7 +527,6 @@ def _compute_quantities(
         own.append((scatter[0], np.cov(hits, rowvar=False) / scatter[1]))
     parts = [(source, np.diag(covariance)) for source, covariance in own]
     parts.append((Source("form of the loss"), chances @ (moves - moved) ** 2))
-    middle = each.mean(axis=0)
     inputs = [(TIME, middle[TIME], masses.clock), (HEIGHT, middle[HEIGHT], masses.gains[0])]
     inputs += [(place, 1.0, body) for place, body in enumerate(bodies, start=COUNT)]
     for place, factor, body in inputs:
@@ -531,36 +547,16 @@ def _compute_quantities(
     return quantities, tuple((source, part[np.ix_(rows, rows)] / size) for source, part in own)
 
 
-def _find_slopes(each: FloatArray, best: FittedLoss) -> FloatArray:
-    """Return the derivatives of the quantities in parameters and masses, shape (11, 9)."""
-    point = each.mean(axis=0)
-    steps = STEP * np.where(np.isin(np.arange(point.size), (EXPONENT, LOSS, PULL)), 1.0, point)
-    steps[[START, OFFSET]] = 1.0
-    points = np.concatenate((point[np.newaxis], point + np.diag(steps)))
-    found = _describe_laws(points, [best] * len(points))
-    return np.asarray(np.nan_to_num((found[1:] - found[0]).T / steps))
-
-
-def _compare_losses(fits: _LawFits, masses: FloatArray) -> FloatArray:
-    """Return by how much the quantities of each model differ from the best's, (losses, 11)."""
-    points = np.array([loss.fit.parameters for loss in fits.losses]) * fits.scales
-    points = np.column_stack((points, np.tile(masses, (len(points), 1))))
-    found = _describe_laws(points, fits.losses)
-    return np.asarray(np.nan_to_num(found - found[fits.best]))
-
-
 def _describe_laws(points: FloatArray, losses: Sequence[FittedLoss]) -> FloatArray:
     """Return the law's quantities in their order, k by its logarithm, shape (k, 11).
 
     Parameters
     ----------
-    points : ndarray, shape (k, 7) or (k, 9)
+    points : ndarray, shape (k, 9)
         Parameters and masses of each law, in SI units.
     losses : sequence of FittedLoss
         The model of each.
     """
-    if points.shape[1] == COUNT:
-        points = np.column_stack((points, np.full((len(points), 2), np.nan)))
     _, time, height, _, loss, pull, exponent, hammer, sample = points.T
     pulses = compute_pulses(exponent, loss, pull, find_places(item.form for item in losses))
     is_proportional = [item.form is LossForm.PROPORTIONAL for item in losses]

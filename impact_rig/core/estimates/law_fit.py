@@ -1,7 +1,7 @@
 """Contact laws fitted to the hammer's pulse: all forms to the mean, the best to every hit."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from impact_rig.core.estimates.law_pulses import (
     EXPONENTS,
     LOSSES,
+    MEMORY,
     LossForm,
     compute_pulses,
     find_places,
@@ -28,45 +29,43 @@ MODELS: tuple[tuple[LossForm, int | None], ...] = (
     (LossForm.ROOT, None),
     (LossForm.FOURTH_ROOT, None),
     (LossForm.DASHPOT, None),
-    *4 * ((LossForm.MEMORY, PULL),),
+    (LossForm.ROOT, LOSS),
+    (LossForm.FOURTH_ROOT, LOSS),
+    (LossForm.DASHPOT, LOSS),
+    (LossForm.MEMORY, None),
 )
 """What is fitted to the mean pulse: forms, and the place of the loss that is not varied."""
-FIRST_RATES = (0.05, 0.3, 0.6, 0.85)
-"""Second losses at which a part that relaxes is looked for [-]."""
+FIRST_PULLS, FIRST_RATES = np.array((0.0, 0.1, 0.25, 0.5)), np.array((0.05, 0.3, 0.6, 0.85))
+"""Second losses from which they are looked for, and the same of a part that relaxes [-]."""
 
 
-STEP = 1e-4
-"""Step of n and B for derivatives [-], our choice."""
 FINEST = 1.0 / 64.0
 """Over which the force is averaged [w50], our choice."""
-GAIN = 1e-3
-"""By which e may exceed 1 [-], our choice: the fit itself may be wrong by so much."""
 _SHAPE_TIMES = np.linspace(-1.2, 1.5, 55)
 """Where starts are compared with a window [w50]."""
 
 
 @lru_cache(maxsize=4)
-def _tabulate_starts(exponents: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-    """Return parameters of pulses and their shapes at `_SHAPE_TIMES`, shape (models, starts, ...).
+def _tabulate_starts(exponents: tuple[float, ...]) -> tuple[FloatArray, ...]:
+    """Return parameters of pulses, shape (models, starts, 7), and what moves them to a window.
 
-    Each pulse is of the window's width, middle and peak.
+    Each is of width 1 around 0 and of peak 1. It is moved by its shape's height, shift and stretch
+    and by an offset: these four at `_SHAPE_TIMES`, and the inverse of their products.
     """
-    pulls = np.zeros((len(MODELS), 3))
-    pulls[[held is None for _, held in MODELS]] = (0.1, 0.25, 0.5)
-    pulls[-len(FIRST_RATES) :] = np.array(FIRST_RATES)[:, np.newaxis]
-    model, exponent, loss, number = (
-        axis.ravel()
-        for axis in np.meshgrid(
-            np.arange(len(MODELS)),
-            exponents,
-            (0.01, 0.05, 0.15, 0.35, 0.7),
-            np.arange(pulls.shape[1]),
-            indexing="ij",
-        )
+    grid = np.meshgrid(
+        np.arange(len(MODELS)),
+        exponents,
+        (0.01, 0.05, 0.15, 0.35, 0.7),
+        np.arange(len(FIRST_RATES)),
+        indexing="ij",
     )
-    forms, pull = find_places(form for form, _ in MODELS)[model], pulls[model, number]
+    model, exponent, first, number = (axis.ravel() for axis in grid)
+    forms, held = find_places(form for form, _ in MODELS)[model], np.array(MODELS)[model, 1]
+    rates = np.where(forms == MEMORY, FIRST_RATES[number], FIRST_PULLS[number])
+    loss = np.where(held == LOSS, 0.0, first)
+    pull = np.where(held == LOSS, first, np.where(held == PULL, 0.0, rates))
     pulses = compute_pulses(exponent, loss, pull, forms)
-    time = pulses.duration[:, np.newaxis] * np.linspace(0.0, 1.0, 257)
+    time = pulses.duration[:, np.newaxis] * np.linspace(0.0, 1.0, 65)
     force = pulses.compute_force(time)
     peak = force.max(axis=1)
     is_high = force > peak[:, np.newaxis] / 2.0
@@ -80,22 +79,32 @@ def _tabulate_starts(exponents: tuple[float, ...]) -> tuple[FloatArray, FloatArr
     )
     shapes = pulses.compute_force(middle[:, np.newaxis] + width[:, np.newaxis] * _SHAPE_TIMES)
     shapes /= peak[:, np.newaxis]
-    split = len(MODELS), -1
-    return make_read_only(starts.reshape(*split, COUNT)), make_read_only(
-        shapes.reshape(*split, _SHAPE_TIMES.size)
+    slopes = np.gradient(shapes, _SHAPE_TIMES, axis=1)
+    moves = np.stack((shapes, -slopes, -slopes * _SHAPE_TIMES, np.ones_like(shapes)), axis=1)
+    inverse = np.linalg.inv(moves @ moves.swapaxes(1, 2))
+    return tuple(
+        make_read_only(item.reshape(len(MODELS), -1, *item.shape[1:]))
+        for item in (starts, moves, inverse)
     )
 
 
 def _find_starts(window: PulseWindow, exponent: float | None) -> FloatArray:
-    """Return where to begin with each of `MODELS`: at the nearest of its pulses.
+    """Return where to begin with each of `MODELS`: at that of its pulses which can come nearest.
 
     From a loss that is far off, some searches end at a pulse without loss.
     """
     exponents = (0.9, 1.05, 1.2, 1.5, 1.8, 2.2, 2.8)
-    starts, shapes = _tabulate_starts(exponents if exponent is None else (exponent,))
-    measured = np.interp(_SHAPE_TIMES, window.time, window.measured)
-    nearest = np.argmin(np.sum((shapes - measured) ** 2, axis=-1), axis=1)
-    return np.asarray(starts[np.arange(len(starts)), nearest])
+    starts, moves, inverse = _tabulate_starts(exponents if exponent is None else (exponent,))
+    products = moves @ np.interp(_SHAPE_TIMES, window.time, window.measured)
+    parts = (inverse @ products[..., np.newaxis])[..., 0]
+    nearest = np.arange(len(starts)), np.argmax(np.sum(parts * products, axis=-1), axis=1)
+    height, shift, stretch, offset = parts[nearest].T
+    found = starts[nearest]
+    found[:, [START, TIME]] *= (1.0 + stretch / height)[:, np.newaxis]
+    found[:, START] += shift / height
+    found[:, HEIGHT] *= height
+    found[:, OFFSET] = offset
+    return np.asarray(found)
 
 
 def evaluate_laws(
@@ -169,25 +178,46 @@ class FittedLoss:
         return f"{LossForm.PROPORTIONAL.value} + {alone}" if self.is_mixed else alone
 
 
-def fit_losses(window: PulseWindow, exponent: float | None) -> list[FittedLoss]:
+NEAREST = 3e-5
+"""RMS over the peak to which a contact follows any law, and the tables do [-], our choice."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Of a trace, over its peak."""
+
+    level: float  # standard deviation [-]
+    correlation: FloatArray  # from 0 points on, over the variance [-]
+
+    def find_scale(self, least: float, count: int) -> float:
+        """Return which difference of two models' sums of squares tells them apart.
+
+        Parameters
+        ----------
+        least : float
+            Sum of squares of the best, at `count` points.
+        """
+        white = self.level**2 * (2.0 * float(self.correlation.sum()) - 1.0)
+        # What is left beyond noise is of one piece: it counts as one point.
+        misfit = max(least / (count - COUNT) - 2.0 * self.level**2, 0.0) * count
+        return white + misfit + count * NEAREST**2
+
+
+def fit_losses(window: PulseWindow, exponent: float | None, noise: Noise) -> list[FittedLoss]:
     """Fit all models of the loss to the window's pulse; n [-] is given, or found."""
+    count = window.measured.size
+    measured = np.broadcast_to(window.measured, (len(MODELS), count))
+    starts = _find_starts(window, exponent)
 
-    def fit(models: Sequence[tuple[LossForm, int | None]], starts: FloatArray) -> list[FittedLoss]:
-        measured = np.broadcast_to(window.measured, (len(models), window.measured.size))
-        # A form that leaves ten times as much as the best is of no use.
-        fits = fit_models(window, measured, models, starts, exponent, most=10.0)
-        return [FittedLoss(*model, found) for model, found in zip(models, fits, strict=True)]
+    is_single = [held is not None for _, held in MODELS]
 
-    found = fit(MODELS, _find_starts(window, exponent))
-    rates = len(FIRST_RATES)
-    # What relaxes fast and what relaxes slowly are two valleys: the search begins in the deeper.
-    first = min(found[-rates:], key=lambda item: item.fit.residual)
-    found[-rates:] = [first]
-    # What leaves three times as much as another is none, however fast it relaxes.
-    if first.fit.residual < 3.0 * min(item.fit.residual for item in found):
-        found[-1:] = fit([(LossForm.MEMORY, None)], first.fit.parameters[np.newaxis])
-    named = [item for item in found if item.is_mixed and item.form is not LossForm.LINEAR]
-    return found + [FittedLoss(item.form, LOSS, _hold(item.fit, LOSS)) for item in named]
+    def find_most(squares: FloatArray) -> float:
+        # 1e-4 of the chance of the best with one loss: others may be ruled out later.
+        least = float(squares[is_single].min())
+        return least + 20.0 * noise.find_scale(least, count)
+
+    fits = fit_models(window, measured, MODELS, starts, exponent, find_most)
+    return [FittedLoss(*model, fit) for model, fit in zip(MODELS, fits, strict=True)]
 
 
 def fit_models(
@@ -196,7 +226,7 @@ def fit_models(
     models: Sequence[tuple[LossForm, int | None]],
     starts: FloatArray,
     exponent: float | None,
-    most: float = math.inf,
+    find_most: Callable[[FloatArray], float] = lambda _: math.inf,
 ) -> list[WindowFit]:
     """Fit one model to each pulse, shape (k, n); a loss that is held stays where it starts."""
     forms = [form for form, _ in models]
@@ -208,35 +238,10 @@ def fit_models(
     def evaluate(parameters: FloatArray, which: NDArray[np.intp]) -> Evaluation:
         return evaluate_laws(window, measured[which], parameters, places[which])
 
-    return fit_window(measured, evaluate, starts, bounds, most)
+    return fit_window(measured, evaluate, starts, bounds, find_most)
 
 
-def _hold(fit: WindowFit, place: int) -> WindowFit:
-    """Return a fit with one parameter at 0, to first order."""
-    covariance = fit.compute_covariance(np.ones(1))
-    moved = -fit.parameters[place] / max(covariance[place, place], 1e-300) * covariance[place]
-    fitted = fit.fitted + moved @ fit.jacobian
-    parameters, jacobian = fit.parameters + moved, fit.jacobian.copy()
-    parameters[place] = jacobian[place] = 0.0
-    return WindowFit(parameters, jacobian, fit.is_inside, fitted, math.nan)
-
-
-SMALL_PART = 0.15
-"""Probability below which a form of loss is not named [-], our choice."""
-
-
-NEAREST = 3e-5
-"""RMS over the peak to which a contact follows any law, and the tables do [-], our choice."""
-
-
-TERM = 1.0 / 7.0
-"""How probable a second term is before the pulse is seen, over one [-]: that of Bayes' information
-criterion with some 50 points (Kass and Raftery 1995)."""
-
-
-def weigh_losses(
-    residuals: FloatArray, before: FloatArray, noise: float, correlation: FloatArray
-) -> FloatArray:
+def weigh_losses(residuals: FloatArray, before: FloatArray, noise: Noise) -> FloatArray:
     """Return how probable each model is by what it leaves of the pulse, shape (models,).
 
     Parameters
@@ -245,16 +250,8 @@ def weigh_losses(
         Over the peak [-].
     before : ndarray, shape (models,)
         How probable each is without the pulse.
-    noise : float
-        Of the trace, over the peak [-].
-    correlation : ndarray
-        Of the noise from 0 points on, over its variance [-].
     """
-    squares, count = np.sum(residuals**2, axis=1), residuals.shape[1]
-    squares = np.where(before > 0.0, squares, np.inf)
-    white = noise**2 * (2.0 * float(correlation.sum()) - 1.0)
-    # What is left beyond noise is of one piece: it counts as one point.
-    misfit = max(squares.min() / (count - COUNT) - 2.0 * noise**2, 0.0) * count
-    scale = white + misfit + count * NEAREST**2
+    squares = np.where(before > 0.0, np.sum(residuals**2, axis=1), np.inf)
+    scale = noise.find_scale(float(squares.min()), residuals.shape[1])
     weights = before * np.exp((squares.min() - squares) / (2.0 * scale))
     return np.asarray(weights / weights.sum())

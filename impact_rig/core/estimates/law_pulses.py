@@ -115,50 +115,62 @@ class _Motion:
     losses: Losses
 
     def find_state(self, phase: float, state: FloatArray) -> tuple[FloatArray, ...]:
-        """Return x, x', the deceleration beside xⁿ, and the angle's rate."""
+        """Return xⁿ, the loss beside it over x', x', the deceleration by losses, and the rate."""
         # From 0 at touch to pi at x = 0, crowded at both ends.
         angle = math.pi * phase**3 * (10.0 - 15.0 * phase + 6.0 * phase**2)
         log_radius, _, held = state
         sine, cosine = max(math.sin(angle), 0.0), math.cos(angle)
         half, losses = (self.exponent + 1.0) / 2.0, self.losses
+        log_sine = math.log(max(sine, 1e-300))
         # At the top x' comes to zero.
         bend = np.sqrt(half)
         if abs(cosine) > SMALLEST_COSINE:
-            left = -np.expm1(2.0 * half * math.log(max(sine, 1e-300)))
-            bend = np.sqrt(left) / abs(cosine)
-        reach = (half * np.exp(2.0 * log_radius)) ** (0.5 / half)
-        x, speed = reach * sine, np.exp(log_radius) * cosine * bend
-        drag = losses.proportional * x**self.exponent + losses.pulling * x**losses.power
+            bend = np.sqrt(-np.expm1(2.0 * half * log_sine)) / abs(cosine)
+        # Exponentials of logarithms take a third of the time of powers.
+        log_reach = (np.log(half) + 2.0 * log_radius) / (2.0 * half)
+        log_x, speed = log_reach + log_sine, np.exp(log_radius) * cosine * bend
+        spring = np.exp(self.exponent * log_x)
+        loss = losses.proportional * spring + losses.pulling * np.exp(losses.power * log_x)
+        drag = loss + 0.0
         if sine:
-            drag += losses.yielding * self.exponent * x ** (self.exponent - 1.0)
-        drag = drag * speed + losses.relax(x**self.exponent, held)
-        rate = np.sqrt(half) * reach ** (half - 1.0) + sine * drag * np.exp(-log_radius)
-        return x, speed, drag, bend * rate / half
+            drag += losses.yielding * self.exponent * spring * np.exp(-log_x)
+        drag = drag * speed + losses.relax(spring, held)
+        rate = np.sqrt(half) * np.exp((half - 1.0) * log_reach) + sine * drag * np.exp(-log_radius)
+        return spring, loss, speed, drag, bend * rate / half
 
     def differentiate(self, phase: float, state: FloatArray) -> FloatArray:
         """Return the derivatives of ln r, of time and of what is remembered in the phase."""
         slope = math.pi * 30.0 * (phase * (1.0 - phase)) ** 2
         if not slope:
             return np.zeros_like(state)
-        x, speed, drag, rate = self.find_state(phase, state)
+        spring, _, speed, drag, rate = self.find_state(phase, state)
         time = slope / rate
-        relaxed = self.losses.rate * (x**self.exponent - state[2])
+        relaxed = self.losses.rate * (spring - state[2])
         return (
             np.stack((-drag * speed * np.exp(-2.0 * state[0]), np.ones_like(time), relaxed)) * time
         )
 
     def describe(self, phase: float, state: FloatArray) -> FloatArray:
         """Return time, what is left of the momentum, and the force."""
-        x, speed, *_ = self.find_state(phase, state)
-        spring, losses = x**self.exponent, self.losses
-        force = spring + (losses.proportional * spring + losses.pulling * x**losses.power) * speed
-        force += losses.relax(spring, state[2])
-        return np.stack((state[1], speed + losses.yielding * spring, force))
+        spring, loss, speed, *_ = self.find_state(phase, state)
+        force = spring + loss * speed + self.losses.relax(spring, state[2])
+        return np.stack((state[1], speed + self.losses.yielding * spring, force))
 
 
-@lru_cache(maxsize=len(FORMS))
-def _tabulate(form: int) -> tuple[NDArray[np.intp], FloatArray]:
-    """Return the table of one form: degrees, shape (3, terms), coefficients (terms, 3 nodes).
+def _make_grid(form: int) -> FloatArray:
+    """Return the pulses of one form's table, shape (3, ...): both losses and n of each."""
+    points = [chebyshev.chebpts1(degree + 1) for degree in DEGREES[form]]
+    axes = zip(points, (LOSSES, LOSSES, EXPONENTS), strict=True)
+    return np.array(
+        np.meshgrid(*(_stretch(point, limits) for point, limits in axes), indexing="ij")
+    )
+
+
+@lru_cache(maxsize=1)
+def _tabulate() -> tuple[list[tuple[NDArray[np.intp], FloatArray]], FloatArray]:
+    """Return tables of all forms, and patterns by which nodes move, shape (patterns, 3 nodes).
+
+    A table is its degrees, shape (3, terms), and coefficients (terms, patterns).
 
     A pulse is found by its angle in the plane of compression and speed, which grows from 0 at
     touch to pi where x is 0 again: with that as the clock every pulse of the table has its nodes
@@ -168,14 +180,14 @@ def _tabulate(form: int) -> tuple[NDArray[np.intp], FloatArray]:
     momentum -1 and force 0. The first numbers of each degree stand for the middle of the table,
     the others say how a node moves with n and the losses.
     """
-    points = [chebyshev.chebpts1(degree + 1) for degree in DEGREES[form]]
-    axes = zip(points, (LOSSES, LOSSES, EXPONENTS), strict=True)
-    grid = np.meshgrid(*(_stretch(point, limits) for point, limits in axes), indexing="ij")
-    loss, pull, exponent = (axis.ravel() for axis in grid)
-    pull = pull if DEGREES[form][1] else 0.0 * pull
-    motion = _Motion(exponent, find_losses(exponent, loss, pull, np.full(exponent.size, form)))
+    grids = [_make_grid(form) for form in range(len(FORMS))]
+    sizes = [grid[0].size for grid in grids]
+    forms = np.repeat(np.arange(len(FORMS)), sizes)
+    loss, pull, exponent = np.concatenate([grid.reshape(3, -1) for grid in grids], axis=1)
+    pull = np.where(np.array(DEGREES)[forms, 1] > 0, pull, 0.0)
+    motion = _Motion(exponent, find_losses(exponent, loss, pull, forms))
     state = np.zeros((3, exponent.size))
-    found = [motion.describe(0.0, state)]
+    described = [motion.describe(0.0, state)]
     # Runge-Kutta's method from node to node: good to 2e-6.
     step = 1.0 / (NODES - 1)
     for count in range(NODES - 1):
@@ -186,13 +198,21 @@ def _tabulate(form: int) -> tuple[NDArray[np.intp], FloatArray]:
         third = motion.differentiate(middle, state + step / 2.0 * second)
         fourth = motion.differentiate(phase + step, state + step * third)
         state = state + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
-        found.append(motion.describe(phase + step, state))
-    values = np.stack(found, axis=1).reshape(3 * NODES, *grid[0].shape)
-    for axis, (point, degree) in enumerate(zip(points, DEGREES[form], strict=True), start=1):
-        into = np.linalg.inv(chebyshev.chebvander(point, degree))
-        values = np.moveaxis(np.tensordot(into, values, (1, axis)), 0, axis)
-    degrees = np.argwhere(np.abs(values).max(axis=0) > SMALLEST_TERM).T
-    return degrees, make_read_only(np.ascontiguousarray(values[:, *degrees].T))
+        described.append(motion.describe(phase + step, state))
+    nodes = np.stack(described, axis=1).reshape(3 * NODES, -1)
+    tables = []
+    for form, values in enumerate(np.split(nodes, np.cumsum(sizes)[:-1], axis=1)):
+        found = values.reshape(-1, *grids[form].shape[1:])
+        for axis, degree in enumerate(DEGREES[form], start=1):
+            into = np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(degree + 1), degree))
+            found = np.moveaxis(np.tensordot(into, found, (1, axis)), 0, axis)
+        degrees = np.argwhere(np.abs(found).max(axis=0) > SMALLEST_TERM).T
+        tables.append((degrees, found[:, *degrees].T))
+    # Nodes move together: half as many patterns hold all that they do.
+    all_terms = np.concatenate([terms for _, terms in tables])
+    strength, patterns = np.linalg.eigh(all_terms.T @ all_terms)
+    patterns = patterns[:, strength > SMALLEST_TERM**2]
+    return [(degrees, make_read_only(terms @ patterns)) for degrees, terms in tables], patterns.T
 
 
 def _stretch(point: FloatArray, limits: tuple[float, float]) -> FloatArray:
@@ -226,23 +246,25 @@ class ScaledPulses:
         rows, top = np.arange(len(self.time)), NODES // 2
         pulls = self.force.min(axis=1, keepdims=True) < -LEAST_PULL
         last = top + _find_first((self.force[:, top:] < 0.0) & pulls)
-        start, stop = self.time[rows, last - 1, None], self.time[rows, last, None]
-        fine = start + FINE * (stop - start)
-        force = _interpolate(self._lever, self._lever_rate, *self._place(fine))
-        last = _find_first(force < 0.0)
-        before = np.maximum(force[rows, last - 1], 0.0)
-        after = np.minimum(force[rows, last], 0.0)
-        part = np.divide(before, before - after, out=np.ones_like(before), where=after < 0.0)
-        duration = fine[rows, last - 1] + part * (fine[rows, last] - fine[rows, last - 1])
-        place = self._place(duration[:, np.newaxis])
-        return duration, _interpolate(self.momentum, -self.force, *place)[:, 0]
+        start = self.time[rows, last - 1]
+        step, place = self.time[rows, last] - start, last - 1 + NODES * rows
+        force = _interpolate(
+            self._lever, self._lever_rate, place[:, np.newaxis], step[:, np.newaxis], FINE
+        )
+        after = _find_first(force < 0.0)
+        before, behind = force[rows, after - 1], np.minimum(force[rows, after], 0.0)
+        before = np.maximum(before, 0.0)
+        part = np.divide(before, before - behind, out=np.ones_like(before), where=behind < 0.0)
+        phase = (after - 1 + part) / (FINE.size - 1)
+        return start + phase * step, _interpolate(self.momentum, -self.force, place, step, phase)
 
     @cached_property
     def _lever(self) -> FloatArray:
         """Force over xᵐ at each node: nearly straight where the force is steep, or comes to 0."""
         depth = np.maximum(self.compression[:, 1:-1], 1e-30)
         inner = depth ** self.losses.power[:, np.newaxis]
-        return np.pad(self.force[:, 1:-1] / inner, ((0, 0), (1, 1)), "edge")
+        lever = self.force[:, 1:-1] / inner
+        return np.concatenate((lever[:, :1], lever, lever[:, -1:]), axis=1)
 
     @cached_property
     def _lever_rate(self) -> FloatArray:
@@ -388,7 +410,8 @@ def compute_pulses(
     forms : ndarray, shape (pulses,)
         Number of the form of each, see `find_places`.
     """
-    found = np.empty((exponent.size, 4, 3, NODES))
+    tables, patterns = _tabulate()
+    found = np.empty((exponent.size, 4, len(patterns)))
     most = np.max(DEGREES, axis=0).tolist()
     axes = [
         _compute_polynomials(values, limits, degree)
@@ -398,17 +421,17 @@ def compute_pulses(
     ]
     for form in set(forms.tolist()):
         rows = np.flatnonzero(forms == form)
-        degrees, coefficients = _tabulate(form)
+        degrees, coefficients = tables[form]
         # Of each pulse the terms, and their derivatives along the three axes.
-        terms = np.ones((rows.size, 4, len(coefficients)))
-        for number, (polynomials, degree) in enumerate(zip(axes, degrees, strict=True)):
-            values, slopes = polynomials[rows].transpose(1, 0, 2)[..., degree]
-            terms[:, np.arange(4) != number + 1] *= values[:, np.newaxis]
-            terms[:, number + 1] *= slopes
-        found[rows] = (terms @ coefficients).reshape(-1, 4, 3, NODES)
-    time, momentum, force = found[:, 0].transpose(1, 0, 2)
+        terms = np.ones(1)
+        for axis, (polynomials, degree) in enumerate(zip(axes, degrees, strict=True), start=1):
+            is_slope = (np.arange(4) == axis).astype(np.intp)
+            terms = terms * polynomials[rows].take(degree, axis=-1)[:, is_slope]
+        found[rows] = terms @ coefficients
+    nodes = (found @ patterns).reshape(-1, 4, 3, NODES)
     losses = find_losses(exponent, loss, pull, forms)
-    return ScaledPulses(exponent, losses, time, momentum, force, found[:, 1:])
+    time, momentum, force = nodes[:, 0].swapaxes(0, 1)
+    return ScaledPulses(exponent, losses, time, momentum, force, nodes[:, 1:])
 
 
 def _compute_polynomials(

@@ -16,7 +16,7 @@ from impact_rig.core.given.errors import (
     check_not_negative,
     check_positive,
 )
-from impact_rig.core.given.filtering import Chain, show_bodies
+from impact_rig.core.given.filtering import Chain
 from impact_rig.core.given.records import FloatArray, make_read_only
 from impact_rig.core.mean.mean_hit import MeanHit
 
@@ -389,7 +389,7 @@ def compare_with_model(
     count = mean.traces.shape[1]
     start_time = model.contact_time / 2.0 - mean.origin / rate
     bodies = simulate_impact(model, rate, count, start=start_time, variant=variant)
-    filtered = show_bodies(np.stack(bodies), chains)
+    filtered = [chain.show(body) for body, chain in zip(bodies, chains, strict=True)]
     first = max(0, int(np.ceil(-start_time * rate)))
     last = min(count, int(np.floor((model.contact_time - start_time) * rate)) + 1)
     contact = slice(first, last)

@@ -30,6 +30,8 @@ LARGE_RESIDUAL = 0.005
 k 17 % too low, of a half-sine 3.2 % and 44 %."""
 ITERATIONS = 50
 """Of a search at most [-], our choice: a pulse needs 4 to 7, and noise does not converge."""
+LAST_STEP = 0.3
+"""Of a search, over what noise makes of the parameters [-], our choice."""
 FIRST_DAMPING = 1e-3
 """Damping of a search's first step, over a derivative's squared length [-], our choice."""
 
@@ -41,13 +43,13 @@ class PulseWindow:
     time: FloatArray  # (n,), from the middle of the pulse
     measured: FloatArray  # (n,), over the peak
     model_time: FloatArray  # (m,), where the model is computed before sensor and low-pass
-    smoothing: FloatArray | None  # (n, m), sensor and low-pass; None: neither does anything
+    smoothing: FloatArray  # (n, m), sensor and low-pass
     step: int  # points of the trace from one of `time` to the next
     points: slice  # which points of the trace are `measured`
 
     def show(self, rows: FloatArray, part: slice) -> FloatArray:
         """Return models at `part` of `model_time`, zero elsewhere, as the trace shows them."""
-        return rows if self.smoothing is None else rows @ self.smoothing[:, part].T
+        return np.asarray(rows @ self.smoothing[:, part].T)
 
     def find_pulse(self) -> slice:
         """Return its points without most of its margins."""
@@ -62,15 +64,12 @@ class PulseWindow:
             self,
             time=self.time[part],
             measured=self.measured[part],
-            model_time=self.model_time[part] if self.smoothing is None else self.model_time,
-            smoothing=None if self.smoothing is None else self.smoothing[part],
+            smoothing=self.smoothing[part],
             points=slice(points.start, points.stop, points.step),
         )
 
     def find_part(self, start: float, end: float) -> slice:
         """Return which points of `model_time` `show` needs of a pulse [w50]."""
-        if self.smoothing is None:
-            return slice(None)
         return slice(*np.searchsorted(self.model_time, (start, end)))
 
 
@@ -120,16 +119,13 @@ def cut_window(
     if chain.cutoff_frequency > HIGHEST_RELATIVE_CUTOFF:
         # The low-pass is shorter than a fortieth of the width.
         chain = replace(chain, cutoff_frequency=0.0)
-    model_points, smoothing = points, None
-    if chain.cutoff_frequency or not chain.response.is_flat:
-        reach = _compute_reach(chain.cutoff_frequency)
-        model_points = np.arange(first - fine * reach, points[-1] + fine * reach + 1, fine)
-        smoothing = _make_smoothing(chain, points.size, step // fine)
+    reach = _compute_reach(chain.cutoff_frequency)
+    model_points = np.arange(first - fine * reach, points[-1] + fine * reach + 1, fine)
     return PulseWindow(
         time=np.asarray((points - middle) / width, dtype=np.float64),
         measured=upright[points],
         model_time=np.asarray((model_points - middle) / width, dtype=np.float64),
-        smoothing=smoothing,
+        smoothing=_make_smoothing(chain, points.size, step // fine),
         step=step,
         points=slice(first, int(points[-1]) + 1, step),
     )
@@ -223,28 +219,26 @@ Evaluate = Callable[[FloatArray, NDArray[np.intp]], Evaluation]
 """Takes parameters, shape (k, p), and the numbers of the models that they are of, shape (k,)."""
 
 
-def minimise(
+def fit_window(
+    measured: FloatArray,
     evaluate: Evaluate,
     start: FloatArray,
     bounds: FloatArray,
-    most: float = np.inf,
-) -> tuple[FloatArray, Evaluation, NDArray[np.bool_]]:
+    find_most: Callable[[FloatArray], float] = lambda _: math.inf,
+) -> list[WindowFit]:
     """Search the least sum of squares of each of k models (Marquardt 1963).
 
     Parameters
     ----------
+    measured : ndarray, shape (n,) or (k, n)
+        What each model is fitted to.
     start : ndarray, shape (k, p)
         Where to begin.
-    bounds : ndarray, shape (2, k, p), or one that is broadcast to it
+    bounds : ndarray, shape (2, k, p)
         Least and largest parameters; equal for one that is not varied.
-    most : float
-        Sum of squares over the least of all models of one that is still of use: one that stays
-        above it is given up.
-
-    Returns
-    -------
-    tuple
-        Parameters, the evaluation there, and which searches ended at a minimum.
+    find_most : callable
+        From the sums of squares of all models to the largest that is still of use: a model that
+        stays above it is given up.
     """
     found = np.clip(start, *bounds)
     residual, jacobian = evaluate(found, np.arange(len(found)))
@@ -257,21 +251,29 @@ def minimise(
         gradient = (jacobian @ residual[..., np.newaxis])[..., 0]
         # A parameter stays at its bound where less would be left beyond it.
         is_held = np.where(gradient > 0.0, found <= bounds[0], found >= bounds[1])
-        free = np.where(is_held[..., np.newaxis], 0.0, jacobian)
-        lengths = np.linalg.norm(free, axis=-1)
-        lengths[lengths == 0.0] = 1.0
-        normal = free @ free.swapaxes(1, 2) / (lengths[:, :, np.newaxis] * lengths[:, np.newaxis])
+        products = jacobian @ jacobian.swapaxes(1, 2)
+        lengths = np.sqrt(np.diagonal(products, axis1=1, axis2=2))
+        lengths = np.where(lengths > 0.0, lengths, 1.0)
+        free = ~is_held / lengths
+        normal = products * free[:, :, np.newaxis] * free[:, np.newaxis]
         normal += np.eye(start.shape[1]) * (damping[:, np.newaxis] + is_held)[:, np.newaxis]
-        ahead = np.linalg.solve(normal, (gradient / lengths * ~is_held)[..., np.newaxis])[..., 0]
-        step = -ahead / lengths
-        change = (step[:, np.newaxis] @ jacobian)[:, 0]
-        gain = -2.0 * np.sum(gradient * step, axis=1) - np.sum(change**2, axis=1)
+        step = -free * np.linalg.solve(normal, (gradient * free)[..., np.newaxis])[..., 0]
+        change = (products @ step[..., np.newaxis])[..., 0]
+        gain = -np.sum((2.0 * gradient + change) * step, axis=1)
         # A step that is small beside what noise makes of the parameters is the last.
-        is_found |= gain <= 0.03**2 * squares / residual.shape[1]
-        is_useless = squares - 2.0 * gain > most * squares.min()
-        moved = np.clip(found + step, *bounds)
+        is_last = gain <= LAST_STEP**2 * squares / residual.shape[1]
+        is_found |= is_last
+        is_useless = squares - 10.0 * gain > find_most(squares)
+        # Up to the first bound: a step that is bent there goes astray.
+        room = np.where(step > 0.0, bounds[1], bounds[0]) - found
+        part = np.divide(room, step, out=np.ones_like(step), where=(step != 0.0) & (room != 0.0))
+        moved = np.clip(found + np.minimum(part.min(axis=1), 1.0)[:, np.newaxis] * step, *bounds)
         which = np.flatnonzero(~is_found & ~is_useless)
         if not which.size:
+            # It is taken along the derivatives.
+            last = np.where(is_last[:, np.newaxis], moved - found, 0.0)
+            found = found + last
+            residual = residual + (last[:, np.newaxis] @ jacobian)[:, 0]
             break
         tried, derivatives = evaluate(moved[which], which)
         left = np.sum(tried**2, axis=-1)
@@ -289,42 +291,21 @@ def minimise(
     else:
         # In a flat valley the second half gains little.
         is_found |= middle - squares <= 0.1 * squares
-    return found, (residual, jacobian), is_found
-
-
-def fit_window(
-    measured: FloatArray,
-    evaluate: Evaluate,
-    start: FloatArray,
-    bounds: FloatArray,
-    most: float = math.inf,
-) -> list[WindowFit]:
-    """Fit models to a window.
-
-    Parameters
-    ----------
-    measured : ndarray, shape (n,) or (k, n)
-        What each model is fitted to.
-    start, bounds : ndarray, shape (k, p) and (2, k, p)
-        Of k models' parameters; bounds are equal where one is not varied.
-    most : float
-        Residual over the least of all models of one that is still of use [-].
-    """
-    parameters, evaluation, is_found = minimise(evaluate, start, bounds, most**2)
     is_varied = bounds[0] < bounds[1]
-    is_inside = ((bounds[0] < parameters) & (parameters < bounds[1]) | ~is_varied).all(axis=1)
+    is_inside = ((bounds[0] < found) & (found < bounds[1]) | ~is_varied).all(axis=1)
     return [
         WindowFit(
-            parameters=found,
-            jacobian=np.where(varied[:, np.newaxis], jacobian, 0.0),
+            parameters=parameters,
+            jacobian=np.where(varied[:, np.newaxis], slopes, 0.0),
             is_inside=bool(inside),
-            fitted=trace + residual,
-            residual=math.sqrt(residual @ residual / (residual.size - varied.sum())),
+            fitted=trace + left,
+            residual=math.sqrt(left @ left / (left.size - varied.sum())),
         )
-        for found, residual, jacobian, trace, varied, inside in zip(
-            parameters,
-            *evaluation,
-            np.broadcast_to(measured, evaluation[0].shape),
+        for parameters, left, slopes, trace, varied, inside in zip(
+            found,
+            residual,
+            jacobian,
+            np.broadcast_to(measured, residual.shape),
             is_varied,
             is_inside & is_found,
             strict=True,

@@ -1,7 +1,6 @@
 """The way from a motion to a trace: sensor, converter, low-pass."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -225,9 +224,3 @@ def _correlate_noise(relative_cutoff: float, step: int) -> FloatArray:
         impulse = low_pass(impulse, relative_cutoff, 1.0)
     most = reach // step * step
     return make_read_only(impulse[2 * reach - most : 2 * reach + most + 1 : step])
-
-
-def show_bodies(bodies: FloatArray, chains: Sequence[Chain]) -> FloatArray:
-    """Send accelerations of both bodies, shape (..., 2, n), each through its chain."""
-    shown = [chain.show(bodies[..., body, :]) for body, chain in enumerate(chains)]
-    return np.stack(shown, axis=-2)
