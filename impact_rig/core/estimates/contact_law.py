@@ -158,7 +158,7 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     fits = _fit_law(mean, chain, exponent)
     without = replace(without, residual_percent=100.0 * fits.residual)
     changes = _change_sensor(mean, fits, setup.find_sensor("hammer"), chain)
-    is_worse, excludes_versed_sine = _compare_with_versed_sine(fits)
+    is_worse, excludes_versed_sine = _compare_with_versed_sine(mean, chain, fits)
     help_needed = _ask_for_response(chain)
     reason = _find_misfit(fits, changes, help_needed, is_worse=is_worse)
     if reason is not None:
@@ -210,11 +210,6 @@ class _LawFits:
     def fit(self) -> WindowFit:
         """Fit of the best model to the mean."""
         return self.losses[self.best].fit
-
-    @property
-    def width(self) -> float:
-        """w50 of the mean [points]."""
-        return self.pulse.half_amplitude_width
 
     @property
     def scales(self) -> FloatArray:
@@ -432,13 +427,14 @@ def _change_sensor(
     return changes
 
 
-def _compare_with_versed_sine(fits: _LawFits) -> tuple[bool, bool]:
+def _compare_with_versed_sine(mean: MeanHit, chain: Chain, fits: _LawFits) -> tuple[bool, bool]:
     """Return whether a versed-sine comes nearer than the law, and whether the data exclude it.
 
     On the pulse alone: ringing behind it belongs to neither.
     """
-    part = fits.window.find_pulse()
-    (versed,) = fit_shapes(fits.window.cut(part), [VERSED_SINE])
+    window = cut_window(mean.traces[0], fits.pulse, chain)
+    (versed,) = fit_shapes(window, [VERSED_SINE])
+    part = slice(*np.searchsorted(fits.window.time, window.time[[0, -1]]))
     left = fits.fit.fitted[part] - fits.window.measured[part]
     ours = math.sqrt(left @ left / (left.size - COUNT))
     # A versed-sine leaves 0.006 of a Hertz contact.

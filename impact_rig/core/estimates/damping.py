@@ -203,8 +203,8 @@ class FreeDecay:
     covariance: FloatArray  # (2, 2), of a and omega by what the fit leaves beyond the noise
     # Damping ratios of the first and the second half of what stands out of the noise, where they
     # differ by more than noise makes; empty: they do not, or are too short.
-    halves: tuple[float, ...] = ()
-    has_many_modes: bool = False  # one damped oscillation does not explain the tail
+    halves: tuple[float, ...]
+    has_many_modes: bool  # one damped oscillation does not explain the tail
 
     @property
     def frequency(self) -> float:

@@ -35,8 +35,8 @@ MODELS: tuple[tuple[LossForm, int | None], ...] = (
     (LossForm.MEMORY, None),
 )
 """What is fitted to the mean pulse: forms, and the place of the loss that is not varied."""
-FIRST_PULLS, FIRST_RATES = np.array((0.0, 0.1, 0.25, 0.5)), np.array((0.05, 0.3, 0.6, 0.85))
-"""Second losses from which they are looked for, and the same of a part that relaxes [-]."""
+FIRST_PULLS, FIRST_RATES = np.array((0.8, 1.6, 4.0, 10.0)), np.array((0.05, 0.3, 0.6, 0.85))
+"""Where second losses are looked for: over the first one, and those of a part that relaxes [-]."""
 
 
 FINEST = 1.0 / 64.0
@@ -61,7 +61,9 @@ def _tabulate_starts(exponents: tuple[float, ...]) -> tuple[FloatArray, ...]:
     )
     model, exponent, first, number = (axis.ravel() for axis in grid)
     forms, held = find_places(form for form, _ in MODELS)[model], np.array(MODELS)[model, 1]
-    rates = np.where(forms == MEMORY, FIRST_RATES[number], FIRST_PULLS[number])
+    rates = np.where(
+        forms == MEMORY, FIRST_RATES[number], np.minimum(first * FIRST_PULLS[number], 0.8)
+    )
     loss = np.where(held == LOSS, 0.0, first)
     pull = np.where(held == LOSS, first, np.where(held == PULL, 0.0, rates))
     pulses = compute_pulses(exponent, loss, pull, forms)

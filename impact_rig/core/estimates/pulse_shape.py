@@ -51,23 +51,6 @@ class PulseWindow:
         """Return models at `part` of `model_time`, zero elsewhere, as the trace shows them."""
         return np.asarray(rows @ self.smoothing[:, part].T)
 
-    def find_pulse(self) -> slice:
-        """Return its points without most of its margins."""
-        low, high = self.time[np.flatnonzero(self.measured > TENTH_LEVEL)[[0, -1]]]
-        ends = low - MARGINS[0], high + MARGINS[1]
-        return slice(*np.searchsorted(self.time, ends))
-
-    def cut(self, part: slice) -> "PulseWindow":
-        """Return a part of its points."""
-        points = range(self.points.start, self.points.stop, self.step)[part]
-        return replace(
-            self,
-            time=self.time[part],
-            measured=self.measured[part],
-            smoothing=self.smoothing[part],
-            points=slice(points.start, points.stop, points.step),
-        )
-
     def find_part(self, start: float, end: float) -> slice:
         """Return which points of `model_time` `show` needs of a pulse [w50]."""
         return slice(*np.searchsorted(self.model_time, (start, end)))
@@ -263,7 +246,7 @@ def fit_window(
         # A step that is small beside what noise makes of the parameters is the last.
         is_last = gain <= LAST_STEP**2 * squares / residual.shape[1]
         is_found |= is_last
-        is_useless = squares - 10.0 * gain > find_most(squares)
+        is_useless = (count > 3) & (squares - 10.0 * gain > find_most(squares))
         # Up to the first bound: a step that is bent there goes astray.
         room = np.where(step > 0.0, bounds[1], bounds[0]) - found
         part = np.divide(room, step, out=np.ones_like(step), where=(step != 0.0) & (room != 0.0))

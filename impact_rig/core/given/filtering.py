@@ -188,11 +188,6 @@ class Chain:
     cutoff_frequency: float = 0.0  # -3 dB of the zero-phase low-pass [Hz]; 0: none
     response: SensorResponse = FLAT
 
-    @property
-    def relative_cutoff(self) -> float:
-        """Cutoff over the sampling rate [-]; 0: no low-pass."""
-        return self.cutoff_frequency / self.sampling_rate
-
     def count_points(self, step: int = 1) -> "Chain":
         """Return it with every `step`-th point as the unit of time."""
         factor = step / self.sampling_rate
@@ -206,21 +201,17 @@ class Chain:
     def correlate_noise(self, step: int = 1) -> FloatArray:
         """Return the autocovariance of white noise of 1 behind the low-pass, from -k to k steps.
 
-        Read-only, shape (2 k + 1,); of every `step`-th point.
+        Shape (2 k + 1,); of every `step`-th point.
         """
-        return _correlate_noise(self.relative_cutoff, step)
-
-
-@lru_cache(maxsize=16)
-def _correlate_noise(relative_cutoff: float, step: int) -> FloatArray:
-    if relative_cutoff == 0.0:
-        return make_read_only(np.ones(1))
-    # Beyond, less than e^-20 of the correlation is left.
-    reach = math.ceil(5.0 / relative_cutoff)
-    impulse = np.zeros(4 * reach + 1)
-    impulse[2 * reach] = 1.0
-    # The low-pass is symmetric in time, so that its autocorrelation is to apply it twice.
-    for _ in range(2):
-        impulse = low_pass(impulse, relative_cutoff, 1.0)
-    most = reach // step * step
-    return make_read_only(impulse[2 * reach - most : 2 * reach + most + 1 : step])
+        if not self.cutoff_frequency:
+            return np.ones(1)
+        relative_cutoff = self.cutoff_frequency / self.sampling_rate
+        # Beyond, less than e^-20 of the correlation is left.
+        reach = math.ceil(5.0 / relative_cutoff)
+        impulse = np.zeros(4 * reach + 1)
+        impulse[2 * reach] = 1.0
+        # The low-pass is symmetric in time, so that its autocorrelation is to apply it twice.
+        for _ in range(2):
+            impulse = low_pass(impulse, relative_cutoff, 1.0)
+        most = reach // step * step
+        return impulse[2 * reach - most : 2 * reach + most + 1 : step]

@@ -29,13 +29,15 @@ def estimate(
     gains: tuple[float, float] = (1.0, 1.0),
     mass: float = SAMPLE,
     odd: float = 1.0,
+    growth: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[SampleEstimate, list[JudgedHit]]:
-    """Return what ten hits say whose gains are off, of a sample of another stated mass."""
+    """Return what ten hits say whose gains are off, or grow, of another stated mass."""
     samples = SampleSet((Sample("struck", mass, mass_uncertainty=1e-4),), "struck")
     session = Session(RigSetup(samples, HAMMER, SPEED, hammer_mass_uncertainty=1e-4))
     hits: list[JudgedHit] = []
     for record in range(1, 11):
-        traces = replace(impact, seed=record).measure() * np.array(gains)[:, np.newaxis]
+        each = np.array(gains) * (1.0 + record * np.array(growth))
+        traces = replace(impact, seed=record).measure() * each[:, np.newaxis]
         traces[1] *= odd if record == 3 else 1.0
         channels = [ChannelBlock(trace, 1.0, 0.0, 0.0) for trace in traces]
         hits += session.feed(
@@ -119,6 +121,15 @@ def test_a_hit_whose_gain_is_another_is_named():
     found, _ = estimate(CRUSHED, odd=0.97)
     (told,) = find(found.warnings, "balance otherwise")
     assert told.startswith("hits: the momenta of hit 3.1 balance")
+
+
+@pytest.mark.parametrize(
+    ("growth", "told"), [((0.0, 0.01), ["+"]), ((0.01, 0.0), ["-"]), ((0.01, 0.01), [])]
+)
+def test_a_momentum_ratio_that_changes_is_that_of_sample_over_hammer(growth, told):
+    found, _ = estimate(CRUSHED, growth=growth)
+    said = find(found.warnings, "momentum ratio changes by")
+    assert [text.partition("momentum ratio changes by ")[2][0] for text in said] == told
 
 
 def strike_held(frequency: float, ratio: float, mode: float = 0.0) -> Checks:

@@ -1,5 +1,6 @@
 """Damping by peaks and by free decay: found again, and what the tail does not tell is named."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from scipy.stats import t as student
 
 from impact_rig.core.estimates.damping import (
     FreeDecay,
+    check_window,
     estimate_free_decay,
     estimate_log_decrement,
 )
@@ -180,6 +182,41 @@ def test_two_modes_are_not_called_one():
     specimen = swing(Oscillation(0.02)) + swing(Oscillation(0.02, natural=2.7 * NATURAL))
     assert fit(make_mean(specimen, noise=1.0)).has_many_modes
     assert not fit(make_mean(swing(Oscillation(0.02)), noise=1.0)).has_many_modes
+
+
+@pytest.mark.parametrize("side", [0.98, 1.02], ids=["below", "above"])
+def test_halves_differ_beyond_twice_both_standard_uncertainties(side):
+    # No low-pass: the tail begins where the contact ends, and its halves are known to a point.
+    first = ORIGIN + round(0.55 * TAU * RATE)
+    half = (COUNT - first) // 2
+    step, errors, found, swung = NATURAL / RATE, [], (0.02, 0.023), []
+    start = complex(PEAK)
+    for ratio in found:
+        rate = step * (-ratio + 1j * np.sqrt(1.0 - ratio**2))
+        points = np.arange(half + 1)
+        wave = start * np.exp(rate * points)
+        swung.append(wave.real[:half])
+        # By a, omega, cosine, sine and offset.
+        columns = (points * wave.real, points * wave.imag, wave.real, wave.imag, np.ones(half + 1))
+        jacobian = np.stack(columns)[:, :half]
+        error = np.sqrt(np.linalg.inv(jacobian @ jacobian.T)[0, 0])
+        errors.append(error / rate.imag)
+        start = wave[half]
+    trace = np.concatenate((np.zeros(first), *swung))
+    noise = np.full(2, (found[1] - found[0]) / (2.0 * sum(errors)) / side)
+    mean = replace(make_mean(trace, cutoff=0.0), noise=noise, raw_noise=noise)
+    halves = fit(mean, 0.0).halves
+    assert halves == (pytest.approx(found, rel=1e-5) if side > 1.0 else ())
+
+
+@pytest.mark.parametrize(("points", "is_refused"), [(10, False), (12, True)])
+def test_a_window_is_seen_beside_six_points_of_a_half_baseline(points, is_refused):
+    trace = swing(Oscillation(0.02, amplitude=1e-3))
+    trace[:ORIGIN] = np.random.default_rng(1).standard_normal(ORIGIN)
+    mean = replace(make_mean(trace, cutoff=0.0), baseline_points=points)
+    told = pytest.raises(NotDeterminedError, match="a window of an analyser is in it")
+    with told if is_refused else nullcontext():
+        check_window(mean, 1, 0.0)
 
 
 def make_decay(ratio: float, frequency: float = 5e3, count: int = 6000) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from core.blocks import make_record
 
-from impact_rig.core.estimates.checks import ask_for_sample, check_chain, check_speed
+from impact_rig.core.estimates.checks import SLIPS, ask_for_sample, check_chain, check_speed
 from impact_rig.core.estimates.uncertainty import Source, make_quantity
 from impact_rig.core.given.findings import Finding, Reason
 from impact_rig.core.given.quantity import UNKNOWN, Quantity
@@ -25,6 +25,7 @@ from impact_rig.core.hit.verdict import (
     find_jump,
     find_longest_rail_run,
     find_second_pulse,
+    find_step,
     shows_plateau,
 )
 
@@ -52,6 +53,13 @@ def list_reasons(found: list[Finding]) -> list[Reason]:
     return [item.reason for item in found]
 
 
+@JUST
+def test_values_that_differ_by_a_billionth_are_one_count(side):
+    values = np.array([0.99, 1.0 - side * 1e-9, 1.0])
+    step = find_step(values, 1.0)
+    assert step == pytest.approx(0.01 if side < 1.0 else side * 1e-9, rel=1e-6)
+
+
 class TestDropout:
     """A single point off a smooth curve that reaches 1000 m/s^2."""
 
@@ -74,6 +82,18 @@ class TestDropout:
     @pytest.mark.parametrize("counts", [2, 3])
     def test_is_three_counts_off(self, counts):
         assert (self.find(counts * 25.0, resolution=25.0) is not None) is (counts == 3)
+
+    @pytest.mark.parametrize(("count", "is_seen"), [(1, 0), (8, 0), (9, 1)])
+    def test_is_looked_for_among_nine_points_and_more(self, count, is_seen):
+        values = np.where(np.arange(count) == 4, 1000.0, 0.0)
+        found = find_dropout("hammer", make_channel(values, 1.0), 2, RATE)
+        assert (found is not None) is bool(is_seen)
+
+    @JUST
+    def test_is_a_twentieth_of_what_lies_between_both_extremes_off(self, side):
+        values = 1000.0 * (make_bump(500.0, 400.0, 1200) - make_bump(900.0, 400.0, 1200))
+        values[100] += side * 0.05 * 2000.0
+        assert (find_dropout("hammer", make_channel(values), 90, RATE) is not None) is (side > 1.0)
 
     @pytest.mark.parametrize(("place", "is_seen"), [(3, 0), (4, 1), (1195, 1), (1196, 0)])
     def test_has_four_neighbours_on_either_side(self, place, is_seen):
@@ -358,6 +378,15 @@ class TestSample:
         setup = replace(PAPER_SETUP, impact_speed=1.0, impact_speed_uncertainty=0.004)
         found = check_speed(speed, UNKNOWN, setup, "stated")
         assert (found is not None) is (side > 1.0)
+
+    @JUST
+    @pytest.mark.parametrize(("slip", "sign"), [(2.0, -1.0), (9.81, -1.0), (2.0, 1.0)])
+    def test_a_slip_is_named_within_a_twentieth(self, side, slip, sign):
+        ratio = slip / (1.0 - sign * 0.05) * side**-sign
+        setup = replace(PAPER_SETUP, impact_speed=1.0)
+        found = check_speed(Quantity(ratio, 0.0, 0.0), UNKNOWN, setup, "stated")
+        is_named = SLIPS[slip] in found.explanation
+        assert is_named is (side > 1.0)
 
     @JUST
     @pytest.mark.parametrize("end", [0.0, 1.0])
