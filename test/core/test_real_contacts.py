@@ -179,12 +179,9 @@ def find_causes(hits: list[JudgedHit]) -> set[tuple[Reason, ...]]:
 @pytest.mark.parametrize(
     ("fault", "cause"),
     [
-        ({"zero_shift": 0.02}, Reason.ZERO_SHIFT),
-        ({"zero_shift": 0.03}, Reason.ZERO_SHIFT),
         ({"zero_shift": -0.03}, Reason.ZERO_SHIFT),
         ({"zero_shift": 0.03, "recovery": 1e-3}, Reason.ZERO_SHIFT),
         ({"corner": 50.0}, Reason.DROOP),
-        ({"corner": 200.0}, Reason.DROOP),
         ({"drift": 0.02}, Reason.DRIFT),
     ],
     ids=str,

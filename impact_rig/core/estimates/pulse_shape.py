@@ -246,7 +246,7 @@ def fit_window(
         # A step that is small beside what noise makes of the parameters is the last.
         is_last = gain <= LAST_STEP**2 * squares / residual.shape[1]
         is_found |= is_last
-        is_useless = (count > 3) & (squares - 10.0 * gain > find_most(squares))
+        is_useless = squares - 10.0 * gain > find_most(squares)
         # Up to the first bound: a step that is bent there goes astray.
         room = np.where(step > 0.0, bounds[1], bounds[0]) - found
         part = np.divide(room, step, out=np.ones_like(step), where=(step != 0.0) & (room != 0.0))

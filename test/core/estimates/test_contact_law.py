@@ -46,29 +46,21 @@ corner_laws = pytest.mark.parametrize(
 class Contact:
     """A contact with its truth."""
 
-    exponent: float
     stiffness: float
     alpha: float
-    restitution: float
-    duration: float
     traces: FloatArray
-    energy_loss: float
 
 
 def strike(exponent: float, restitution: float) -> Contact:
     """Return a contact of `struck`, and what its law is in SI units."""
     loss = find_loss(exponent, restitution)
     motion = strike_body(exponent, loss)
-    unit, e = DURATION / motion.time[-1], motion.restitution
+    unit = DURATION / motion.time[-1]
     force = Impact(DURATION, exponent, restitution).find_force(np.arange(COUNT) / RATE - START)
     return Contact(
-        exponent=exponent,
         stiffness=BOTH * SPEED ** (1.0 - exponent) / unit ** (exponent + 1.0),
         alpha=loss / SPEED,
-        restitution=e,
-        duration=DURATION,
         traces=np.outer((1.0, -HAMMER / SAMPLE), force),
-        energy_loss=BOTH * SPEED**2 * (1.0 - e**2) / 2.0,
     )
 
 
@@ -104,7 +96,7 @@ def test_without_noise_the_law_is_found_again(exponent, restitution):
     law = estimate(make_mean(contact.traces))
     assert law.exponent.value == pytest.approx(exponent, abs=0.002)
     assert law.restitution.value == pytest.approx(restitution, abs=0.001)
-    assert law.duration.value == pytest.approx(contact.duration, rel=0.001)
+    assert law.duration.value == pytest.approx(DURATION, rel=0.001)
     assert law.impact_speed.value == pytest.approx(SPEED, rel=0.002)
     if restitution < 1.0:
         assert law.damping.value == pytest.approx(contact.alpha, rel=0.002, abs=0.005)
@@ -112,10 +104,10 @@ def test_without_noise_the_law_is_found_again(exponent, restitution):
     force = contact.traces[0] * HAMMER
     assert law.peak_force.value == pytest.approx(force.max(), rel=0.001)
     assert law.impulse.value == pytest.approx(BOTH * SPEED * (1.0 + restitution), rel=0.002)
-    assert law.energy_loss.value == pytest.approx(contact.energy_loss, rel=0.004, abs=4e-7)
-    assert law.equivalent_stiffness.value == pytest.approx(
-        BOTH * (np.pi / contact.duration) ** 2, rel=0.002
-    )
+    energy = BOTH * SPEED**2 * (1.0 - restitution**2) / 2.0
+    assert law.energy_loss.value == pytest.approx(energy, rel=0.004, abs=4e-7)
+    equivalent = BOTH * (np.pi / DURATION) ** 2
+    assert law.equivalent_stiffness.value == pytest.approx(equivalent, rel=0.002)
     # Without loss any form of it describes the pulse.
     assert law.notes == () or restitution == 1.0
 
@@ -173,21 +165,6 @@ def test_what_is_unsure_of_the_sensor_is_in_the_budget_and_the_interval_covers()
     assert force["gain of the hammer's channel"] == pytest.approx(
         0.02 * law.peak_force.value, rel=0.01
     )
-
-
-def test_the_intervals_cover_the_truth_as_often_as_they_say():
-    contact = strike(1.5, 0.9)
-    covered = np.zeros(3)
-    for seed in range(50):
-        law = estimate(make_mean(contact.traces, NOISE, 3, seed=seed))
-        truths = (contact.exponent, contact.restitution, contact.duration)
-        found = (law.exponent, law.restitution, law.duration)
-        covered += [
-            abs(quantity.value - truth) <= quantity.expanded
-            for quantity, truth in zip(found, truths, strict=True)
-        ]
-    # 95 of 100, give or take three standard deviations.
-    assert np.all(covered >= 43)
 
 
 def test_a_given_exponent_makes_the_rest_more_certain():

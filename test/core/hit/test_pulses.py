@@ -31,11 +31,6 @@ def test_factor_and_ratio_of_widths_are_the_known_ones(shape, factor, ratio):
     assert find_width(shape, 0.1) / find_width(shape, 0.5) == pytest.approx(ratio, abs=0.005)
 
 
-@every_shape
-def test_the_width_is_that_of_the_pulse_itself(shape):
-    assert shape.half_amplitude_width == pytest.approx(find_width(shape, 0.5), abs=1e-10)
-
-
 def find_width(shape: PulseShape, level: float) -> float:
     return 1.0 - 2.0 * brentq(
         lambda phase: float(shape.differentiate(np.array(phase))[0]) - level, 1e-12, 0.5
