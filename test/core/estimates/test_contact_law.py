@@ -101,8 +101,7 @@ def test_without_noise_the_law_is_found_again(exponent, restitution):
     if restitution < 1.0:
         assert law.damping.value == pytest.approx(contact.alpha, rel=0.002, abs=0.005)
     assert np.log(law.stiffness.value) == pytest.approx(np.log(contact.stiffness), abs=0.02)
-    force = contact.traces[0] * HAMMER
-    assert law.peak_force.value == pytest.approx(force.max(), rel=0.001)
+    assert law.peak_force.value == pytest.approx(HAMMER * contact.traces[0].max(), rel=0.001)
     assert law.impulse.value == pytest.approx(BOTH * SPEED * (1.0 + restitution), rel=0.002)
     energy = BOTH * SPEED**2 * (1.0 - restitution**2) / 2.0
     assert law.energy_loss.value == pytest.approx(energy, rel=0.004, abs=4e-7)
