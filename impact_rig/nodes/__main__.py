@@ -44,6 +44,8 @@ def _run(name: str) -> int:
         return 0
     if name == "visualizer":
         os.nice(10)  # it may be late, the rig may not
+        # Rerun would load it, if it is installed, to see whether a text is a table of it.
+        sys.modules["pandas"] = None  # type: ignore[assignment]
     try:
         process = import_module("impact_rig.nodes.process")
         module = import_module(f"impact_rig.nodes.{name}")

@@ -54,22 +54,13 @@ def _read_clock() -> float:
 
 
 class NumberedState:
-    """The state of a node on its topic: it counts what is told, and refuses acts by an older one.
-
-    Parameters
-    ----------
-    clock : callable
-        Returns the time by which the state is stamped [ns].
-    send : callable
-        Publishes a stamped state with some fields changed.
-    tell : callable
-        Returns what a person is told by the fields of a state.
-    """
+    """The state of a node on its topic: counts what is told, and refuses acts by an older one."""
 
     def __init__(
         self,
-        clock: Callable[[], int],
-        send: Callable[..., None],
+        clock: Callable[[], int],  # by which the state is stamped [ns]
+        send: Callable[..., None],  # publishes a stamped state with some fields changed
+        # Returns what a person is told by the fields of a state.
         tell: Callable[[Mapping[str, Any]], Any] = dict,
     ) -> None:
         self.number = 0

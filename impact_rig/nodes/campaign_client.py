@@ -69,10 +69,7 @@ class Operator(Protocol):
     def put_back(self, refusal: str) -> None:
         """Put the hammer back into its holder; return when it is there.
 
-        Parameters
-        ----------
-        refusal : str
-            Why it did not count as held after the last time; empty: this is the first.
+        `refusal`: why it did not count as held after the last time; empty: this is the first.
         """
         ...
 
@@ -88,12 +85,7 @@ class Operator(Protocol):
 class CampaignClient(RigClient):
     """Runs campaigns on a rig that is up; use it in a ``with`` statement.
 
-    Parameters
-    ----------
-    namespace : str
-        Of the rig.
-    check : callable
-        Called while waiting; may raise, when waiting has become pointless.
+    It calls `check` while it waits, which may raise when waiting has become pointless.
     """
 
     def __init__(self, namespace: str = "", check: Callable[[], None] = lambda: None) -> None:

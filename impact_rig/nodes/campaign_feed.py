@@ -13,14 +13,8 @@ from impact_rig.recordings.fields import NO_ID
 class CampaignFeed:
     """Passes on the set-up of each campaign, then the findings of that campaign.
 
-    They come by several topics: a finding may come before its set-up, and waits for that.
-
-    Parameters
-    ----------
-    begin : callable
-        Gets the set-up that begins a campaign.
-    take : callable
-        Gets each finding of that campaign.
+    They come by several topics: a finding may come before its set-up, and waits for that. `begin`
+    gets the set-up that begins a campaign, `take` each finding of it.
     """
 
     def __init__(

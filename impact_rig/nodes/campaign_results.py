@@ -35,10 +35,7 @@ def read_faults(run: Run, campaign_id: bytes) -> Faults:
 class ResultsWriter:
     """Writes the results of a campaign by a thread of its own: a disk holds up no node.
 
-    Parameters
-    ----------
-    report : callable
-        Gets the sentence if they cannot be written.
+    `report` gets the sentence if they cannot be written.
     """
 
     def __init__(self, report: Callable[[str], None]) -> None:

@@ -33,13 +33,6 @@ class RigClient:
     """Talks to a rig that is up, here or on another host; use it in a ``with`` statement.
 
     Nothing happens behind its back: messages are taken while one of its methods waits.
-
-    Parameters
-    ----------
-    name : str
-        Of its node.
-    namespace : str
-        Of the rig.
     """
 
     def __init__(self, name: str, namespace: str = "") -> None:
@@ -106,21 +99,7 @@ class RigClient:
     def call(self, kind: Any, name: str, request: Any, timeout: float) -> Any:
         """Call a service of the rig and return its answer.
 
-        Parameters
-        ----------
-        kind : type
-            Of the service.
-        name : str
-            Of the service.
-        request : message
-            What is asked.
-        timeout : float
-            [s]
-
-        Raises
-        ------
-        DeviceError
-            If no node offers it, or no answer comes.
+        Raises `DeviceError` if no node offers it within `timeout` [s], or no answer comes.
         """
         client = self._node.create_client(kind, name)
         try:
@@ -167,12 +146,7 @@ def hold_interrupts() -> Iterator[list[int]]:
 class HammerClient(RigClient):
     """Asks the hammer of a rig that is up; use it in a ``with`` statement.
 
-    Parameters
-    ----------
-    namespace : str
-        Of the rig.
-    timeout : float
-        How long the node may take to be found, and then to answer [s].
+    It has `timeout` [s] to be found, and then to answer.
     """
 
     def __init__(self, namespace: str, timeout: float) -> None:

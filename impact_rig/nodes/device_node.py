@@ -14,11 +14,6 @@ class DeviceNode(RigNode):
     When the device is lost, the node becomes `unconfigured`: it lets the device go, says why in
     its state and in the diagnostics, and can be configured again. Unless a lifecycle manager does
     that (`autostart` off), it does so itself every `reconnect_period`.
-
-    Parameters
-    ----------
-    name : str
-        Node name, unless remapped.
     """
 
     def __init__(self, name: str, **options: Any) -> None:

@@ -44,13 +44,7 @@ class Received(Generic[T]):
 
 
 class Intake:
-    """Takes the messages of a node's topics.
-
-    Parameters
-    ----------
-    node : Node
-        That subscribes.
-    """
+    """Takes the messages of a node's topics."""
 
     # How long what the graph says of the publishers of a topic is believed [s].
     look_period = 0.1
@@ -62,6 +56,7 @@ class Intake:
         self.ignored = 0  # messages of another campaign, or of nobody knows whom
         self.strangers: set[str] = set()  # sentences about them that were logged
         self._node = node
+        self._names: dict[str, str] = {}  # of topics, in full
         # By topic: number of publishers, when it was looked at [s], and who is one too many.
         self._looks: dict[str, tuple[int, float, str | None]] = {}
 
@@ -109,7 +104,12 @@ class Intake:
 
     def find_stranger(self, topic: Topic) -> str | None:
         """Return who speaks on a topic beside its owner, as a sentence; None: nobody does."""
-        if not topic.owners or (count := self._node.count_publishers(topic.name)) < 2:  # noqa: PLR2004
+        if not topic.owners:
+            return None
+        if not (name := self._names.get(topic.name)):
+            name = self._names[topic.name] = self._node.resolve_topic_name(topic.name)
+        # By the handle: rclpy's own count expands the name each time, which costs the most.
+        if (count := self._node.handle.get_count_publishers(name)) < 2:  # noqa: PLR2004
             return None
         before, looked_at, found = self._looks.get(topic.name, (0, 0.0, None))
         now = time.monotonic()

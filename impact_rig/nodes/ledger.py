@@ -95,19 +95,9 @@ class Ledger:
         return tuple(hit for key in stored for hit in self._judge(key))
 
     def read(self, campaign_id: bytes, namespace: str) -> str | None:
-        """Judge the campaign's records in the run's recordings, each once.
+        """Judge a campaign's records in the run's recordings, each once.
 
-        Parameters
-        ----------
-        campaign_id : bytes
-            Of the campaign.
-        namespace : str
-            Of the rig.
-
-        Returns
-        -------
-        str or None
-            Why not all could be read; None: it was, or the recordings are on another computer.
+        Return why not all could be read; None: it was, or they are on another computer.
         """
         self._clear()
         prefix, scans, problems = namespace.rstrip("/") + "/", list[Scan](), list[str]()

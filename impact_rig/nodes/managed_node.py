@@ -35,12 +35,8 @@ class ManagedNode(LifecycleNode):
     node can be configured again. Callbacks may wait without holding up others. Timers run by a
     steady clock: setting the computer's clock does not delay them.
 
-    Parameters
-    ----------
-    name : str
-        Node name, unless remapped; it has the parameters that `PARAMETERS` lists under it.
-    pace : float
-        How many times as often the node looks at what it looks at now and then [-].
+    A node has the parameters that `PARAMETERS` lists under its name. What it looks at now and then
+    it looks at `pace` times as often.
     """
 
     # How long another node may take to answer [s]; only the estimator may have much to read first.
@@ -290,16 +286,11 @@ class ManagedNode(LifecycleNode):
         An unanswered request is sent again, since a server that has not discovered the client's
         reader drops its answer. The rig's services take a repeated request as the same one.
 
-        Parameters
-        ----------
-        timeout : float, optional
-            [s]; `answer_timeout` by default.
-
         Raises
         ------
         DeviceError
-            If the service does not exist, no answer comes within `timeout` seconds, or
-            `is_given_up` returns True.
+            If the service does not exist, no answer comes within `timeout` seconds, by default
+            `answer_timeout`, or `is_given_up` returns True.
         """
         timeout = self.answer_timeout if timeout is None else timeout
         await self.wait_until(lambda: client.service_is_ready() or is_given_up(), timeout)

@@ -359,13 +359,7 @@ class PageNode(RigNode):
 
 
 class _Hands:
-    """A node in a thread of its own: acts wait for none of the rig's other messages.
-
-    Parameters
-    ----------
-    page : RigNode
-        Of the same context and namespace.
-    """
+    """A node in a thread of its own: acts wait for none of the rig's other messages."""
 
     def __init__(self, page: RigNode) -> None:
         self.node = Node(

@@ -37,17 +37,8 @@ DRAIN_QUIET = 0.1
 def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None) -> int:
     """Run one node until it is asked to stop; close it cleanly whatever happens.
 
-    Parameters
-    ----------
-    make_node : callable
-        Returns the node; called once ROS is up.
-    argv : sequence of str, optional
-        Command line, ROS arguments included; the process's own by default.
-
-    Returns
-    -------
-    int
-        Exit code: 0 after a stop that was asked for, 2 after an impossible parameter.
+    `make_node` is called once ROS is up. Return the exit code: 0 after a stop that was asked for,
+    2 after an impossible parameter.
     """
     try:
         return _run(make_node, argv)

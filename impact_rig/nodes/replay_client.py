@@ -55,19 +55,9 @@ class ReplayClient(RigClient):
         super().leave()
 
     def estimate(self, run: Run, report: Report) -> Iterator[Results]:
-        """Yield the results of each campaign with hits.
+        """Yield the results of each campaign with hits; tell how much was read [byte].
 
-        Parameters
-        ----------
-        run : Run
-            What is published.
-        report : callable
-            Gets how much of it was read [byte].
-
-        Raises
-        ------
-        RigError
-            If a recording is damaged, or the estimator cannot use it.
+        Raises `RigError` if a recording is damaged, or the estimator cannot use it.
         """
         self.spin_until(
             lambda: all(item.get_subscription_count() for item in self._outputs.values()),

@@ -41,16 +41,8 @@ class RecordedMessage(NamedTuple):
 class RunToReplay:
     """The inputs in the recordings of one rig, one recording after the other without a pause.
 
-    Parameters
-    ----------
-    run : Run
-        What is replayed.
-
-    Raises
-    ------
-    FileError
-        If it is damaged, holds nothing to replay, or is of another version of the interfaces. So
-        does every method that reads.
+    What reads it raises `FileError` if it is damaged, holds nothing to replay, or is of another
+    version of the interfaces.
     """
 
     def __init__(self, run: Run) -> None:

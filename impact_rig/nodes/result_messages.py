@@ -100,12 +100,8 @@ def trace_to_msg(
 def results_from_msg(message: Any, faults: Mapping[int, Sequence[str]]) -> Results:
     """Return the results in the answer of an estimator or of a campaign.
 
-    Parameters
-    ----------
-    message : RunCampaign.Result or GetResults.Response
-        Both have the same fields.
-    faults : mapping
-        What the virtual rig did on purpose, by record.
+    The message is a `RunCampaign.Result` or a `GetResults.Response`; `faults` are what the virtual
+    rig did on purpose, by record.
     """
     hits = sorted([*message.accepted, *message.rejected], key=lambda hit: hit.record)
     whose = describe_estimator(message.estimator)

@@ -15,18 +15,8 @@ class RigMember:
     """Another node of the rig: its state and whether it lives, by a topic that only it publishes.
 
     A node whose process is killed, or whose computer is out of reach, publishes no goodbye. The
-    lease of its topic ends in time all the same.
-
-    Parameters
-    ----------
-    node : RigNode
-        That listens.
-    name : str
-        Of the other node.
-    topic : Topic
-        Of the other node, with a lease.
-    on_change : callable
-        Called when a message is kept, and when a publisher has come, gone, or fallen silent.
+    lease of its topic ends in time all the same. `on_change` is called when a message is kept, and
+    when a publisher has come, gone, or fallen silent.
     """
 
     def __init__(

@@ -36,13 +36,7 @@ adds to the cost of every message."""
 
 
 class RigNode(ManagedNode):
-    """A node of the rig.
-
-    Parameters
-    ----------
-    name : str
-        Node name, unless remapped.
-    """
+    """A node of the rig."""
 
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, **options)

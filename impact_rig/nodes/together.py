@@ -5,6 +5,7 @@ is not imported before, since its libraries start threads, which no fork survive
 """
 
 import gc
+import inspect
 import json
 import os
 import signal
@@ -50,10 +51,7 @@ FOR_HITS = "scipy.optimize"
 def fork_nodes(nodes: Mapping[str, Any]) -> None:
     """Fork nodes, tell the number of each process, and its exit code when it ends.
 
-    Parameters
-    ----------
-    nodes : mapping
-        By name: the descriptor that a node prints to, and the words of its command line.
+    By a node's name: the descriptor that it prints to, and the words of its command line.
     """
     # From here on a request to stop is for the nodes, which share this process group; in each it
     # waits until the node can take it.
@@ -84,5 +82,7 @@ if __name__ == "__main__":
     job = json.loads(sys.argv[1])
     for module in (*SHARED, *[FOR_HITS] * bool({"accelerometer", "estimator"} & job.keys())):
         import_module(module)
+    # The first line of a log looks for its module among all of them.
+    inspect.getmodule(fork_nodes.__code__)
     gc.freeze()  # what is there stays shared: no search for garbage touches it
     fork_nodes(job)

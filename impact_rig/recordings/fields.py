@@ -46,7 +46,7 @@ def fill_message(message: Any, record: Any, make: MessageMaker = NO_LISTS) -> An
         value = getattr(record, field.name)
         if field.description.is_inline:
             fill_message(message, value, make)
-        elif is_dataclass(field.hint):
+        elif _is_record(field.hint):
             fill_message(getattr(message, field.name), value, make)
         else:
             setattr(message, field.name, _value_to_message(field.hint, value, make))
@@ -54,14 +54,25 @@ def fill_message(message: Any, record: Any, make: MessageMaker = NO_LISTS) -> An
 
 
 def _value_to_message(hint: Any, value: Any, make: MessageMaker) -> Any:
-    if get_origin(hint) is tuple:
-        return [_value_to_message(get_args(hint)[0], item, make) for item in value]
+    if hint in PLAIN:
+        return hint(value)
+    if kind := _find_kind_of_items(hint):
+        return [_value_to_message(kind, item, make) for item in value]
     if hint in CODES:
         return value.value
-    if is_dataclass(hint):
+    if _is_record(hint):
         name = type(value).__name__
         return fill_message(make(RENAMED.get(name, name)), value, make)
     return hint(value)
+
+
+_is_record = cache(is_dataclass)  # which a message asks of each of its fields
+
+
+@cache
+def _find_kind_of_items(hint: Any) -> Any:
+    """Return the type of a tuple's items; None: it is no tuple."""
+    return get_args(hint)[0] if get_origin(hint) is tuple else None
 
 
 def from_message(kind: type[_T], message: Any, **known: Any) -> _T:
@@ -114,12 +125,13 @@ def check_numbers(record: Any) -> None:
 
 
 def _value_from_message(hint: Any, value: Any) -> Any:
-    if get_origin(hint) is tuple:
-        return tuple(_value_from_message(get_args(hint)[0], item) for item in value)
+    if hint in PLAIN:
+        return hint(value)
+    if kind := _find_kind_of_items(hint):
+        return tuple(_value_from_message(kind, item) for item in value)
     if hint in CODES:
         return read_code(hint, value)
-    is_plain = hint in PLAIN or issubclass(hint, IntEnum)
-    return hint(value) if is_plain else from_message(hint, value)
+    return hint(value) if issubclass(hint, IntEnum) else from_message(hint, value)
 
 
 def set_stamp(message: Any, nanoseconds: int) -> None:

@@ -242,10 +242,10 @@ def find_message_definition(type_name: str) -> MessageDefinition:
         `.msg`.
     """
     package, name = _split_type_name(type_name)
-    seen = {(package, name)}
-    text = _assemble(package, name, seen)
-    full_name = f"{package}/msg/{name}"
-    return MessageDefinition(full_name, text, _make_store(full_name, text).hash_rihs01(full_name))
+    full_name, types = f"{package}/msg/{name}", Types()
+    text, store = _assemble(package, name, types), Typestore()
+    store.register(types)
+    return MessageDefinition(full_name, text, store.hash_rihs01(full_name))
 
 
 def check_interfaces(channel: Channel, installed: MessageDefinition) -> None:
@@ -266,21 +266,24 @@ def check_interfaces(channel: Channel, installed: MessageDefinition) -> None:
             )
 
 
-def _assemble(package: str, name: str, seen: set[tuple[str, str]]) -> str:
-    text = _read_definition(package, name)
+def _assemble(package: str, name: str, seen: Types) -> str:
+    text, type_name = _read_definition(package, name), f"{package}/msg/{name}"
     parts = [text]
-    for dependency in _list_dependencies(text, f"{package}/msg/{name}"):
-        if dependency not in seen:
-            seen.add(dependency)
+    seen |= (own := _parse_one(text, type_name))
+    for dependency in _list_dependencies(own[type_name]):
+        if "/msg/".join(dependency) not in seen:
             title = f"MSG: {dependency[0]}/{dependency[1]}"
             parts.append(f"\n{SEPARATOR}\n{title}\n{_assemble(*dependency, seen)}")
     return "".join(parts)
 
 
 @cache  # types share most of what they depend on
-def _list_dependencies(text: str, type_name: str) -> list[tuple[str, str]]:
-    types: Types = get_types_from_msg(text, type_name)
-    _, fields = types[type_name]
+def _parse_one(text: str, type_name: str) -> Types:
+    return get_types_from_msg(text, type_name)
+
+
+def _list_dependencies(definition: Any) -> list[tuple[str, str]]:
+    _, fields = definition
     inner = (content[0] if kind in _ARRAYS else (kind, content) for _, (kind, content) in fields)
     return sorted({_split_type_name(name) for kind, name in inner if kind == Nodetype.NAME})
 

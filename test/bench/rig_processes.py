@@ -151,10 +151,6 @@ class Campaign:
     processor_time: float  # of all its processes [s]
 
 
-IN_CHECKOUT = '. "$0"; exec impact-rig "$@"'
-"""What a shell does with the environment of a checkout, and the words of a command."""
-
-
 @functools.cache
 def run_campaign(folder: Path, *words: str, beside: Path | None = None) -> Campaign:
     """Run `impact-rig demo`, the paper's campaign, into a folder that does not exist.
@@ -173,7 +169,7 @@ def run_campaign(folder: Path, *words: str, beside: Path | None = None) -> Campa
     """
     command = [sys.executable, "-m", COMMAND_LINE]
     if beside is not None:
-        command = ["sh", "-c", IN_CHECKOUT, str(beside / "install/impact_rig/environment.sh")]
+        command = ["env", *_read_environment(beside), "impact-rig"]
     with RigProcesses(folder.with_suffix(".log")) as processes:
         began, used = time.time_ns(), read_processor_time()
         started = time.perf_counter()
@@ -181,6 +177,12 @@ def run_campaign(folder: Path, *words: str, beside: Path | None = None) -> Campa
             raise RigError(f"no campaign to measure with could be run: {processes.read_log()}")
         seconds, used = time.perf_counter() - started, read_processor_time() - used
         return Campaign(folder / f"{RUN_NAME}{SUFFIX}", began, seconds, used)
+
+
+def _read_environment(checkout: Path) -> list[str]:
+    """Return the variables that a checkout's own `rig.py`, of whichever version, sets."""
+    rig = [str(checkout / ".venv/bin/python3"), str(checkout / "launch_scripts/rig.py")]
+    return subprocess.check_output([*rig, "exec", "--", "env", "-0"], text=True).split("\0")[:-1]
 
 
 def read_processor_time() -> float:
