@@ -7,7 +7,6 @@ from typing import Any
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.nodes.intake import Received
 from impact_rig.recordings.campaigns import begins_campaign
-from impact_rig.recordings.fields import NO_ID
 
 
 class CampaignFeed:
@@ -23,19 +22,14 @@ class CampaignFeed:
         take: Callable[[Received[Any]], None],
     ) -> None:
         self._begin, self._take = begin, take
-        self._campaign_id: bytes | None = None  # None: no set-up has come
+        self.campaign_id: bytes | None = None  # of that under way; None: no set-up has come
         self._early: deque[Received[Any]] = deque(maxlen=1000)  # more than the topics keep
-
-    @property
-    def campaign_id(self) -> bytes:
-        """Id of the campaign under way; zero: no set-up has come."""
-        return NO_ID if self._campaign_id is None else self._campaign_id
 
     def on_setup(self, received: Received[RigSetup]) -> None:
         """Begin a campaign, unless the set-up repeats that of the one under way."""
-        if not begins_campaign(received.message, self._campaign_id):
+        if not begins_campaign(received.message, self.campaign_id):
             return
-        self._campaign_id = received.identity.campaign_id
+        self.campaign_id = received.identity.campaign_id
         self._begin(received)
         early = tuple(self._early)
         self._early.clear()
@@ -44,7 +38,7 @@ class CampaignFeed:
 
     def on_finding(self, received: Received[Any]) -> None:
         """Pass a finding on, or keep it until its set-up comes."""
-        if received.identity.campaign_id == self._campaign_id:
+        if received.identity.campaign_id == self.campaign_id:
             self._take(received)
         else:
             self._early.append(received)

@@ -1,6 +1,7 @@
 """Common part of the nodes with a device, which may be lost and come back."""
 
 from abc import abstractmethod
+from functools import cache
 from typing import Any
 
 from impact_rig.configuration.parameters import Parameter
@@ -21,13 +22,8 @@ class DeviceNode(RigNode):
         self._known["use_sim_time"] = Parameter(default=False, description="")  # fixed, too
         self._reconnection = self.create_timer(1.0, self._reconnect)
         self._reconnection.cancel()
-        self._warnings: set[str] = set()  # that were logged
-
-    def warn_once(self, text: str) -> None:
-        """Log a warning, though the device is opened again and again until it is there."""
-        if text not in self._warnings:
-            self._warnings.add(text)
-            self.get_logger().warning(text)
+        # Each text once, though the device is opened again and again until it is there.
+        self.warn_once = cache(self.get_logger().warning)
 
     def configure(self) -> None:
         """Refuse a simulated time, which neither hammer nor digitizer follows."""

@@ -3,7 +3,6 @@
 Any other message is dropped, counted and named once; it ends no program.
 """
 
-import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -46,9 +45,6 @@ class Received(Generic[T]):
 class Intake:
     """Takes the messages of a node's topics."""
 
-    # How long what the graph says of the publishers of a topic is believed [s].
-    look_period = 0.1
-
     def __init__(self, node: Node) -> None:
         self.membership = Membership()
         self.handled = 0  # all messages that have come
@@ -57,8 +53,6 @@ class Intake:
         self.strangers: set[str] = set()  # sentences about them that were logged
         self._node = node
         self._names: dict[str, str] = {}  # of topics, in full
-        # By topic: number of publishers, when it was looked at [s], and who is one too many.
-        self._looks: dict[str, tuple[int, float, str | None]] = {}
 
     def take(self, topic: Topic, message: Any) -> Received[Any] | None:
         """Return a message with its converted value; None: it is foreign or cannot be meant."""
@@ -109,16 +103,12 @@ class Intake:
         if not (name := self._names.get(topic.name)):
             name = self._names[topic.name] = self._node.resolve_topic_name(topic.name)
         # By the handle: rclpy's own count expands the name each time, which costs the most.
-        if (count := self._node.handle.get_count_publishers(name)) < 2:  # noqa: PLR2004
+        if self._node.handle.get_count_publishers(name) < 2:  # noqa: PLR2004
             return None
-        before, looked_at, found = self._looks.get(topic.name, (0, 0.0, None))
-        now = time.monotonic()
-        if count != before or now - looked_at > self.look_period:
-            found = self._look(topic)
-            self._looks[topic.name] = count, now, found
-            if found and found not in self.strangers:
-                self.strangers.add(found)
-                self._node.get_logger().warning(f"{found}; nothing on it is believed")
+        found = self._look(topic)
+        if found and found not in self.strangers:
+            self.strangers.add(found)
+            self._node.get_logger().warning(f"{found}; nothing on it is believed")
         return found
 
     def find_any_stranger(self) -> str | None:

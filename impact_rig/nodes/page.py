@@ -44,6 +44,7 @@ from impact_rig.page.server import LONGEST_FIELD, STOP, Act, Answer, Form, PageS
 from impact_rig.page.traces import integrate_hammer, pack_traces
 from impact_rig.page.view import make_view
 from impact_rig.recordings.campaigns import is_trial
+from impact_rig.recordings.fields import NO_ID
 from impact_rig.results.campaign import HitResults
 from impact_rig.results.traces import JudgedTraces
 from impact_rig.status.rig_status import RigStatus
@@ -344,7 +345,8 @@ class PageNode(RigNode):
         # A number that no message holds is that of no hit.
         number = min(int(record), LARGEST_RECORD)
         overrule = Overrule(number, Verdict[verdict.upper()], form["reason"], form.who)
-        identity, stamp = Identity(self._feed.campaign_id), self.get_clock().now().to_msg()
+        identity = Identity(self._feed.campaign_id or NO_ID)
+        stamp = self.get_clock().now().to_msg()
         return {"overrule": overrule_to_msg(overrule, identity, stamp)}
 
     def _write_down(self, publisher: Any, form: Form, what: str) -> None:

@@ -110,6 +110,12 @@ class ShownCampaign:
             second_peak_time=estimate.paper.second_peak_time,
         )
 
+    def log_sample(self, sample: str, log: ViewLog) -> None:
+        """Show one sample, with its law if that is known."""
+        estimate = self.estimates.get(sample)
+        law = estimate.contact_law if estimate else NO_LAW
+        log.log_sample(self.make_traces(sample), law, self.setup)
+
 
 Work = Callable[[ViewLog], None]
 
@@ -272,9 +278,7 @@ class VisualizerNode(RigNode):
             self._log(lambda log: log.log_verdicts([verdict], [received.stamp]))
         if isinstance(found, SampleTraces):
             self._counts["comparisons"] += 1
-            self._latest["traces", found.name] = partial(
-                _log_sample, campaign=campaign, sample=found.name
-            )
+            self._latest["traces", found.name] = partial(campaign.log_sample, found.name)
         self._log_results_soon(campaign)
 
     def _on_block(self, received: Received[Block]) -> None:
@@ -287,9 +291,3 @@ class VisualizerNode(RigNode):
 
     def _log_results_soon(self, campaign: ShownCampaign) -> None:
         self._latest["results"] = lambda log: log.log_results(campaign.make_results())
-
-
-def _log_sample(log: ViewLog, campaign: ShownCampaign, sample: str) -> None:
-    estimate = campaign.estimates.get(sample)
-    law = estimate.contact_law if estimate else NO_LAW
-    log.log_sample(campaign.make_traces(sample), law, campaign.setup)

@@ -137,7 +137,6 @@ def test_of_a_topic_with_two_speakers_nothing_is_believed_and_of_one_everything(
     topic = interfaces.RECORD_STORED
     heard = []
     node = harness.add(lambda **options: RigNode("listener", **options))
-    node.intake.look_period = 0.0
     harness.run(lambda: node.listen(topic, heard.append))
     # Whoever speaks alone is the owner, whatever it is called.
     first = speak(harness, topic, is_leased=is_leased)

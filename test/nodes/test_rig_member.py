@@ -51,7 +51,6 @@ def test_a_replay_of_its_states_does_not_keep_it_alive(harness):
     publisher.publish(RecorderState(recording=True, uri="a.mcap"))
     harness.wait_until(lambda: recorder.state is not None)
     assert not recorder.is_gone
-    recorder._node.intake.look_period = 0.0
     replay = harness.peer.create_publisher(topic.type, topic.name, topic.qos)
     replay.publish(RecorderState(recording=True, uri="b.mcap"))
     harness.peer.destroy_publisher(publisher)

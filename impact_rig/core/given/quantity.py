@@ -113,12 +113,6 @@ def read_description(item: "Field[Any]") -> Description:
     return found
 
 
-@cache
-def _list_described(kind: Any) -> tuple[tuple["Field[Any]", Description], ...]:
-    """Return the fields of a dataclass with their descriptions."""
-    return tuple((item, read_description(item)) for item in fields(kind))
-
-
 class StoredField(NamedTuple):
     """A field of a dataclass that leaves where it was made."""
 
@@ -209,8 +203,8 @@ class Quantity(Comparable):
         The ends are held against the value and, unless the uncertainty itself reaches beyond them,
         against the limits of what the quantity is.
         """
-        for item, own in _list_described(Quantity):
-            problem = own.explain(getattr(self, item.name))
+        for item in fields(self):
+            problem = read_description(item).explain(getattr(self, item.name))
             if problem is not None:
                 return item.name, problem
         is_within = said.explain(self.value - self.expanded) is None
@@ -262,21 +256,20 @@ def make_result(record: Record) -> Record:
     What is to stay is dropped. A number that no reader would take is not determined.
     """
     changes: dict[str, Any] = {}
-    for item, said in _list_described(type(record)):  # type: ignore[arg-type]
-        value = getattr(record, item.name)
+    for item in fields(record):  # type: ignore[arg-type]
+        value, said = getattr(record, item.name), read_description(item)
         if said.is_internal:
             if item.default is not MISSING:
                 changes[item.name] = item.default
         elif isinstance(value, Quantity):
             is_possible = said.explain(value) is None and value.find_impossible(said) is None
             changes[item.name] = make_result(value) if is_possible else UNKNOWN
-        elif isinstance(value, float):
-            if said.explain(value) is not None:
-                changes[item.name] = math.nan
         elif is_dataclass(value):
             changes[item.name] = make_result(value)
         elif isinstance(value, tuple) and value and is_dataclass(value[0]):
             changes[item.name] = tuple(map(make_result, value))
+        elif said.explain(value) is not None:
+            changes[item.name] = math.nan
     return replace(record, **changes) if changes else record  # type: ignore[type-var]
 
 
