@@ -270,7 +270,9 @@ def _assemble(package: str, name: str, seen: Types) -> str:
     text, type_name = _read_definition(package, name), f"{package}/msg/{name}"
     parts = [text]
     seen |= (own := _parse_one(text, type_name))
-    for dependency in _list_dependencies(own[type_name]):
+    _, fields = own[type_name]
+    inner = (content[0] if kind in _ARRAYS else (kind, content) for _, (kind, content) in fields)
+    for dependency in sorted({_split_type_name(it) for kind, it in inner if kind == Nodetype.NAME}):
         if "/msg/".join(dependency) not in seen:
             title = f"MSG: {dependency[0]}/{dependency[1]}"
             parts.append(f"\n{SEPARATOR}\n{title}\n{_assemble(*dependency, seen)}")
@@ -280,12 +282,6 @@ def _assemble(package: str, name: str, seen: Types) -> str:
 @cache  # types share most of what they depend on
 def _parse_one(text: str, type_name: str) -> Types:
     return get_types_from_msg(text, type_name)
-
-
-def _list_dependencies(definition: Any) -> list[tuple[str, str]]:
-    _, fields = definition
-    inner = (content[0] if kind in _ARRAYS else (kind, content) for _, (kind, content) in fields)
-    return sorted({_split_type_name(name) for kind, name in inner if kind == Nodetype.NAME})
 
 
 def _split_type_name(type_name: str) -> tuple[str, str]:
