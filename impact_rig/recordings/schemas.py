@@ -272,10 +272,10 @@ def _assemble(package: str, name: str, seen: Types) -> str:
     seen |= (own := _parse_one(text, type_name))
     _, fields = own[type_name]
     inner = (content[0] if kind in _ARRAYS else (kind, content) for _, (kind, content) in fields)
-    for dependency in sorted({_split_type_name(it) for kind, it in inner if kind == Nodetype.NAME}):
-        if "/msg/".join(dependency) not in seen:
-            title = f"MSG: {dependency[0]}/{dependency[1]}"
-            parts.append(f"\n{SEPARATOR}\n{title}\n{_assemble(*dependency, seen)}")
+    for other in sorted({_split_type_name(it) for kind, it in inner if kind == Nodetype.NAME}):
+        if "/msg/".join(other) not in seen:
+            title = f"MSG: {other[0]}/{other[1]}"
+            parts.append(f"\n{SEPARATOR}\n{title}\n{_assemble(*other, seen)}")
     return "".join(parts)
 
 
