@@ -27,9 +27,9 @@ NANOSECONDS = 1_000_000_000
 """In a second [ns]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MeasuredChannel:
-    """One channel as its file states it."""
+    """One channel as its file states it; equal to itself alone."""
 
     name: str  # as in the file; "column 1", "channel 1" and so on where it states none
     # int32 or float64, shape (n,), neither scaled nor rounded, with NaN and infinity; read-only

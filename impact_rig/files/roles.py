@@ -1,9 +1,14 @@
 """Roles of a file's channels, hammer, sample or time: one rule for all formats.
 
-What the user says goes first. Else names and units decide: the hammer's channel is called so, or
-is the one force; the sample's is called so, or is the one acceleration beside it. Of two channels
-of which neither says anything the first is the hammer's. What is open then is asked. Groups that
-differ by a number alone are a hit each.
+What the user says goes first. Else names and units decide::
+
+    channels of the file              roles
+    Time, Force [N], Acc [g]          the one force is the hammer's, the acceleration the sample's
+    hammer, response                  by name
+    ch1 [g], ch2 [g]                  neither says anything: by place, the first is the hammer's
+    hammer, acc1 [g], acc2 [g]        the hammer's by name; which is the sample's is asked
+    ch1, ch2, ch3                     asked: which is the hammer's?
+    hit1/hammer, hit2/hammer          groups that differ by a number alone are a hit each
 """
 
 import json
@@ -12,6 +17,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise, zip_longest
+from operator import contains
 
 from impact_rig.core.given.errors import ParameterError, SignalError
 from impact_rig.files.measurement import MeasuredChannel, Measurement
@@ -81,12 +87,12 @@ def assign_roles(questions: Questions, plan: ChannelPlan) -> list[Roles]:
     named = _find_by_name(measurement, plan.specimen.channel) if plan.specimen.channel else []
     if plan.hammer.channel:
         hammers = _find_by_name(measurement, plan.hammer.channel)
-        time = None if any(channel is time for channel in (*hammers, *named)) else time
+        time = None if time in (*hammers, *named) else time
         return _pair(measurement, plan, hammers, named, time)
     others = [
         channel
         for channel in measurement.channels
-        if _is_of_numbers(channel) and not any(channel is other for other in (time, *named))
+        if _is_of_numbers(channel) and channel not in (time, *named)
     ]
     candidates = [channel for channel in others if not is_clock(channel.values)] or others
     if not candidates:
@@ -137,18 +143,22 @@ def _check_clocks(measurement: Measurement) -> None:
     ]
     for (before, first), (place, other) in pairwise(clocks):
         units = [find_time_unit(it.name, it.unit) for it in (first, other)]
-        scales = [TIME_UNITS.get(unit, 1.0) for unit in units]
-        begin, end = (float(it) * scales[0] for it in first.values[[0, -1]])
-        later, last = (float(it) * scales[1] for it in other.values[[0, -1]])
-        spans, delay = (end - begin, last - later), later - begin
-        step = spans[0] / max(first.values.size - 1, 1)
-        are_apart = abs(delay) > LARGEST_TIME_ERROR * step
-        are_of_day = place == before + 1 and abs(delay) > spans[0]
-        # In units that are not stated they may be the same times.
-        are_same = units[0] != units[1] and "" in units
-        if are_same or (math.isclose(*spans, rel_tol=1e-3) and (are_of_day or not are_apart)):
+        if units[0] != units[1] and "" in units:  # they may be the same times
             continue
-        apart = f", which start {abs(delay):g} s apart" if are_apart else ""
+        begins, ends = (
+            [
+                TIME_UNITS.get(unit, 1.0) * float(it.values[at])
+                for it, unit in zip((first, other), units, strict=True)
+            ]
+            for at in (0, -1)
+        )
+        length, delay = ends[0] - begins[0], abs(begins[1] - begins[0])
+        are_apart = delay > LARGEST_TIME_ERROR * length / (first.values.size - 1)
+        is_of_day = place == before + 1 and delay > length
+        is_as_long = math.isclose(length, ends[1] - begins[1], rel_tol=1e-3)
+        if is_as_long and (is_of_day or not are_apart):
+            continue
+        apart = f", which start {delay:g} s apart" if are_apart else ""
         raise SignalError(
             f"{measurement.path} has times in {first.name!r} and others in {other.name!r}{apart}:"
             " make a file of each with the channels that go with it, or name the one that holds"
@@ -178,14 +188,11 @@ def _choose_hammers(candidates: Channels) -> list[MeasuredChannel]:
     forces = [channel for channel in candidates if _get_kind(channel) is Measured.FORCE]
     found = [channel for channel in candidates if says_hammer(channel.name)]
     if len(found) > 1:  # a hammer with two sensors is measured by its force
-        found = [channel for channel in found if _get_kind(channel) is Measured.FORCE] or found
+        found = [channel for channel in found if channel in forces] or found
     found = found or [channel for channel in forces if not says_sample(channel.name)]
     if len(found) > 1:
         groups = _group(candidates)
-        is_one_each = len(groups) == len(found) and all(
-            any(channel is hammer for channel in group)
-            for group, hammer in zip(groups, found, strict=True)
-        )
+        is_one_each = len(groups) == len(found) and all(map(contains, groups, found))
         return found if is_one_each else []
     pair = _list_pair(candidates)
     others = [channel for channel in pair if not says_sample(channel.name)]
@@ -197,7 +204,7 @@ def _choose_hammers(candidates: Channels) -> list[MeasuredChannel]:
 def _list_pair(candidates: Channels) -> list[MeasuredChannel]:
     """Return the accelerations if nothing else was taken with them, else all."""
     moved = [channel for channel in candidates if _get_kind(channel) is Measured.ACCELERATION]
-    rest = [channel for channel in candidates if _get_kind(channel) is not Measured.ACCELERATION]
+    rest = [channel for channel in candidates if channel not in moved]
     is_alone = len(moved) > 1 and not any(_fits(moved[0], channel) for channel in rest)
     return moved if is_alone else [*candidates]
 
@@ -225,9 +232,9 @@ def _group(channels: Channels) -> list[list[MeasuredChannel]]:
 
 def _add_specimen(hammer: MeasuredChannel, group: Channels, time: MeasuredChannel | None) -> Roles:
     """Return the roles with the sample's channel, if one is called so or is all that is left."""
-    rest = [item for item in group if item is not hammer and not says_hammer(item.name)]
     if _is_by_place(group):
         return Roles(hammer, _list_pair(group)[1], time, by_place=True)
+    rest = [item for item in group if item is not hammer and not says_hammer(item.name)]
     usable = [item for item in rest if _get_kind(item) not in (Measured.FORCE, Measured.OTHER)]
     named = [item for item in usable if says_sample(item.name)]
     moved = [item for item in named or usable if _get_kind(item) is Measured.ACCELERATION]
@@ -264,7 +271,7 @@ def _ask_for_hammer(measurement: Measurement, candidates: Channels) -> Missing:
             return Missing(what, CHOICE, "hammer", advice)
     likely = max(candidates, key=_rank_as_hammer)
     is_alone = [channel.name for channel in channels].count(likely.name) == 1
-    number = next(place for place, channel in enumerate(channels, 1) if channel is likely)
+    number = channels.index(likely) + 1
     advice = f"{HAMMER_OPTION} {likely.name if is_alone else str(number)!r}"
     roles = ", ".join(map(json.dumps, guess_roles(channels)[:SHOWN_CHANNELS]))
     if len(channels) > SHOWN_CHANNELS:
@@ -345,16 +352,11 @@ def _assign_columns(measurement: Measurement, roles: tuple[str, ...]) -> list[Ro
             f"{measurement.path} has {len(channels)} columns, but {len(roles)} roles are given:"
             f" {', '.join(roles)}"
         )
-    pairs = list(zip(roles, channels, strict=True))
-    of = {role: [channel for own, channel in pairs if own == role] for role in ROLES}
-    return _make_roles(of["hammer"], of["specimen"], next(iter(of["time"]), None))
-
-
-def _make_roles(
-    hammers: Channels, specimens: Channels, time: MeasuredChannel | None
-) -> list[Roles]:
-    """Return the channels of each hit: the first of each make the first; samples may be none."""
-    return [Roles(hammer, specimen, time) for hammer, specimen in zip_longest(hammers, specimens)]
+    of: dict[str, list[MeasuredChannel]] = {role: [] for role in ROLES}
+    for role, channel in zip(roles, channels, strict=True):
+        of[role].append(channel)
+    time = next(iter(of["time"]), None)
+    return [Roles(*pair, time) for pair in zip_longest(of["hammer"], of["specimen"])]
 
 
 def _pair(
@@ -364,19 +366,19 @@ def _pair(
     specimens: Channels,
     time: MeasuredChannel | None,
 ) -> list[Roles]:
-    """Return the channels of each hit; refuse numbers of both that do not go together."""
+    """Return the channels of each hit: the first of both make the first; samples may be none."""
     if specimens and len(specimens) != len(hammers):
         raise ParameterError(
             f"{measurement.path}: {plan.hammer.channel or 'the hammers'!r} are"
             f" {len(hammers)} channels and {plan.specimen.channel!r} are {len(specimens)}:"
             " each hit needs one of both"
         )
-    if any(hammer is specimen for hammer in hammers for specimen in specimens):
+    if set(hammers) & set(specimens):
         raise ParameterError(
             f"{measurement.path}: {plan.hammer.channel!r} and {plan.specimen.channel!r} are the"
             " same channel: hammer and sample have one each"
         )
-    return _make_roles(hammers, specimens, time)
+    return [Roles(*pair, time) for pair in zip_longest(hammers, specimens)]
 
 
 def _find_by_name(measurement: Measurement, name: str) -> list[MeasuredChannel]:

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 from impact_rig_msgs.msg import HammerState
 
 from impact_rig.core.given.errors import DeviceError
@@ -79,6 +79,12 @@ class Interlock(RuleBasedStateMachine):
         self.holder, self.is_enabled, self.is_in_holder = None, False, False
         self.lost_for = reason
 
+    @initialize()
+    def begin(self):
+        """Hold and arm, or nearly all that follows would be refused."""
+        self.take(confirm=True)
+        self.arm()
+
     @precondition(lambda self: self.holder is None)
     @rule(confirm=CONFIRMED)
     def take(self, confirm):
@@ -101,7 +107,16 @@ class Interlock(RuleBasedStateMachine):
 
     @rule()
     def watch(self):
-        self.attempt(self.hammer.check)
+        holder, swings = self.holder, self.hammer.condition.state is HammerPlace.SWINGING
+        has_let_go = holder and holder.state is HolderState.RELEASED and not swings
+        refusal = self.attempt(self.hammer.check)
+        assert bool(refusal) == bool(holder and (holder.is_broken or has_let_go))
+
+    @rule()
+    def drop(self):
+        """Let the node be deactivated: the hammer stays where it is."""
+        self.hammer.drop()
+        self.holder = None
 
     @rule()
     def lose_holder(self):
@@ -154,6 +169,7 @@ class Interlock(RuleBasedStateMachine):
         refusal = self.attempt(self.hammer.release, obstacle)
         assert bool(refusal) == (not may_go or not works)
         if not refusal:
+            assert self.hammer.condition.message.startswith("released")
             self.accepted += 1
             self.is_in_holder = False
 
@@ -187,6 +203,7 @@ class Interlock(RuleBasedStateMachine):
         assert condition.needs_person == self.needs_person
         assert condition.stopped_by == self.stopped_by
         assert condition.message
+        assert "None" not in condition.message
         assert self.lost_for in condition.message
         assert self.holder is None or (condition.state is HammerPlace.HELD) == self.is_in_holder
 
@@ -230,3 +247,16 @@ def test_a_holder_moves_the_hammer_only_while_it_is_held_and_armed():
     assert "reset it first" in hammer.arm()
     assert "emergency stop" in hammer.set_angle(0.2)
     assert holder.angle == 0.1
+
+
+def test_a_hammer_that_was_put_back_is_held_by_the_next_holder_too():
+    hammer = GuardedHammer(lambda _: None)
+    hammer.take(Holder(), confirm_return=True)
+    hammer.arm()
+    hammer.release(None)
+    hammer.end_swing("back", confirm_return=True)
+    for expected in (HammerPlace.AWAY, HammerPlace.HELD):
+        hammer.drop()
+        hammer.take(Holder(), confirm_return=True)
+        assert hammer.condition.state is expected
+        hammer.confirm_held()

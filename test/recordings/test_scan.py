@@ -24,12 +24,12 @@ SCHEMA = b"uint8[] data\n"
 TOPICS = ("/a", "/b", "/c")
 
 
-def write(path: Path, messages=(), **options) -> Path:
+def write(path: Path, messages=(), type_name="test_msgs/msg/Bytes", **options) -> Path:
     """Write messages, (topic, log time, data) each, by the library."""
     with path.open("wb") as file:
         writer = Writer(file, **options)
         writer.start("ros2", "test")
-        schema = writer.register_schema("test_msgs/msg/Bytes", "ros2msg", SCHEMA)
+        schema = writer.register_schema(type_name, "ros2msg", SCHEMA)
         channels = {}
         for number, (topic, log_time, data) in enumerate(messages):
             if topic not in channels:
@@ -125,11 +125,13 @@ def cut_off_summary(path: Path) -> None:
 
 def test_without_its_end_a_file_gives_the_same(path):
     good = Scan(path)
-    expected = (read(path), good.read_channels(), read_beside(path))
+    expected = (read(path), good.read_channels(), read_beside(path), good.read_time_range())
     cut_off_summary(path)
     cut = Scan(path)
     assert "never closed" in cut.warnings[0]
-    assert expected == (read(path), cut.read_channels(), read_beside(path))
+    assert expected == (
+        read(path), cut.read_channels(), read_beside(path), cut.read_time_range()
+    )  # fmt: skip
 
 
 def test_zeros_that_a_power_cut_left_at_the_end_are_no_damage(path):
@@ -175,21 +177,20 @@ def test_an_index_with_a_right_checksum_that_contradicts_the_data_is_damage(path
 
 def list_damages(path):
     reading = Scan(path, is_strict=False).read()
-    for _ in reading:
-        pass
+    list(reading)
     return reading.damages
 
 
 def test_an_index_whose_checksum_does_not_fit_is_not_believed(path):
     content = path.read_bytes()
     first = find_first_chunk(path)
-    place = first.chunk_start_offset.to_bytes(8, "little") + first.chunk_length.to_bytes(
-        8, "little"
-    )
+    numbers = (first.chunk_start_offset, first.chunk_length)
+    place = b"".join(number.to_bytes(8, "little") for number in numbers)
     assert content.count(place) == 1
     path.write_bytes(content.replace(place, bytes(8) + place[8:]))
     assert len(read(path)) == 60
     assert len(Scan(path).read_channels()) == 3
+    assert [item.reason for item in list_damages(path)] == ["the index at the end cannot be used"]
 
 
 @pytest.mark.parametrize("shift", [0, 1])
@@ -322,12 +323,24 @@ def test_an_attachment_larger_than_the_memory_is_left_on_the_disk(tmp_path):
         read_beside(path)
 
 
+@pytest.mark.parametrize(("false", "found"), [(3, 60), (4, 0)])
+def test_a_file_is_searched_four_times_over_and_no_more(tmp_path, false, found):
+    """Each beginning of a chunk that claims most of the file is looked at as a whole."""
+    path = write(tmp_path / "file.mcap", MESSAGES, compression=CompressionType.NONE)
+    content, place = path.read_bytes(), find_first_chunk(path)
+    begin, end = place.chunk_start_offset, place.chunk_start_offset + place.chunk_length
+    claim = b"" + (place.chunk_length - 9).to_bytes(8, "little")
+    path.write_bytes(content[:begin] + bytes(9) + false * claim + content[begin:end])
+    assert sum(1 for _ in Scan(path, is_strict=False).read_messages()) == found
+
+
 @pytest.mark.parametrize("name", ["/a\x1b[2J", "/a\nb", "/" + 600 * "a"])
 def test_names_that_cannot_be_shown_are_no_names(tmp_path, name):
-    path = write(tmp_path / "file.mcap", [(name, 1, b"")])
-    with pytest.raises(FileError, match="name of a topic") as caught:
-        Scan(path).read_channels()
-    assert str(caught.value).isprintable()
+    for topic, type_name in ((name, "test_msgs/msg/Bytes"), ("/a", name)):
+        path = write(tmp_path / "file.mcap", [(topic, 1, b"")], type_name)
+        with pytest.raises(FileError, match="name of a topic") as caught:
+            Scan(path).read_channels()
+        assert str(caught.value).isprintable()
 
 
 def test_a_topic_without_schema_does_not_disturb_the_others(tmp_path):
