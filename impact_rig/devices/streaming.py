@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impact_rig.core.given.errors import DeviceError
-from impact_rig.core.given.records import NO_SPEED, Block, MeasuredSpeed
+from impact_rig.core.given.records import NO_SPEED, Block, MeasuredSpeed, RawArray
 from impact_rig.devices.protocols import NOT_MEASURED, Acquisition, AcquisitionPlan, ChannelScale
 from impact_rig.devices.speed_gate import EdgeWatch
-
-CountArray = NDArray[np.int32] | NDArray[np.float64]
 
 
 class StreamedSource(ABC):
@@ -68,7 +66,7 @@ class StreamedSource(ABC):
                 self._wait(time.monotonic() + self.longest_silence)
         return Acquisition(self.name, self.sampling_rate, self.is_simulated)
 
-    def take(self, counts: CountArray, stamp: int, lost: int = 0) -> None:
+    def take(self, counts: RawArray, stamp: int, lost: int = 0) -> None:
         """Take the next points, shape (n, inputs), which do not change any more.
 
         Parameters
@@ -96,7 +94,7 @@ class StreamedSource(ABC):
             self._last_time = time.monotonic()
             self.changed.notify_all()
 
-    def _measure_speed(self, first: int, counts: CountArray) -> MeasuredSpeed:
+    def _measure_speed(self, first: int, counts: RawArray) -> MeasuredSpeed:
         """Return the speed of the hit in the next points; its barrier is their last column."""
         if (gate := self._plan.gate) is None:
             return NO_SPEED

@@ -1,9 +1,13 @@
-"""The hammer's and the sample's channel of a measured file, calibrated, or a question."""
+"""The hammer's and the sample's channel of a measured file, calibrated, or a question.
+
+For each hit, see `_map_hit`: values are checked, units make scales, times or the user a rate. All
+that is missing then is asked in one question; else values that are held are taken once, and the
+padding before the signal is left out.
+"""
 
 import contextlib
 import json
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -127,7 +131,8 @@ def map_channels(
         If the units do not fit, or the user contradicts the file.
     """
     questions = Questions(split_measurement(measurement, plan), needs_scale)
-    return list(_map_hits(questions, assign_roles(questions, plan), plan, hammer_mass))
+    roles = assign_roles(questions, plan)
+    return [_map_hit(questions, found, plan, hammer_mass) for found in roles]
 
 
 def make_template(measurement: Measurement) -> str:
@@ -137,7 +142,8 @@ def make_template(measurement: Measurement) -> str:
     roles: list[Roles] = []
     with contextlib.suppress(SignalError, ParameterError):
         roles = assign_roles(questions, ChannelPlan())
-        list(_map_hits(questions, roles, ChannelPlan(), math.nan))
+        for each in roles:
+            _map_hit(questions, each, ChannelPlan(), math.nan)
     lines = {item.line: item.table for item in questions.missing}
     text = [f"# {measurement.path.name}:"]
     text += [f"#   {line}" for line in describe_channels(measurement)]
@@ -156,41 +162,41 @@ def make_template(measurement: Measurement) -> str:
     return "\n".join(text) + "\n"
 
 
-def _map_hits(
-    questions: Questions, roles: Sequence[Roles], plan: ChannelPlan, hammer_mass: float
-) -> Iterator[MeasuredHit]:
+def _map_hit(
+    questions: Questions, found: Roles, plan: ChannelPlan, hammer_mass: float
+) -> MeasuredHit:
+    """Return one hit; raises `SignalError` or `ParameterError` as `map_channels`."""
     path = questions.measurement.path
-    for found in roles:
-        for role, channel in found.list_channels():
-            _check_values(path, role, channel)
-        channel, specimen = found.hammer, NO_SPECIMEN
-        hammer, unit, has_scale = _calibrate(
-            questions, "hammer", channel, plan.hammer, hammer_mass
+    for role, each in found.list_channels():
+        _check_values(path, role, each)
+    channel, specimen = found.hammer, NO_SPECIMEN
+    hammer, unit, has_scale = _calibrate(questions, "hammer", channel, plan.hammer, hammer_mass)
+    if found.specimen is not None:
+        _check_pair(path, channel, found.specimen)
+        specimen, *_ = _calibrate(
+            questions, "specimen", found.specimen, plan.specimen, hammer_mass
         )
-        if found.specimen is not None:
-            _check_pair(path, channel, found.specimen)
-            specimen, *_ = _calibrate(
-                questions, "specimen", found.specimen, plan.specimen, hammer_mass
-            )
-        elif found.open and questions.needs_scale:
-            questions.missing.append(ask_for_specimen(found))
-        rate = _choose_rate(questions, plan, channel, found.time)
-        questions.ask()
-        held = _find_hold(questions, channel, found.specimen)
-        if held.step > 1:
-            rate /= held.step
-            hammer = replace(hammer, output=hammer.output[held])
-            specimen = replace(specimen, output=specimen.output[held])
-        block = Block(0, rate, hammer, specimen, HitLabel(""), last=True, stamp=channel.stamp)
-        block = replace(block, origin=_describe_origin(path, channel.origin))
-        block = _cut_padding(questions, block)
-        names: tuple[str, ...] = (channel.name,)
-        if found.specimen is not None and specimen.output.size:
-            names += (found.specimen.name,)
-        _tell_left_out(questions, found)
-        remarks = tuple(dict.fromkeys((*questions.measurement.remarks, *questions.remarks)))
-        taken = describe_roles(found, plan, has_sample=len(names) > 1)
-        yield MeasuredHit(path, block, has_scale, unit, remarks, names, taken)
+    elif found.open and questions.needs_scale:
+        questions.missing.append(ask_for_specimen(found))
+    rate = _choose_rate(questions, plan, channel, found.time)
+    questions.ask()
+    held = _find_hold(questions, channel, found.specimen)
+    if held.step > 1:
+        rate /= held.step
+        hammer = replace(hammer, output=hammer.output[held])
+        specimen = replace(specimen, output=specimen.output[held])
+    origin = _describe_origin(path, channel.origin)
+    block = Block(
+        0, rate, hammer, specimen, HitLabel(""), True, stamp=channel.stamp, origin=origin
+    )
+    block = _cut_padding(questions, block)
+    names: tuple[str, ...] = (channel.name,)
+    if found.specimen is not None and specimen.output.size:
+        names += (found.specimen.name,)
+    _tell_left_out(questions, found)
+    remarks = tuple(dict.fromkeys((*questions.measurement.remarks, *questions.remarks)))
+    taken = describe_roles(found, plan, has_sample=len(names) > 1)
+    return MeasuredHit(path, block, has_scale, unit, remarks, names, taken)
 
 
 def _tell_left_out(questions: Questions, found: Roles) -> None:

@@ -1,4 +1,13 @@
-"""Times and rates of measured files: units, even steps, roundness."""
+"""Times and rates of measured files: units, even steps, roundness.
+
+A column of times becomes a `Clock`: a rate, or why it makes none. Of many such points::
+
+    0.0  0.1  0.2  0.3  0.4 ms     10 kHz
+    0    1    2    3    4 samples  they are counted: the user must give their rate
+    0.0  0.1  0.2  0.4  0.5 ms     a gap: all that follows is late, no rate mends that
+    0.0  0.1  0.29 0.3  0.4 ms     uneven: what follows is in time; the user may give a rate
+    0.0  0.0  0.0  0.1  0.1 s      rounded to too few digits; the user may give a rate
+"""
 
 import math
 import mmap

@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
@@ -82,6 +82,26 @@ class Operator(Protocol):
         ...
 
 
+@dataclass
+class _Attendance:
+    """A running campaign, as this client follows it; there is none before and after.
+
+    What comes of it by topics and feedback is only noted here; what the operator has to do for it
+    is done by `run` alone, one duty after the other::
+
+        the campaign says             then
+        a new task for a person       it is one of the `duties`
+        paused                        `paused_since` begins, and lasts until it has gone on
+        striking, hammer by hand      `is_to_let_go`, until it swings or is disarmed
+    """
+
+    operator: Operator
+    longest_pause: float  # [s]; of a campaign that nobody attends
+    paused_since: float = math.inf  # by the monotonic clock [s]
+    duties: list[Task] = field(default_factory=list)  # in the order in which they came
+    is_to_let_go: bool = False  # the operator is asked to release the hammer
+
+
 class CampaignClient(RigClient):
     """Runs campaigns on a rig that is up; use it in a ``with`` statement.
 
@@ -93,20 +113,15 @@ class CampaignClient(RigClient):
         self._check = check
         self._sent: list[Future] = []  # the goal of the running campaign, each time it was sent
         self._result = Future()
-        self._gone_since = math.inf
-        self._paused_since = math.inf
-        self._longest_pause = math.inf  # [s]; of a campaign that nobody attends
-        self._operator: Operator | None = None
+        self._gone_since = math.inf  # the campaign node gives no sign of life since then
+        self._attended: _Attendance | None = None
         # Only a hammer that says it is disarmed holds an operator back.
         self._status = RigStatus(hammer=HammerStatus(armed=True))
-        self._duties: list[Task] = []
-        self._do: Mapping[Task, Callable[[Operator], None]] = {
+        self._do: Mapping[Task, Callable[[_Attendance], None]] = {
             Task.MOUNT: self._mount,
             Task.PUT_BACK: self._put_back,
             Task.ARM: self._arm,
         }
-        self._silent: tuple[str, ...] = ()  # nodes that do not answer
-        self._is_to_let_go = False  # the operator is asked to release the hammer
         self._beat = CampaignStatus()  # the newest state by the topic, which comes twice a second
         self.listen(interfaces.CAMPAIGN_STATE, self._on_beat, on_liveliness=self._on_liveliness)
         for topic in (
@@ -202,15 +217,13 @@ class CampaignClient(RigClient):
         self._intake.membership.join(Identity(campaign_id))
         self._status.begin(None)
         self._status.recorder = RecorderStatus()
-        self._operator, self._paused_since = operator, math.inf
-        self._longest_pause = longest_pause
+        self._attended = _Attendance(operator, longest_pause)
         self._sent.clear()
-        self._duties.clear()
         self._result = self._send_goal(goal).get_result_async()
-        pause = self._attend(operator)
+        pause = self._attend(self._attended)
         answer = self._result.result()
         self._sent.clear()
-        self._operator = None
+        self._attended = None
         if answer.status == GoalStatus.STATUS_UNKNOWN:
             raise DeviceError(
                 "the campaign node was started again, and does not know the campaign"
@@ -229,21 +242,21 @@ class CampaignClient(RigClient):
             recording=result.recording,
         )
 
-    def _attend(self, operator: Operator) -> str | None:
+    def _attend(self, attended: _Attendance) -> str | None:
         """Do what the campaign asks for until it ends; return for which pause it was cancelled."""
-        pause: str | None = None
+        pause, silent, duties = None, tuple[str, ...](), attended.duties
         while not self._result.done():
             self._check_life()
-            if pause is None and time.monotonic() - self._paused_since > self._longest_pause:
+            if pause is None and time.monotonic() - attended.paused_since > attended.longest_pause:
                 pause = self._status.campaign.message
                 self._goal.cancel_goal_async()
-            if self._duties:
-                self._do[self._duties.pop(0)](operator)
-            elif not self.spin_until(lambda: self._result.done() or bool(self._duties), 1.0):
+            if duties:
+                self._do[duties.pop(0)](attended)
+            elif not self.spin_until(lambda: self._result.done() or bool(duties), 1.0):
                 self._check_rig()
-            if (silent := self._status.list_silent()) != self._silent:
-                self._silent = silent
-                operator.follow(self._status)
+            if (found := self._status.list_silent()) != silent:
+                silent = found
+                attended.operator.follow(self._status)
         return pause
 
     def _send_goal(self, goal: CampaignGoal) -> Any:
@@ -304,7 +317,7 @@ class CampaignClient(RigClient):
     def _on_liveliness(self, status: Any) -> None:
         """Show that the campaign node gives no sign of life."""
         self._gone_since = math.inf if status.alive_count else time.monotonic()
-        if self._operator is None or self._goal is None:
+        if self._attended is None or self._goal is None:
             return
         if status.alive_count:
             # A node that was started again answers that it does not know the goal.
@@ -315,7 +328,7 @@ class CampaignClient(RigClient):
             state=Step.PAUSED,
             message="the campaign node gives no sign of life",
         )
-        self._operator.follow(self._status)
+        self._attended.operator.follow(self._status)
 
     def _on_feedback(self, message: Any) -> None:
         """Show a feedback; manual work that it asks for is queued for `run`."""
@@ -325,22 +338,22 @@ class CampaignClient(RigClient):
             # A verdict with a number that cannot be meant has no line: results refuse it, too.
             with contextlib.suppress(*UNSOUND):
                 self._status.add_hit(hit_results_from_msg(last))
-        if self._operator is None:
+        if (attended := self._attended) is None:
             return
         if campaign.state is Step.PAUSED:
-            self._paused_since = min(self._paused_since, time.monotonic())
+            attended.paused_since = min(attended.paused_since, time.monotonic())
         elif not campaign.is_looking:
-            self._paused_since = math.inf
-        self._operator.follow(self._status)
+            attended.paused_since = math.inf
+        attended.operator.follow(self._status)
         if campaign.state is not Step.STRIKING:
-            self._is_to_let_go = False
+            attended.is_to_let_go = False
         is_new = (campaign.task, campaign.sample) != (before.task, before.sample)
         if is_new and campaign.task in self._do:
-            self._duties.append(campaign.task)
+            attended.duties.append(campaign.task)
 
-    def _arm(self, _: Operator) -> None:
+    def _arm(self, attended: _Attendance) -> None:
         """Go on for a person who is not there, where no hammer can strike one who is."""
-        is_unattended = self._longest_pause < math.inf
+        is_unattended = attended.longest_pause < math.inf
         # What a person has stopped or disarmed, the hammer refuses to arm by this service.
         if is_unattended and self._status.is_simulated and not self._status.hammer.needs_person:
             request = SetArmed.Request(
@@ -350,11 +363,11 @@ class CampaignClient(RigClient):
                 answer = self.call(SetArmed, interfaces.SET_ARMED, request, SERVICE_TIMEOUT)
                 if not answer.success:
                     self.spin_until(lambda: False, RESEND_PERIOD)
-                    self._duties += [Task.ARM] * (self._status.campaign.task is Task.ARM)
+                    attended.duties += [Task.ARM] * (self._status.campaign.task is Task.ARM)
 
-    def _mount(self, operator: Operator) -> None:
+    def _mount(self, attended: _Attendance) -> None:
         campaign = self._status.campaign
-        operator.mount(campaign.sample, campaign.message)
+        attended.operator.mount(campaign.sample, campaign.message)
         # One that is not needed any more is refused; the campaign asks for another.
         self._say_done(
             ConfirmSample,
@@ -364,13 +377,13 @@ class CampaignClient(RigClient):
             lambda: self._beat,
         )
 
-    def _put_back(self, operator: Operator) -> None:
+    def _put_back(self, attended: _Attendance) -> None:
         refusal, is_held = "", False
         while not is_held:
             # The task may come before the state of the hammer that it is about.
             self.spin_until(lambda: not self._status.hammer.armed, SERVICE_TIMEOUT)
             number = self._status.hammer.number
-            operator.put_back(refusal)
+            attended.operator.put_back(refusal)
             answer = self._say_done(
                 Act,
                 interfaces.CONFIRM_HELD,
@@ -399,10 +412,10 @@ class CampaignClient(RigClient):
 
     def _on_release(self, received: Received[HammerRelease]) -> None:
         """Ask the operator to release the hammer, if it is released by hand."""
-        release = received.value
-        if self._operator is not None and release.latest_contact > release.swing_time:
-            self._operator.let_go(release.sample, release.latest_contact)
-            self._is_to_let_go = True
+        release, attended = received.value, self._attended
+        if attended is not None and release.latest_contact > release.swing_time:
+            attended.operator.let_go(release.sample, release.latest_contact)
+            attended.is_to_let_go = True
             self._hold_back()
 
     def _on_state(self, received: Received[Any]) -> None:
@@ -411,10 +424,10 @@ class CampaignClient(RigClient):
 
     def _hold_back(self) -> None:
         """Withdraw the request to release the hammer, if that was disarmed meanwhile."""
-        hammer = self._status.hammer
-        if self._operator is not None and self._is_to_let_go and not hammer.armed:
-            self._is_to_let_go = False
-            self._operator.hold_back(hammer.message)
+        hammer, attended = self._status.hammer, self._attended
+        if attended is not None and attended.is_to_let_go and not hammer.armed:
+            attended.is_to_let_go = False
+            attended.operator.hold_back(hammer.message)
 
     @property
     def run_folder(self) -> Path | None:

@@ -1,4 +1,15 @@
-"""The ledger of a campaign: every record is judged once, and only if it is stored."""
+"""The ledger of a campaign: every record is judged once, and only if it is stored.
+
+Blocks and the recorder's word come by two ways, in any order. A record of three blocks::
+
+    blocks here    recorder's word     then
+    1, 2, 3        none yet            it waits (`waiting_record`)
+    1, 2, 3        "3 are stored"      it is judged
+    1, 2           "3 are stored"      it is judged with its third block (`is_behind`)
+    all or none    found by `read`     it is judged; what comes of it afterwards is dropped
+    all or none    `read` finds 1, 2   its end may still come; as soon as another record is judged,
+                                       it is judged as it is
+"""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -33,7 +44,7 @@ def find_key(message: AccelerationBlock | RecordStored) -> Key:
 
 
 @dataclass
-class _Record:
+class _Entry:
     """One record: its blocks wait until as many are stored, then it is judged, once."""
 
     blocks: list[Block] = field(default_factory=list)  # that wait
@@ -50,7 +61,7 @@ class Ledger:
     # they come.
     recording: str = ""
     newest_record: int = 0
-    _records: dict[Key, _Record] = field(default_factory=lambda: defaultdict(_Record))
+    _records: dict[Key, _Entry] = field(default_factory=lambda: defaultdict(_Entry))
     # The last record that was read, if its end is not on the disk: it may still come.
     _cut: Key | None = None
 
@@ -159,7 +170,7 @@ class Ledger:
 
     def _feed(self, key: Key, blocks: list[Block]) -> tuple[JudgedHit, ...]:
         is_judged = bool(self.recording) or blocks[-1].last
-        self._records[key] = _Record(is_judged=is_judged)
+        self._records[key] = _Entry(is_judged=is_judged)
         self.newest_record = max(self.newest_record, key[1])
         return tuple(hit for block in blocks for hit in self.session.feed(block))
 

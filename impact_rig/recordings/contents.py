@@ -60,10 +60,10 @@ class TopicContents:
 
 
 @dataclass(frozen=True)
-class Note:
-    """A note of an operator, with its time [ns since the epoch]."""
+class OperatorNote:
+    """What an operator said for the recording."""
 
-    time: int
+    time: int  # [ns since the epoch]
     text: str
 
 
@@ -80,7 +80,7 @@ class Contents:
     streams: dict[str, BlockCount] = field(default_factory=dict)  # running streams, by topic
     metadata: list[MetadataRecord] = field(default_factory=list)
     attachments: list[Attachment] = field(default_factory=list)  # each content once
-    notes: list[Note] = field(default_factory=list)
+    notes: list[OperatorNote] = field(default_factory=list)
     setups: dict[bytes, Any] = field(default_factory=dict)  # decoded, by their bytes in the file
     messages_lost: int = 0  # that the middleware dropped on the way to the recorder
     known_items: set[int] = field(default_factory=set)  # hashes of metadata and attachments
@@ -251,29 +251,35 @@ def _add_file_item(contents: Contents, item: Attachment | MetadataRecord) -> Non
 
 
 def _add_message(contents: Contents, watch: HitWatch, message: RawMessage) -> None:
+    """Add what a message says, or a remark that it cannot be read."""
     topic, type_name = message.channel.topic, message.channel.type_name
     try:
         content = decode_message(message)
         if type_name in HIT_TYPES:
             watch.add(topic, type_name, content, message.data)
-        if type_name == SETUP_TYPE:
-            if len(contents.setups) < MOST_SETUPS:
-                contents.setups[message.data] = content
-        elif type_name == STREAM_TYPE:
-            stream = contents.streams.setdefault(topic, BlockCount())
-            stream.add(int(content.first_sample), count_points(content))
-        elif type_name == STATE_TYPE:
-            contents.messages_lost = max(contents.messages_lost, int(content.messages_lost))
-        elif type_name == NOTE_TYPE and topic.endswith("/note"):
-            if len(contents.notes) < MOST_NOTES:
-                contents.notes.append(Note(message.log_time, content.data[:LONGEST_NOTE]))
-            else:
-                contents.remarks[f"only the first {MOST_NOTES} notes are shown"] = None
+        _add_content(contents, message, content)
     except FileError:
         contents.remarks[f"messages on {topic} do not fit their schema"] = None
     except AttributeError as error:
         said = f"{type_name} on {topic} was recorded with another version of the interfaces"
         contents.remarks[f"{said}: {error}"] = None
+
+
+def _add_content(contents: Contents, message: RawMessage, content: Any) -> None:
+    """Add what a decoded message says beside its part in a hit."""
+    topic, type_name = message.channel.topic, message.channel.type_name
+    if type_name == SETUP_TYPE and len(contents.setups) < MOST_SETUPS:
+        contents.setups[message.data] = content
+    elif type_name == STREAM_TYPE:
+        stream = contents.streams.setdefault(topic, BlockCount())
+        stream.add(int(content.first_sample), count_points(content))
+    elif type_name == STATE_TYPE:
+        contents.messages_lost = max(contents.messages_lost, int(content.messages_lost))
+    elif type_name == NOTE_TYPE and topic.endswith("/note"):
+        contents.notes.append(OperatorNote(message.log_time, content.data[:LONGEST_NOTE]))
+        if len(contents.notes) > MOST_NOTES:
+            contents.notes.pop()
+            contents.remarks[f"only the first {MOST_NOTES} notes are shown"] = None
 
 
 def _list_file_problems(reading: Pass) -> Iterator[str]:

@@ -249,14 +249,14 @@ class RunReading:
         return (*self._run.warnings, *([twice] if repeated else []))
 
     def __iter__(self) -> Iterator[RigSetup | Block]:
-        """Read, once."""
+        """Read, once: the verdicts of persons first, since they hold for hits before them."""
         run = self._run
         is_ours = partial(run.is_wanted, {OVERRULE_TYPE})
         decided = read_overrules(run.scans, is_ours, run.convert)
         setup, campaign = run.first
         self.overrules = decided.get(campaign, NO_OVERRULES)
         yield setup
-        is_first = True
+        is_ahead = True  # the files are still to come to the set-up that was yielded
         kinds = {scan: _find_kind(scan) for scan in run.scans}
         types = {SETUP_TYPE, VIRTUAL_IMPACT_TYPE}
         files = run.read_files(lambda scan: {*types, kinds[scan]}, self._report, self._watch)
@@ -270,9 +270,9 @@ class RunReading:
                 elif kind != SETUP_TYPE:
                     block = run.convert(raw, block_from_msg)
                     yield from (block,) if cutter is None else cutter.feed(block)
-                elif is_first:
-                    is_first = False
-                else:
+                elif is_ahead:
+                    is_ahead = False
+                else:  # another campaign begins
                     (setup, campaign), self.truths = run.convert(raw, _read_setup), {}
                     self.overrules = decided.get(campaign, NO_OVERRULES)
                     yield setup

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from impact_rig.devices.streaming import CountArray
+from impact_rig.devices.virtual.rig import CountArray
 
 CHANNELS = 2
 SAMPLING_RATE = 192_000  # [Hz]

@@ -14,8 +14,7 @@ from impact_rig.devices.virtual.rig import (
     CountArray,
     VirtualHit,
     VirtualRigSettings,
-    compute_scale,
-    digitize,
+    make_channel,
 )
 
 MOST_NOISE_BLOCKS = 50
@@ -53,20 +52,16 @@ class StreamingDigitizer:
         self._hits: list[tuple[int, VirtualHit]] = []  # with the points where they begin
         self.noise = self._draw_noise()
 
-    def _draw_noise(self) -> list[tuple[ChannelBlock, ChannelBlock]]:
+    def _draw_noise(self) -> list[tuple[ChannelBlock, ...]]:
         """Return blocks without a hit, hammer and sample."""
         digitizer, rest = self._settings.digitizer, np.zeros(self._block_size)
         seeds = np.random.SeedSequence((self._settings.seed, crc32(b"stream")))
         generator = np.random.default_rng(seeds)
 
-        def draw(full_scale: float) -> ChannelBlock:
-            counts = digitize(rest, full_scale, digitizer, generator)
-            counts.setflags(write=False)
-            return ChannelBlock(counts, compute_scale(full_scale, digitizer.bits), 0.0, full_scale)
-
+        scales = digitizer.hammer_full_scale, digitizer.specimen_full_scale
         fitting = max(MOST_NOISE_POINTS // self._block_size, 2)
         return [
-            (draw(digitizer.hammer_full_scale), draw(digitizer.specimen_full_scale))
+            tuple(make_channel(rest, scale, digitizer, generator) for scale in scales)
             for _ in range(min(fitting, MOST_NOISE_BLOCKS))
         ]
 

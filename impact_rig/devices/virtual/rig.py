@@ -384,8 +384,8 @@ class VirtualRig:
             label=label,
             faults=faults,
             model=physics.model,
-            hammer=_make_channel(hammer, digitizer.hammer_full_scale, digitizer, physics_source),
-            specimen=_make_channel(
+            hammer=make_channel(hammer, digitizer.hammer_full_scale, digitizer, physics_source),
+            specimen=make_channel(
                 specimen, digitizer.specimen_full_scale, digitizer, physics_source
             ),
             sampling_rate=digitizer.sampling_rate,
@@ -458,12 +458,13 @@ class VirtualRig:
         return traces[0], traces[1]
 
 
-def _make_channel(
+def make_channel(
     acceleration: FloatArray,
     full_scale: float,
     digitizer: DigitizerSettings,
     generator: np.random.Generator,
 ) -> ChannelBlock:
+    """Return one channel's true acceleration [m/s^2], shape (n,), as the digitizer delivers it."""
     return ChannelBlock(
         output=digitize(acceleration, full_scale, digitizer, generator),
         scale=compute_scale(full_scale, digitizer.bits),

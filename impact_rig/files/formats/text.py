@@ -4,11 +4,23 @@ Every instrument puts its own words above its numbers, and some beside them. The
 through all: the longest run of lines that are written alike is the table; it reaches up as far as
 there are numbers in its columns; what stands above are names, units and statements::
 
-    Sampling Period,1.95E-05    a statement
-    Time,CH1                    names
-    s,V                         units
-    0.000,0.02                  the table: each line has the kinds "nn", numbers in both cells
-    0.001,0.04
+    Sampling Period,1.95E-05       a statement
+    Time,CH1,CH2                   names
+    s,V,N                          units
+    0.000,0.02,3.5                 the table: each line has the kinds "nnn", a number in each cell
+    0.001,0.04,
+    0.002,0.05,                    a column may end before the others
+
+Some put statements beside the first lines of the table: cells that are empty further down are no
+columns::
+
+    Sample Interval,4e-7,,-0.001,1   a statement, and the first line of the table
+    Vertical Units,V,,0.000,2        the same
+    ,,,0.001,3                       kinds "---nn": there are two columns
+    ,,,0.002,3
+
+A line is a `TextLine`; how cells are parted is a `Style`; style, first line, kinds and columns of
+the table are its `Layout`, by which a `RowReader` makes numbers of its lines.
 """
 
 import codecs

@@ -45,6 +45,18 @@ def test_text_of_many_styles_is_understood(tmp_path, content):
     assert read_columns(path) == EXPECTED
 
 
+def test_the_files_that_are_drawn_are_read_as_is_said_beside_them(tmp_path):
+    lines = [line for line in text.__doc__.splitlines() if line.startswith("    ")]
+    rows = [line[4:].partition("   ")[0] + "\n" for line in lines]
+    first, second = tmp_path / "first.csv", tmp_path / "second.csv"
+    first.write_text("".join(rows[:6]))
+    second.write_text("".join(rows[6:]))
+    assert read_names(first) == [("Time", "s"), ("CH1", "V"), ("CH2", "N")]
+    assert read_columns(first) == [[0.0, 0.001, 0.002], [0.02, 0.04, 0.05], [3.5]]
+    assert read_columns(second) == [[-0.001, 0.0, 0.001, 0.002], [1.0, 2.0, 3.0, 3.0]]
+    assert read_names(second)[-1] == ("column 2", "V")
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
 def test_names_and_units_are_understood_in_any_encoding(tmp_path, encoding):
     path = tmp_path / "hit.txt"
