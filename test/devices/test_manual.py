@@ -6,7 +6,7 @@ from impact_rig.configuration.toml_table import parse_toml_table
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.devices.drivers import HOLDERS
 from impact_rig.devices.manual import ManualHolder
-from impact_rig.devices.protocols import HammerHolder, HolderState
+from impact_rig.devices.protocols import HammerHolder
 from impact_rig.devices.virtual.drivers import VirtualHolder
 from impact_rig.testing import DriverContract, HolderBench
 
@@ -20,10 +20,6 @@ def test_an_operator_holds_and_may_take_his_time_to_release():
     holder = make_holder('patience = "2 min"')
     assert (holder.is_by_hand, holder.patience) == (True, 120.0)
     assert holder.configure() == "operator"
-    holder.release()
-    assert holder.read_state() is HolderState.RELEASED
-    holder.hold()
-    assert holder.read_state() is HolderState.HOLDING
 
 
 def test_a_patience_that_cannot_be_meant_is_named_with_its_line():

@@ -4,6 +4,7 @@ The file is written here or by the library of its format, never by what reads it
 """
 
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -121,14 +122,8 @@ def _write_table(path: Path, table: dict[str, np.ndarray], unit: str) -> None:
     elif path.suffix == ".parquet":
         parquet.write_table(pa.table(table), path)
     elif path.suffix == ".mat":
-        renamed = {
-            name.replace(" (m/s^2)", "_ms2")
-            .replace(" (", "_")
-            .strip(")")
-            .replace(" ", "_"): values
-            for name, values in table.items()
-        }
-        savemat(path, renamed)
+        plain = {name.replace("m/s^2", "ms2"): values for name, values in table.items()}
+        savemat(path, {re.sub(r"\W+", "_", name).strip("_"): of for name, of in plain.items()})
     else:
         sign = "," if path.suffix == ".csv" else "\t"
         np.savetxt(path, np.stack([*table.values()]).T, delimiter=sign, header=sign.join(table),

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import lfilter
 
 from impact_rig.core.given.errors import ParameterError
 from impact_rig.core.given.findings import Reason
@@ -65,15 +64,6 @@ def test_coupling_answers_a_step_as_an_rc_stage_does():
     answer = couple(np.ones(5000), 500.0, 2.5e6)
     # The bilinear design is half a point early: 0.06 % at this corner.
     np.testing.assert_allclose(answer, np.exp(-2 * np.pi * 500.0 * time), rtol=0, atol=1e-3)
-
-
-@pytest.mark.parametrize("corner", [0.1, 500.0, 3e5])
-def test_coupling_is_the_filter_that_scipy_has(corner):
-    signal = np.random.default_rng(0).normal(size=5000)
-    pole = np.exp(-2 * np.pi * corner / 2.5e6)
-    gain = (1.0 + pole) / 2.0
-    expected = lfilter([gain, -gain], [1.0, -pole], signal)
-    np.testing.assert_allclose(couple(signal, corner, 2.5e6), expected, rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize(
