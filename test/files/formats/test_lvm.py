@@ -1,5 +1,6 @@
 """LabVIEW's files: every channel has its own length, rate, unit and start."""
 
+import re
 from pathlib import Path
 
 import lvm_read
@@ -150,11 +151,7 @@ def test_date_and_time_of_the_header_are_taken_as_utc(tmp_path):
 
 
 def test_the_head_of_the_file_dates_channels_whose_own_does_not(tmp_path):
-    bare = "".join(
-        line
-        for line in SEGMENT.splitlines(keepends=True)
-        if not line.startswith(("Date\t", "Time\t"))
-    )
+    bare = re.sub(r"(?m)^(Date|Time)\t.*\n", "", SEGMENT)
     channels = read_measurement(write(tmp_path, HEADER + bare)).channels
     assert [channel.start for channel in channels] == [0.0, 0.1]
     assert {channel.recorded_at for channel in channels} == {
