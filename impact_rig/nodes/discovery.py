@@ -65,7 +65,7 @@ def offer_profile() -> Iterator[None]:
         keystore = before.get("ROS_SECURITY_KEYSTORE", "which is not set")
         raise DeviceError(
             f"ROS_SECURITY_ENABLE is true, and ROS_SECURITY_KEYSTORE ({keystore}) has no keys for"
-            f" this node: make some by `ros2 security`, or unset the first ({error})"
+            f" this node, or Fast DDS lacks security: make keys by `ros2 security` ({error})"
         ) from None
     finally:
         _restore_environment(before)
