@@ -13,6 +13,7 @@ from impact_rig.devices.virtual.rig import FaultPlan, VirtualRig, VirtualRigSett
 from impact_rig.files.channels import MeasuredHit
 from impact_rig.files.importing import write_imported
 from impact_rig.recordings.run import Run
+from impact_rig.results import remarks
 from impact_rig.results.remarks import tabulate_accepted
 from impact_rig.results.traces import TracedCampaign
 
@@ -66,6 +67,19 @@ def test_every_hit_is_there_as_recorded_and_in_its_sample_s_time(campaign):
         else:
             peaks = np.abs(hit.aligned.traces).max(axis=1)
             assert peaks[0] == pytest.approx(hit.result.hammer_peak, rel=1e-3)
+
+
+def test_of_many_hits_some_are_shown_and_how_many_more_there_are_is_said(
+    path, campaign, monkeypatch
+):
+    (found,) = analyze(Run(path), keep_traces=True, most_traces=2).campaigns
+    assert [hit.recorded.label for hit in found.hits] == LABELS[::2]  # four on each sample
+    count = len([hit for hit in campaign.results.hits if hit.accepted])
+    for most, told in ((count, "τp: "), (count - 1, f"The first {count - 1} hits; 1 more")):
+        monkeypatch.setattr(remarks, "MOST_LISTED", most)
+        (table,) = tabulate_accepted(campaign.results)
+        assert table.notes[0].startswith(told)
+        assert len(table.rows) == most
 
 
 def test_a_mean_is_that_of_its_accepted_hits(campaign):

@@ -23,6 +23,7 @@ PARTS = {
     "memory": ("running", "What the estimator keeps of a hit"),
     "page": ("page", "The page at the rig in a browser: a stop, and its load"),
     "read": ("recording", "Reading a recording, beside mcap.reader doing nothing"),
+    "growth": ("recording", "The time that a hit takes, late in a long series"),
     "stream": ("stream", "The running stream through three processes, two channels"),
     "fuzz": ("damage", "Damaged files of every format: no hang, no crash, memory bounded"),
     "faults": ("faults", "A fault in each campaign: no hit lost or double, all told"),

@@ -1,9 +1,11 @@
 """Recordings written and read, beside the library `mcap`."""
 
 import os
+import time
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 from mcap.reader import make_reader
@@ -11,6 +13,8 @@ from mcap.writer import CompressionType, Writer
 
 from bench.measure import Bench, Figure, compare_times, divide
 from bench.rig_processes import run_campaign
+from impact_rig.api import VirtualRig
+from impact_rig.core.session import Session
 from impact_rig.recordings.records import OfferedQos
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.schemas import MessageDefinition
@@ -96,6 +100,25 @@ def measure_read(bench: Bench) -> Iterator[Figure]:
     yield Figure(
         "reading, time over mcap.reader", divide(ours, peers), note=note, most=LARGEST_RATIO
     )
+    yield Figure("size of 120 hits over b061bfb's", path.stat().st_size / OLD_SIZE, most=1.1)
+
+
+OLD_SIZE = 2.9e6
+"""Of the recording of a demo by b061bfb [byte]."""
+
+
+def measure_growth(bench: Bench) -> Iterator[Figure]:
+    """Time hits on one sample as the estimator takes them: early ones, and late ones."""
+    rig, times = VirtualRig(seed=bench.extent.seed), []
+    session = Session(rig.setup)
+    for _ in range(2000):
+        block = rig.strike("steel small").block
+        started = time.process_time()
+        for hit in session.feed(block):
+            session.estimate_numbers(hit.label.sample)
+        times.append(time.process_time() - started)
+    growth = median(times[-100:]) / median(times[25:75])
+    yield Figure("hit at 2000 on one sample over one at 50, time", growth, most=1.3)
 
 
 def read_events(path: Path) -> int:

@@ -13,13 +13,7 @@ from study.campaigns import (
     summarize,
 )
 from study.laboratories import Cause, judge_all
-from study.selection import (
-    FAULTS,
-    SERIES_HITS,
-    SURE,
-    strike_fault,
-    strike_good_hits,
-)
+from study.selection import FAULTS, SERIES_HITS, SURE, strike_fault, strike_good_hits
 
 from bench.measure import Bench, Figure
 from impact_rig.core.given.setup import PAPER_SETUP

@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 
 from impact_rig.core.given.setup import PAPER_SETUP, AnalysisSettings, RigSetup, Sample, SampleSet
-from impact_rig.recordings.messages import (
-    MessageEncoder,
-    setup_from_msg,
-)
+from impact_rig.recordings.messages import MessageEncoder, setup_from_msg
 
 STAMP = 1_700_000_000_123_456_789
 

@@ -59,10 +59,7 @@ def test_what_was_written_goes_again_if_the_rest_cannot_be(tmp_path):
         (Path.unlink, "was deleted while it was written"),
         (lambda path: path.rename(path.with_name("elsewhere")), "was deleted"),
         (lambda path: (path.unlink(), path.touch()), "was replaced while it was written"),
-        (
-            lambda path: os.truncate(path, 3),
-            "was cut to 3 byte while it was written: there were 6",
-        ),
+        (lambda path: os.truncate(path, 3), "was cut to 3 byte while .*: there were 6"),
     ],
 )
 def test_what_is_no_longer_under_its_name_does_not_count_as_written(tmp_path, meddle, told):
@@ -141,11 +138,7 @@ def test_the_file_appears_when_the_block_ends_unless_another_came_meanwhile(
     ("error", "raised", "told"),
     [
         (KeyError("x"), KeyError, "x"),
-        (
-            OSError(errno.ENOSPC, "No space left on device"),
-            FileError,
-            r"new\.csv cannot be written: No space left on device",
-        ),
+        (OSError(errno.ENOSPC, "No space"), FileError, r"new\.csv cannot be written: No space"),
     ],
 )
 def test_a_block_that_fails_leaves_nothing(folder, error, raised, told):

@@ -10,6 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.given.errors import FileError
+from impact_rig.files.formats.registry import read_measurement
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import Scan
 from impact_rig.recordings.source import find_recordings, is_recording
@@ -124,14 +125,6 @@ def test_a_folder_by_another_recorder_is_read(tmp_path):
     ]
 
 
-def test_where_there_is_no_recording_it_is_said(tmp_path):
-    with pytest.raises(FileError, match=r"there is no file .*lost\.mcap"):
-        find_recordings(tmp_path / "lost.mcap")
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(FileError, match="empty is a folder without a recording"):
-        find_recordings(tmp_path / "empty")
-
-
 def test_traces_are_no_recording_and_a_recording_is_one_under_any_name(make_run, tmp_path):
     (tmp_path / "hit.csv").write_text("time,hammer\n0,1\n")
     assert not is_recording(tmp_path / "hit.csv")
@@ -148,7 +141,9 @@ def test_what_git_lfs_leaves_in_place_of_a_recording_is_called_so(tmp_path):
         Run(path)
 
 
-@pytest.mark.parametrize("read", [find_recordings, Scan, read_results, read_rig_file])
+@pytest.mark.parametrize(
+    "read", [find_recordings, Scan, read_results, read_rig_file, read_measurement]
+)
 def test_a_pipe_which_may_never_end_is_refused_by_every_door(tmp_path, read):
     path = tmp_path / "session.mcap"
     os.mkfifo(path)

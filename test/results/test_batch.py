@@ -12,12 +12,7 @@ from impact_rig.core.estimates.ringing import BY_FREE_DECAY, reach
 from impact_rig.core.estimates.sample import SampleEstimate
 from impact_rig.core.given.quantity import BudgetLine, Quantity
 from impact_rig.core.given.setup import PAPER_SETUP
-from impact_rig.results.batch import (
-    BatchCampaign,
-    shorten_paths,
-    tabulate_batch,
-    tabulate_changes,
-)
+from impact_rig.results.batch import BatchCampaign, shorten_paths, tabulate_batch, tabulate_changes
 from impact_rig.results.campaign import Results
 
 TIMES = (144.61e-6, 144.93e-6, 145.22e-6)

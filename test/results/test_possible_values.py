@@ -131,11 +131,7 @@ def test_a_verdict_is_refused_for_the_same_reasons():
         ("damping_ratio", 0.0, r"damping_ratio is 0: it must be above 0"),
         ("stiffness_lower_n_per_m", 1e15, r"stiffness_lower_n_per_m is 1e\+15: it must not be"),
         ("stiffness_upper_n_per_m", -1.0, r"stiffness_upper_n_per_m is -1 N/m: it must be above"),
-        (
-            "stiffness_lower_n_per_m",
-            -1.0,
-            r"stiffness_lower_n_per_m is -1 N/m: it must be above",
-        ),
+        ("stiffness_lower_n_per_m", -1.0, r"stiffness_lower_n_per_m is -1 N/m: it must be"),
         ("stiffness_n_per_m", 1.2e21, r"stiffness_n_per_m is 1\.2e\+21 N/m: it must be 1e\+15"),
     ],
 )

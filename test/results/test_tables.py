@@ -335,9 +335,7 @@ def test_each_hit_has_its_row_with_verdict_and_widths():
     )  # fmt: skip
     assert table.rows[1][:3] == ("hit_2.npy", "-", "overload: 5 points at the rail")
     assert table.marked == {1}
-
-
-def test_folders_are_shown_where_the_names_are_the_same():
+    # Folders are shown where the names are the same.
     table = tabulate_hits((GOOD, FileResults(Origin(IMPORTED, file="other/hit_1.npy"), True, ())))
     assert [row[0] for row in table.rows] == ["lab/hit_1.npy", "other/hit_1.npy"]
 

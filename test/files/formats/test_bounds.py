@@ -1,6 +1,5 @@
 """A small file that unpacks to more than memory holds is refused by its heading."""
 
-import os
 import tracemalloc
 import zipfile
 
@@ -58,9 +57,3 @@ def test_what_would_fill_the_memory_is_refused_before_it_is_allocated(tmp_path, 
     finally:
         tracemalloc.stop()
     assert peak < 50_000_000
-
-
-def test_a_pipe_is_refused_without_waiting_for_its_end(tmp_path):
-    os.mkfifo(tmp_path / "pipe.csv")
-    with pytest.raises(FileError, match=r"pipe\.csv cannot be read: it is no regular file"):
-        read_measurement(tmp_path / "pipe.csv")
