@@ -32,20 +32,14 @@ _T = TypeVar("_T")
 
 def make_progress() -> "Progress":
     """Return rich's progress bar on standard error, drawn in terminals only."""
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich import progress
 
     console = make_console(stderr=True)
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(None, complete_style=GOOD, finished_style=GOOD),
-        TaskProgressColumn(),
-        TimeRemainingColumn(),
+    return progress.Progress(
+        progress.TextColumn("{task.description}"),
+        progress.BarColumn(None, complete_style=GOOD, finished_style=GOOD),
+        progress.TaskProgressColumn(),
+        progress.TimeRemainingColumn(),
         console=console,
         transient=True,
         # What a command prints goes above the bar, but not what it writes into a pipe.

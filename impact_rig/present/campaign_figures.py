@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import fmean
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from impact_rig.core.estimates.equations import estimate_equivalent_mass
 from impact_rig.core.estimates.sample import SampleEstimate
@@ -40,6 +40,10 @@ HAMMER = FigureBody("a) hammer", "hammer_peak", "mse_hammer_percent", 0.25)
 SAMPLES = FigureBody("b) samples", "specimen_peak", "mse_sample_percent", 2.8)
 BODIES = (HAMMER, SAMPLES)
 MARKERS = "s^oDvPX*"
+RING: dict[str, Any] = {
+    "color": "black", "linestyle": "none", "marker": "o", "markersize": 11.0,
+    "markerfacecolor": "none", "markeredgewidth": 0.7,
+}  # fmt: skip
 GRAM = 1e3  # kilograms to grams
 CASES = ("brass small", "steel medium", "aluminium large")
 """The three samples of the paper's Fig. 5, from top to bottom."""
@@ -165,16 +169,9 @@ def draw_widths(rows: Sequence[FigureRow]) -> "Figure":
     )
     expected = [row for row in rows if math.isfinite(row.reference.contact_time)]
     if expected:
-        axes.plot(
-            [row.relative_mass * GRAM for row in expected],
-            [row.reference.contact_time * MICRO for row in expected],
-            "o",
-            color="black",
-            markersize=11.0,
-            markerfacecolor="none",
-            markeredgewidth=0.7,
-            label="expected",
-        )
+        masses = [row.relative_mass * GRAM for row in expected]
+        times = [row.reference.contact_time * MICRO for row in expected]
+        axes.plot(masses, times, **RING, label="expected")
     axes.set(xlabel="relative mass m1 m2 / (m1 + m2) [g]", ylabel="pulse width τp [µs]")
     panel.legend(loc="lower center", ncols=3)
     return panel
@@ -229,22 +226,16 @@ def draw_responses(cases: Sequence[SampleTraces], channel: int) -> "Figure":
     panel = reuse_panel(*[MIDDLE] * len(cases))
     for axes, sample in zip(panel.axes, cases, strict=True):
         measured, modelled = sample.normalise(channel)
-        shown = (sample.time > -1.2 * sample.contact_time) & (
-            sample.time < 4.0 * sample.contact_time
-        )
+        periods = sample.time / sample.contact_time
+        shown = (periods > -1.2) & (periods < 4.0)  # noqa: PLR2004 - what is drawn
         time = sample.time[shown] * MICRO
         if modelled is not None:
             axes.plot(time, modelled[shown], color=format_hex(VERMILION), label="model")
         axes.plot(time, measured[shown], "--", color="black", linewidth=1.0, label="measured")
         model = sample.find_model(DRIVEN)
         error = f"{format_error(model.mse_percent[channel])} %" if model else ""
-        axes.annotate(
-            f"{shorten_name(sample.name)}\nMSE {error}",
-            (0.99, 0.95),
-            xycoords="axes fraction",
-            horizontalalignment="right",
-            verticalalignment="top",
-        )
+        named = f"{shorten_name(sample.name)}\nMSE {error}"
+        axes.text(0.99, 0.95, named, transform=axes.transAxes, ha="right", va="top")
         axes.set_ylabel("a / peak")
     panel.axes[0].set_title(BODIES[channel].title)
     panel.axes[-1].set_xlabel("time from the middle of the pulse [µs]")
