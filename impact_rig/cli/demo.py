@@ -13,13 +13,7 @@ import click
 
 from impact_rig.cli import options
 from impact_rig.cli.start import load_module
-from impact_rig.cli.up import (
-    PAGE_NODE,
-    RunningNodes,
-    check_open_files,
-    check_ros,
-    show_page,
-)  # fmt: skip
+from impact_rig.cli.up import PAGE_NODE, RunningNodes, check_computer, show_page
 from impact_rig.configuration.node_claim import check_free, join_names
 from impact_rig.configuration.processes import (
     LOG_NAME,
@@ -96,8 +90,7 @@ def run(
         rig.setup.samples.find(name)
     if angles:
         rig.setup.at_angles(angles)
-    check_ros()
-    check_open_files()
+    check_computer()
     folder = choose_run_folder(output)
     source = {key: chosen.pop(key) for key in options.SOURCE_KEYS}
     overrides: dict[str, dict[str, Any]] = dict(SETTINGS)

@@ -58,15 +58,19 @@ def make_words(process: NodeProcess, namespace: str = "") -> list[str]:
     return words
 
 
-def check_ros() -> None:
-    """Raise `ModuleNotFoundError` where nodes cannot run: one error, in place of one by each."""
+def check_computer() -> None:
+    """Check once what each node needs.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If ROS 2 or the rig's messages are not installed.
+    RigError
+        If this process, or a node, may not open as many files as a rig needs.
+    """
     for name in ("rclpy", "impact_rig_msgs"):
         if find_spec(name) is None:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-
-
-def check_open_files() -> None:
-    """Raise `RigError` if this process, or a node, may not open as many files as a rig needs."""
     allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     if most != resource.RLIM_INFINITY and most < OPEN_FILES:
         raise RigError(
@@ -91,7 +95,7 @@ class RunningNodes:
     def __init__(
         self, *outputs: IO[str], on_page: Callable[[str, str], None] = lambda *_: None
     ) -> None:
-        check_ros()
+        check_computer()
         self._outputs = outputs
         self._on_page = on_page
         self._names: set[str] = set()  # of nodes that have not ended
@@ -283,8 +287,7 @@ def run(
         found = find_rig_of_run(resume, rig_file, source)
         rig, source = options.load_rig(found.rig.path), {**found.source}
         chosen["continuous"] |= found.is_continuous
-    check_ros()
-    check_open_files()
+    check_computer()
     folder = resume or choose_run_folder(output)
     options.set_discovery(network=network)
     processes = list_rig_processes(
