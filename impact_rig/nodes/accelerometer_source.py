@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -48,7 +49,7 @@ class OpenSource:
     plan: AcquisitionPlan
     acquisition: Acquisition
 
-    @property
+    @cached_property  # the question goes through the protocol's methods
     def hammerless(self) -> HammerlessSource | None:
         """The source, if it computes its hits and needs to know when a hammer would strike."""
         return self.source if isinstance(self.source, HammerlessSource) else None

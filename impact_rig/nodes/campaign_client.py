@@ -60,26 +60,21 @@ class Operator(Protocol):
 
     def follow(self, rig: RigStatus) -> None:
         """Take the campaign's newest state, with the hits since this client began it."""
-        ...
 
     def mount(self, sample: str, further: str) -> None:
         """Mount a sample and follow the further instruction; return when it is done."""
-        ...
 
     def put_back(self, refusal: str) -> None:
         """Put the hammer back into its holder; return when it is there.
 
         `refusal`: why it did not count as held after the last time; empty: this is the first.
         """
-        ...
 
     def let_go(self, sample: str, patience: float) -> None:
         """Release the hammer by hand, within so many seconds."""
-        ...
 
     def hold_back(self, reason: str) -> None:
         """Do not release the hammer, though it was asked for: it has been disarmed."""
-        ...
 
 
 @dataclass
