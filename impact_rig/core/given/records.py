@@ -40,8 +40,9 @@ class Origin:
         object.__setattr__(self, "kind", self.kind or UNKNOWN_KIND)
         check_choice("the origin of a hit", self.kind, KINDS)
         for name in ("source", "file", "place"):
-            text = "".join(item if item.isprintable() else "?" for item in getattr(self, name))
-            object.__setattr__(self, name, text)
+            if not (text := getattr(self, name)).isprintable():
+                plain = "".join(item if item.isprintable() else "?" for item in text)
+                object.__setattr__(self, name, plain)
 
     def __str__(self) -> str:
         """Return kind and source: ``simulated (virtual rig, plant published)``."""
@@ -54,7 +55,7 @@ UNSTATED = Origin()
 
 def join_origins(origins: Iterable[Origin]) -> Origin:
     """Return the origin of several hits together; of mixed kinds the source names each."""
-    found = dict.fromkeys(Origin(item.kind, item.source) for item in origins)
+    found = dict.fromkeys(Origin(item.kind, item.source) for item in dict.fromkeys(origins))
     kinds = {item.kind for item in found}
     if len(kinds) == 1:
         return Origin(kinds.pop(), "; ".join(item.source for item in found if item.source))

@@ -29,16 +29,15 @@ from impact_rig.results.tables import (
     tabulate_summary,
 )
 
-SPECIAL = "\\`*_[]<>|#~"
-"""Letters that mean something to Markdown."""
+_ESCAPES = str.maketrans({letter: f"\\{letter}" for letter in "\\`*_[]<>|#~"})
+"""Letters that mean something to Markdown, as they are written then."""
 LEGEND = "± is the half-width of the 95 % interval. A dash: not determined, see the notes."
 NOT_YET = "Nothing is measured yet."
 
 
 def escape_markdown(text: str) -> str:
     """Return `text` so that Markdown shows it as it is, on one line."""
-    line = " ".join(text.split())
-    return "".join(f"\\{letter}" if letter in SPECIAL else letter for letter in line)
+    return " ".join(text.split()).translate(_ESCAPES)
 
 
 def format_verdict(hit: HitResults, hammer: tuple[float, str] = ACCELERATION) -> str:
