@@ -125,7 +125,7 @@ def keep_values(array: NDArray[Any], what: str) -> RawArray:
     return array.astype(np.float64, copy=False)
 
 
-def describe_channels(channels: Sequence[MeasuredChannel], names: Sequence[str]) -> str:
+def write_described(channels: Sequence[MeasuredChannel], names: Sequence[str]) -> str:
     """Return the channels' properties as JSON, by names in a file."""
     table = [
         {"variable": variable}
@@ -138,7 +138,7 @@ def describe_channels(channels: Sequence[MeasuredChannel], names: Sequence[str])
 
 
 def read_described(path: Path, text: str, variables: Mapping[str, Any]) -> Measurement:
-    """Return the channels of a file with a text of `describe_channels`, and its variables."""
+    """Return the channels of a file with a text of `write_described`, and its variables."""
     channels = []
     for row in json.loads(text):
         values = keep_values(np.ravel(variables[row["variable"]]), f"{path}, {row['name']}")

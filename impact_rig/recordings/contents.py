@@ -276,9 +276,9 @@ def _add_content(contents: Contents, message: RawMessage, content: Any) -> None:
     elif type_name == STATE_TYPE:
         contents.messages_lost = max(contents.messages_lost, int(content.messages_lost))
     elif type_name == NOTE_TYPE and topic.endswith("/note"):
-        contents.notes.append(OperatorNote(message.log_time, content.data[:LONGEST_NOTE]))
-        if len(contents.notes) > MOST_NOTES:
-            contents.notes.pop()
+        if len(contents.notes) < MOST_NOTES:
+            contents.notes.append(OperatorNote(message.log_time, content.data[:LONGEST_NOTE]))
+        else:
             contents.remarks[f"only the first {MOST_NOTES} notes are shown"] = None
 
 

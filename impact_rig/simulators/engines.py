@@ -27,7 +27,7 @@ SPHERE_RADIUS = 0.01  # [m], of the bodies: the laws know no radius
 
 
 @dataclass(frozen=True)
-class Contact:
+class KnownContact:
     """Two free bodies and the law identified between them."""
 
     sample: str
@@ -47,7 +47,7 @@ class Contact:
         return min(1.0, self.law.restitution.value)
 
 
-def make_contact(results: Results, name: str) -> Contact:
+def make_contact(results: Results, name: str) -> KnownContact:
     """Return the contact of one sample.
 
     Raises
@@ -62,7 +62,7 @@ def make_contact(results: Results, name: str) -> Contact:
     if not (law.is_known and law.stiffness.is_known and law.impact_speed.is_known):
         reason = join_findings(law.notes) or "none was looked for"
         raise ParameterError(f"sample {name!r} has no identified contact law: {reason}")
-    return Contact(
+    return KnownContact(
         sample=name,
         hammer_mass=results.setup.hammer_mass,
         sample_mass=results.setup.samples.get_moving_mass(name),
@@ -124,7 +124,7 @@ class Spring:
     depth: float  # [m], from which D is 1
 
 
-def fit_spring(contact: Contact, bend: Bend) -> Spring:
+def fit_spring(contact: KnownContact, bend: Bend) -> Spring:
     """Return the spring whose duration and restitution are those of the contact."""
     coefficient = _fit_damping(contact.restitution, bend)
     duration, _ = _compute_pulse(coefficient, bend)
@@ -185,12 +185,12 @@ class Engine:
     suffix: str  # of its files
     equation: str
     choose_bend: Callable[[float], Bend]  # of the law's exponent
-    convert: Callable[[Contact, Spring], Mapping[str, float]]  # to the engine's parameters
+    convert: Callable[[KnownContact, Spring], Mapping[str, float]]  # to the engine's parameters
     body: str  # template of a body
     world: str  # template of the file
 
 
-def format_contact(engine: Engine, contact: Contact) -> str:
+def format_contact(engine: Engine, contact: KnownContact) -> str:
     """Return an engine's file of two spheres that touch, with what was measured in a comment."""
     spring = fit_spring(contact, engine.choose_bend(contact.law.exponent.value))
     values = engine.convert(contact, spring)
@@ -213,7 +213,7 @@ def format_contact(engine: Engine, contact: Contact) -> str:
     return engine.world.format(comment=comment, bodies=bodies, radius=SPHERE_RADIUS, **texts)
 
 
-def _format_comment(engine: Engine, contact: Contact, values: Mapping[str, float]) -> str:
+def _format_comment(engine: Engine, contact: KnownContact, values: Mapping[str, float]) -> str:
     law = contact.law
     lines = [
         f"Contact of {contact.sample} with the hammer, identified by impact-rig.",
@@ -240,7 +240,7 @@ def _format_comment(engine: Engine, contact: Contact, values: Mapping[str, float
     return "\n".join(printable).replace("--", "==")
 
 
-def _convert_to_mujoco(contact: Contact, spring: Spring) -> Mapping[str, float]:
+def _convert_to_mujoco(contact: KnownContact, spring: Spring) -> Mapping[str, float]:
     return {
         "stiffness": spring.stiffness / contact.equivalent_mass,  # [1/s^2]
         "damping": spring.damping / contact.equivalent_mass,  # [1/s]

@@ -116,7 +116,9 @@ class Rig:
         for block in blocks[strike.is_block_lost :]:
             self.ledger.add_block((OURS.stream_id, self.record), block)
         if not strike.is_stored_first:
+            assert self.ledger.waiting_record == self.record
             self.ledger.add_stored(stored)
+        assert self.ledger.is_behind == strike.is_block_lost
         if self.ledger.is_behind:
             self.read()
 
@@ -190,3 +192,12 @@ def test_the_same_hits_give_the_same_bytes(tmp_path_factory, actions):
     rig.follow(RESTART)
     assert live == analyze(rig.blocks, rig.overrules) == write_results(rig.ledger.session)
     rig.writer.close()
+
+
+def test_where_nothing_is_recorded_a_pass_that_begins_again_is_judged_anew():
+    ledger = Ledger(Session(SETUP))
+    for _ in range(2):
+        for record in (1, 2):
+            for block in make_hit(Strike("alike"), record):
+                ledger.add_block((OURS.stream_id, record), block)
+        assert ledger.session.count_hits()["alike"].kept == ledger.newest_record == 2

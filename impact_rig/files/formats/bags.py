@@ -43,12 +43,12 @@ def read_bag(path: Path) -> Measurement:
         raise FileError(
             f"{path} is a recording of a rig, with set-up and hits: `impact-rig analyze` takes it"
         )
-    topics: dict[int, _Topic] = {}
+    topics: dict[int, _TopicNumbers] = {}
     size = 0
     for message in file.read_messages(lambda channel: channel.encoding in DECODERS):
         number = message.channel.id
         if number not in topics:
-            topics[number] = _Topic(path, message.channel)
+            topics[number] = _TopicNumbers(path, message.channel)
         size += topics[number].add(message)
         if 2 * size > MEMORY:  # they are copied once
             check_size(path, 2 * size)
@@ -71,7 +71,7 @@ def read_bag(path: Path) -> Measurement:
     return Measurement(path, tuple(changing or channels), remarks=remarks)
 
 
-class _Topic:
+class _TopicNumbers:
     """The numbers of one topic's messages, field by field."""
 
     def __init__(self, path: Path, channel: Channel) -> None:

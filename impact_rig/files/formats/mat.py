@@ -11,9 +11,9 @@ from impact_rig.files.formats.arrays import NamedArray, make_measurement
 from impact_rig.files.formats.hdf5 import read_hdf5
 from impact_rig.files.measurement import (
     Measurement,
-    describe_channels,
     make_unique,
     read_described,
+    write_described,
 )
 
 HDF5_MARK = b"\x89HDF\r\n\x1a\n"
@@ -96,7 +96,7 @@ def write_mat(path: Path, measurement: Measurement) -> None:
     channels = measurement.channels
     names = make_unique([CHANNELS, *(channel.name for channel in channels)], _clean, "_{}")[1:]
     with path.open("wb") as file:
-        savemat(file, {CHANNELS: describe_channels(channels, names)})
+        savemat(file, {CHANNELS: write_described(channels, names)})
         for name, channel in zip(names, channels, strict=True):
             savemat(file, {name: channel.values[:, np.newaxis]})
 

@@ -6,9 +6,9 @@ from impact_rig.files.formats.arrays import NamedArray, make_measurement
 from impact_rig.files.formats.bounds import check_size
 from impact_rig.files.measurement import (
     Measurement,
-    describe_channels,
     make_unique,
     read_described,
+    write_described,
 )
 
 CHANNELS = b"channels"
@@ -74,7 +74,7 @@ def write_parquet(path: Path, measurement: Measurement) -> None:
         )
         for name, channel in zip(names, channels, strict=True)
     ]
-    schema = pa.schema(fields, metadata={CHANNELS: describe_channels(channels, names)})
+    schema = pa.schema(fields, metadata={CHANNELS: write_described(channels, names)})
     columns = [
         pa.chunked_array([channel.values, pa.nulls(longest - channel.values.size, field.type)])
         for channel, field in zip(channels, fields, strict=True)

@@ -46,11 +46,10 @@ def test_a_hit_lies_where_it_was_laid_and_changes_nothing_else(block_size, point
     np.testing.assert_array_equal(found, quiet)
 
 
-def test_noise_is_that_of_the_digitizer_and_of_its_seed():
+def test_noise_has_the_digitizers_offset_and_is_that_of_its_seed():
     (block,) = stream(25_000, 1, seed=3)
     for channel in (block.hammer, block.specimen):
-        mean = np.mean(channel.scale * channel.output)
-        assert mean == pytest.approx(2e-3 * channel.full_scale, rel=0.05)
+        assert np.mean(channel.acceleration) == pytest.approx(2e-3 * channel.full_scale, rel=0.05)
     again, other = (stream(25_000, 1, seed=seed)[0].hammer.output for seed in (3, 4))
     np.testing.assert_array_equal(block.hammer.output, again)
     assert not np.array_equal(block.hammer.output, other)

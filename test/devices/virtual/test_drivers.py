@@ -64,16 +64,6 @@ def test_a_record_is_that_of_the_seed_and_comes_when_the_swing_is_over():
         assert getattr(blocks[0], channel).scale == getattr(expected, channel).scale
 
 
-def test_rate_and_record_are_those_of_the_plan():
-    plan = replace(make_plan(), sampling_rate=1e6, record_duration=1e-3)
-    source = make_source()
-    assert source.configure(plan).sampling_rate == 1e6
-    source.arm()
-    source.strike(LABEL, 0.0)
-    blocks = read_until(source, lambda got: got[-1].last)
-    assert sum(block.hammer.output.size for block in blocks) == 1000
-
-
 FULL = """
 [source]
 driver = "virtual"
