@@ -245,12 +245,10 @@ class VisualizerNode(RigNode):
         self._log_latest()
         if self._view is not None:
             self._is_behind = not self._view.flush()
-        output = self.get_value("output")
-        if not (output and self._subscriptions_of_view):
+        if not (output := self.get_value("output")) or not self._subscriptions_of_view:
             return
         if shutil.disk_usage(Path(output).parent).free < 2 * ROOM_FOR_ENDING:
             self._left_out = "the disk is nearly full, and what room it has is the recorder's"
-            self.get_logger().warning(f"the view ends here: {self._left_out}")
             self.deactivate()
 
     def _on_campaign(self, received: Received[RigSetup]) -> None:

@@ -25,7 +25,6 @@ from impact_rig.results.numbers import (
 )
 from impact_rig.results.table import Column, Table, list_table, make_text_column
 
-NAN = math.nan
 MASS_TOLERANCE = 1e-9
 """How alike the masses of a sample and of the paper's are [kg]: unit conversion, nothing more."""
 
@@ -34,9 +33,9 @@ MASS_TOLERANCE = 1e-9
 class Reference(Comparable):
     """Expected values of a body; NaN: none."""
 
-    contact_time: float = NAN  # tau_p [s]
-    stiffness: float = NAN  # k [N/m]
-    damping_coefficient: float = NAN  # c [N s/m]
+    contact_time: float = math.nan  # tau_p [s]
+    stiffness: float = math.nan  # k [N/m]
+    damping_coefficient: float = math.nan  # c [N s/m]
     published: Sample | None = None  # the cell of the paper that these are from
     is_published: bool = False  # these values are the paper's
 

@@ -9,16 +9,7 @@ import pytest
 from impact_rig.configuration.rig_file import read_template
 
 from .conftest import PATIENCE, start_command, start_python
-from .page_rig import (
-    MILLISECONDS,
-    expect,
-    give_name,
-    press,
-    run_rig,
-    say,
-    start,
-    wait_for_line,
-)
+from .page_rig import MILLISECONDS, expect, give_name, press, run_rig, say, start, wait_for_line
 
 STRANGE = "<script>window.pwned = 1</script>"
 """Name of a sample."""

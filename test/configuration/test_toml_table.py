@@ -155,9 +155,11 @@ def test_an_error_of_others_gets_the_line_of_the_longest_key_that_it_is_about(
     [
         (f"a = {'9' * 5000}", "not TOML"),
         (f"a = {'[' * 5000}", "nested too deep"),
+        (f"{'a . ' * 64}a = 1", "a key has more than 64 parts"),
         ("a = 1\nb = \n", r"this is not TOML: .*line 2"),
     ],
 )
 def test_what_is_no_toml_is_refused(text, told):
+    parse_toml_table(f"{'a.' * 63}a = 1")
     with pytest.raises(ParameterError, match=told):
         parse_toml_table(text)

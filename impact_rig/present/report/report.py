@@ -224,7 +224,7 @@ def _make_sample_section(
         curves = compute_law_curves(sample.contact_law, traces, results.setup)
         parts.append(make_sample_picture(traces, hits, curves))
         if len(hits) < sample.impacts_accepted:
-            told = f"Drawn: {len(hits)} of {sample.impacts_accepted} hits, evenly over the series."
+            told = f"Drawn evenly: {len(hits)} of {sample.impacts_accepted} hits."
             parts.append(Paragraph(told))
     if sample.impacts_accepted:
         parts.append(tables.tabulate_methods(results, sample))
