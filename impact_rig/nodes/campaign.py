@@ -190,7 +190,7 @@ class CampaignNode(RigNode):
 
     def _check_end(self, campaign: Campaign) -> None:
         """Raise `EndError` if the client, this node's end or a long pause ends the campaign."""
-        if campaign.is_cancelled:
+        if campaign.handle.is_cancel_requested:
             pause = campaign.state.message
             raise EndError(f"cancelled in a pause: {pause}" if pause else "cancelled by a client")
         if campaign.is_superseded:

@@ -92,14 +92,9 @@ class Campaign:
         return bool(self.held_for)
 
     @property
-    def is_cancelled(self) -> bool:
-        """Whether the client has cancelled the campaign."""
-        return bool(self.handle.is_cancel_requested)
-
-    @property
     def is_to_end(self) -> bool:
         """Whether nothing is waited for any more."""
-        return self.is_cancelled or self.is_superseded
+        return self.handle.is_cancel_requested or self.is_superseded
 
 
 FIELDS = [

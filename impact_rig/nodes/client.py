@@ -13,6 +13,7 @@ from typing import Any, Self
 import rclpy
 from impact_rig_msgs.srv import Act
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from impact_rig.core.given.errors import DeviceError
 from impact_rig.nodes import interfaces
@@ -50,6 +51,7 @@ class RigClient:
                     context=self._context,
                     enable_rosout=False,
                     start_parameter_services=False,
+                    parameter_overrides=[Parameter("start_type_description_service", value=False)],
                 )
             self._intake = Intake(self._node)
             self.listen = self._intake.subscribe  # by the same way in as the rig's nodes
