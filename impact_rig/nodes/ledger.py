@@ -44,7 +44,7 @@ def find_key(message: AccelerationBlock | RecordStored) -> Key:
 
 
 @dataclass
-class _Entry:
+class _LedgerEntry:
     """One record: its blocks wait until as many are stored, then it is judged, once."""
 
     blocks: list[Block] = field(default_factory=list)  # that wait
@@ -61,7 +61,7 @@ class Ledger:
     # they come.
     recording: str = ""
     newest_record: int = 0
-    _records: dict[Key, _Entry] = field(default_factory=lambda: defaultdict(_Entry))
+    _records: dict[Key, _LedgerEntry] = field(default_factory=lambda: defaultdict(_LedgerEntry))
     # The last record that was read, if its end is not on the disk: it may still come.
     _cut: Key | None = None
 
@@ -170,7 +170,7 @@ class Ledger:
 
     def _feed(self, key: Key, blocks: list[Block]) -> tuple[JudgedHit, ...]:
         is_judged = bool(self.recording) or blocks[-1].last
-        self._records[key] = _Entry(is_judged=is_judged)
+        self._records[key] = _LedgerEntry(is_judged=is_judged)
         self.newest_record = max(self.newest_record, key[1])
         return tuple(hit for block in blocks for hit in self.session.feed(block))
 

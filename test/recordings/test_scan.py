@@ -191,6 +191,8 @@ def test_an_index_whose_checksum_does_not_fit_is_not_believed(path):
     assert len(read(path)) == 60
     assert len(Scan(path).read_channels()) == 3
     assert [item.reason for item in list_damages(path)] == ["the index at the end cannot be used"]
+    bare = write(path.with_name("bare.mcap"), MESSAGES, enable_crcs=False)
+    assert (Scan(bare).statistics, len(Scan(bare).read_channels())) == (None, 3)
 
 
 @pytest.mark.parametrize("shift", [0, 1])
