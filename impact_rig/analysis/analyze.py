@@ -179,7 +179,7 @@ def analyze(
     overrules = _find_overrules(source, settings, by_hand)
     judged: list[_JudgedCampaign] = []
     assembler = TraceAssembler()
-    reading = source.events(_bind(report, "reading", source.size))
+    reading = source.events(lambda done: report("reading", done, source.size))
     for session, block, found in judge(reading, settings, overrules):
         if not judged or judged[-1].session is not session:
             judged.append(_JudgedCampaign(session, reading.truths))
@@ -232,10 +232,6 @@ def _describe_file(hit: JudgedHit, source: HitSource, setup: RigSetup) -> FileRe
     )
 
 
-def _bind(report: Report, what: str, total: int) -> Callable[[int], None]:
-    return lambda done: report(what, done, total)
-
-
 def _find_overrules(source: HitSource, settings: Settings, by_hand: ByHand) -> Overrules:
     """Return a person's overrules; the source is judged once before, for the names."""
     if not (by_hand.accept or by_hand.reject):
@@ -271,9 +267,9 @@ def _finish(
 ) -> TracedCampaign:
     session = campaign.session
     faults = {label.record: truth.faults for label, truth in campaign.truths.items()}
-    tell = _bind(report, "estimating", len(session.names))
-    tell(0)
-    found = session.estimate_all(tell)
+    count = len(session.names)
+    report("estimating", 0, count)
+    found = session.estimate_all(lambda done: report("estimating", done, count))
     judged = {hit.label: hit for hit in (*found.accepted, *found.rejected)}
     samples = [
         sample_traces_from_estimate(estimate, mean)

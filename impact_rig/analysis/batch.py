@@ -87,7 +87,8 @@ def run_in_processes(
     is_forked = "forkserver" in multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("forkserver" if is_forked else "spawn")
     context.set_forkserver_preload([__name__])
-    pool = ProcessPoolExecutor(count, context, _leave_at_interrupt)
+    # Ctrl-C, which a terminal sends to all processes, ends each without a word.
+    pool = ProcessPoolExecutor(count, context, signal.signal, (signal.SIGINT, signal.SIG_DFL))
     try:
         futures = [pool.submit(_analyze, run, settings) for run in runs]
         for _ in as_completed(futures):
@@ -106,11 +107,6 @@ def run_in_processes(
                 )
             )
     return outcomes
-
-
-def _leave_at_interrupt() -> None:
-    """Let Ctrl-C, which a terminal sends to all processes, end this one without a word."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @contextlib.contextmanager

@@ -188,7 +188,7 @@ def _check_trigger(reading: _Reading) -> Notes:
     text = f"is {level * 100:.3g} % of the hammer's full_scale"
     if level >= 1.0:
         yield fault(source, "trigger_level", f"{text}: no hit reaches it")
-    elif level > analysis.minimum_peak:
+    elif level > analysis.minimum_peak > 0.0:
         text = f"{text}: weaker hits are not seen, and minimum_peak accepts them from"
         yield warning(source, "trigger_level", f"{text} {analysis.minimum_peak * 100:g} % on")
     elif level < 2e-3:
@@ -310,11 +310,11 @@ def _check_peak(reading: _Reading) -> Notes:
     if not full_scale or not peaks:
         return
     weakest, strongest = min(peaks, key=peaks.__getitem__), max(peaks, key=peaks.__getitem__)
-    least = analysis.minimum_peak * full_scale
+    least = max(analysis.minimum_peak, analysis.detection_level) * full_scale
     if peaks[weakest] < least:
         text = f"hits on {weakest!r} will reach about {peaks[weakest]:.3g} m/s², weaker than"
-        text = f"{text} minimum_peak, {least:.4g} m/s² of the hammer's full_scale: swing higher,"
-        text = f"{text} use a more sensitive sensor or range, or set minimum_peak in [analysis]"
+        text = f"{text} the least that counts, {least:.4g} m/s² by [analysis]: swing higher,"
+        text = f"{text} use a more sensitive sensor or range, or set minimum_peak there"
         yield remark(channel, "full_scale", text)
     if peaks[strongest] > analysis.maximum_peak * full_scale:
         text = f"hits on {strongest!r} will reach about {peaks[strongest]:.3g} m/s², and the"

@@ -273,9 +273,8 @@ def compute_part_interval(count: int, total: int) -> tuple[float, float]:
     """Return the 95 % interval of a part of which `count` of `total` were found, both may be 0."""
     if not total:
         return math.nan, math.nan
-    low = scipy.special.betaincinv(count, total - count + 1, 0.025) if count else 0.0
-    high = scipy.special.betaincinv(count + 1, total - count, 0.975) if count < total else 1.0
-    return float(low), float(high)
+    found = scipy.stats.binomtest(count, total).proportion_ci()
+    return float(found.low), float(found.high)
 
 
 def _ask(estimator: Estimator, hit: Hit, errors: list[str]) -> Estimate:

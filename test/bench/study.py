@@ -22,6 +22,8 @@ from impact_rig.core.given.setup import PAPER_SETUP
 from impact_rig.devices.virtual.choices import Plant
 
 PERCENT = 100.0
+HITS = (3, 5, 10, 30)
+"""Of campaigns in turn [-]."""
 LARGEST_BIAS = 0.5
 """Over the half width of the 95 % interval [-], our choice."""
 FOUND, REJECTED = 0.99, 0.002
@@ -34,7 +36,7 @@ def measure_study(bench: Bench) -> Iterator[Figure]:
     for plant in ASKED:
         outcomes: list[Outcome] = []
         for number in range(count):
-            outcomes += run_campaign(plant, PAPER_SETUP, seed, number)
+            outcomes += run_campaign(plant, PAPER_SETUP, seed, number, HITS[number % len(HITS)])
         yield from _describe_campaigns(plant, outcomes)
     yield from _measure_selection(count, seed)
     yield from _measure_laboratories(count, seed)
@@ -66,9 +68,9 @@ def _measure_laboratories(count: int, seed: int) -> Iterator[Figure]:
     verdicts = list(judge_all(number, seed))
     for cause in Cause:
         found = [item for item in verdicts if item.cause is cause]
-        silent = sum(item.is_silent for item in found)
-        percent = PERCENT * (1.0 - silent / len(found))
-        yield Figure(f"right, not given, or named: {cause.value}", percent, "%")
+        counts = Counter(item.outcome for item in found)
+        percent = PERCENT * (1.0 - counts["silent"] / len(found))
+        yield Figure(f"{cause.value}: {dict(counts)}, not silent", percent, "%")
     silent = sum(item.is_silent for item in verdicts)
     least = PERCENT * find_least(number, RIGHT_OR_NAMED) / number
     percent = PERCENT * (1.0 - silent / number)

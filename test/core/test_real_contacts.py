@@ -162,12 +162,6 @@ def test_a_channel_that_is_late_is_named(late):
     assert told.startswith(f"the sample's momentum comes 15 µs {side} the hammer's")
 
 
-@pytest.mark.parametrize("restitution", [0.6, 0.5])
-def test_the_foot_of_a_contact_is_no_free_decay(restitution):
-    session = judge(repeat(replace(SOUND, restitution=restitution), 10))[0]
-    assert not session.estimate_sample("struck").free_decay.is_known
-
-
 STILL = Impact(resonance=1e6)
 
 
@@ -182,6 +176,7 @@ def find_causes(hits: list[JudgedHit]) -> set[tuple[Reason, ...]]:
         ({"zero_shift": -0.03}, Reason.ZERO_SHIFT),
         ({"zero_shift": 0.03, "recovery": 1e-3}, Reason.ZERO_SHIFT),
         ({"corner": 50.0}, Reason.DROOP),
+        ({"corner": 200.0}, Reason.DROOP),
         ({"drift": 0.02}, Reason.DRIFT),
     ],
     ids=str,
@@ -202,13 +197,6 @@ def test_the_size_and_the_corner_are_told():
     assert float(hit.findings[0].explanation.split()[-5]) == pytest.approx(50.0, abs=1.0)
     (hit,) = judge(repeat(replace(STILL, zero_shift=0.03), 1))[1]
     assert "a step of 3 % of the peak" in hit.findings[0].explanation
-
-
-@pytest.mark.parametrize("corner", [30.0, 100.0, 200.0, 400.0])
-@pytest.mark.parametrize("restitution", [1.0, 0.7])
-def test_one_corner_has_one_name_on_all_hits_and_both_channels(corner, restitution):
-    fault = replace(STILL, corner=corner, restitution=restitution, resonance=70e3)
-    assert find_causes(judge(repeat(fault, 10))[1]) == {(Reason.DROOP, Reason.DROOP)}
 
 
 @pytest.mark.parametrize("channel", ["hammer", "specimen"])

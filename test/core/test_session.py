@@ -33,7 +33,7 @@ def test_a_rejected_hit_changes_no_estimate():
     session = Session(SETUP)
     strike(session, "alike", 1)
     before = session.estimate_sample("alike")
-    (hit,) = strike(session, "alike", 2, height=150.0)
+    (hit,) = strike(session, "alike", 2, height=80.0)
     assert {item.reason for item in hit.rejections} == {Reason.WEAK}
     after = session.estimate_sample("alike")
     assert after.impacts_rejected == 1
@@ -60,7 +60,7 @@ def test_a_sample_measured_before_the_control_sample_gets_its_k2_afterwards():
 def test_a_sample_without_an_accepted_hit_says_so():
     session = Session(SETUP)
     for record in (1, 2):
-        strike(session, "heavy", record, height=150.0)
+        strike(session, "heavy", record, height=80.0)
     (estimate,) = session.estimate_all().samples
     assert not estimate.paper.contact_time.is_known
     assert (estimate.impacts_accepted, estimate.impacts_rejected) == (0, 2)

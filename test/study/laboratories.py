@@ -28,8 +28,6 @@ from impact_rig.core.session import Session
 COVERED = 1.5
 """Half widths of its 95 % interval within which a figure is right [-]: 99.7 % of honest ones."""
 NAME = "struck"
-BEFORE = 2.5e-4
-"""Of the record, before the impact [s]."""
 
 
 class Cause(Enum):
@@ -43,6 +41,10 @@ class Cause(Enum):
     SERIES = "a gain that drifts, or two groups of strength"
     CORNER = "a coupler's upper corner that is not stated"
     CRUSHED = "a contact of no law"
+    MEMORY = "a part of the stiffness relaxes, tan delta 0.05 to 0.3"
+    MODES = "a structure of many modes"
+    SPEED = "a mass 5 %, v1 4 %, the axis 20 degrees or 5 mm off, where gains and v1 are stated"
+    SENSORS = "two sensors of 45 to 90 kHz that are not stated"
 
 
 NAMED: dict[Cause, set[Subject | Reason]] = {
@@ -61,6 +63,10 @@ NAMED: dict[Cause, set[Subject | Reason]] = {
     },
     Cause.CORNER: {Subject.CONTACT_LAW},
     Cause.CRUSHED: {Subject.CONTACT_LAW, Subject.PULSE_SHAPE, Subject.IMPACT_SPEED},
+    Cause.MEMORY: {Subject.CONTACT_LAW, Subject.PULSE_SHAPE, Subject.IMPACT_SPEED},
+    Cause.MODES: {Subject.FREE_DECAY, Subject.MOMENTA},
+    Cause.SPEED: {Subject.MOMENTA, Subject.IMPACT_SPEED, Subject.MASS},
+    Cause.SENSORS: {Subject.CONTACT_LAW},
 }
 """What a warning, a note or a rejection is about that names a cause."""
 OF_GAINS = {Subject.MOMENTA, Subject.MASS}
@@ -81,17 +87,21 @@ class Laboratory:
     exponent: float = 1.5  # n
     losses: tuple[tuple[float, float], ...] = ()  # power m and size of each, scaled
     crush: float = 1.0  # stiffness on the way out over that on the way in
+    relaxing: tuple[float, float] = (0.0, 1.0)  # share of k, and its time [durations]
     duration: float = 212e-6  # about, by Hertz
     spring: tuple[float, float] = (0.0, 0.0)  # frequency [Hz] and zeta of a held sample
     friction: float = 0.0  # dry, over m2 g-like: acceleration [m/s^2]
     air: float = 0.0  # quadratic damping [1/m]
     mount: tuple[float, float] = (0.0, 0.0)  # frequency [Hz] and zeta of a sensor's mount
+    modes: tuple[tuple[float, float, float], ...] = ()  # frequency, zeta, part of J / m2
     rate: float = 2.5e6
     record: float = 2e-3
+    before: float = 2.5e-4  # of the record, before the impact [s]
     bits: int = 14
     noise: float = 5e-4  # of full scale
     hum: float = 0.0
-    resonance: float = 0.0  # of both sensors, not stated [Hz]
+    resonances: tuple[float, float] = (0.0, 0.0)  # of the sensors, not stated [Hz]
+    ringing: float = 0.02  # their zeta
     corner: float = 0.0  # upper, of couplers, not stated [Hz]
     window: float = 0.0  # exponential, of an analyser [1/s]
     gains: tuple[float, float] = (1.0, 1.0)  # true over stated
@@ -100,6 +110,7 @@ class Laboratory:
     clock: float = 0.0  # by how much it runs fast all the time [-]
     stated_speed: float = 1.0  # over the true one
     stated_sample: float = 1.0
+    speed_uncertainty: float = 0.0  # that is stated, over it; 0: none
     gain_uncertainty: float = 0.0  # that is stated; 0: none
     mass_uncertainty: float = 1e-4  # that is stated, over the masses; 0: none
     clock_uncertainty: float = 1e-4  # that is stated [-]
@@ -138,6 +149,8 @@ def strike(lab: Laboratory, speed: float) -> Motion:
             force += stiffness * length**lab.exponent * scaled
         return force
 
+    share, relaxation = lab.relaxing[0], lab.relaxing[1] * lab.duration
+
     def hold(state: FloatArray) -> float:
         """Return the support's acceleration of the sample."""
         path, velocity = state[1], state[3]
@@ -148,27 +161,29 @@ def strike(lab: Laboratory, speed: float) -> Motion:
     deepest = [1.0]
 
     def move(state: FloatArray, force: float) -> list[float]:
+        behind = stiffness * max(state[0] - state[1], 0.0) ** lab.exponent - state[4]
         return [
             state[2],
             state[3],
             -force / lab.hammer,
             force / lab.sample + hold(state),
+            behind / relaxation,
         ]
 
     def touch(_time: float, state: FloatArray) -> list[float]:
         depth, rate = state[0] - state[1], state[2] - state[3]
         deepest[0] = max(deepest[0], depth) if deepest[0] != 1.0 else max(depth, 1e-15)
-        return move(state, max(press(depth, rate), 0.0))
+        return move(state, max(press(depth, rate) - share * state[4], 0.0))
 
     def part(time: float, state: FloatArray) -> float:
         if time < unit:
             return 1.0
-        return float(press(state[0] - state[1], state[2] - state[3]))
+        return float(press(state[0] - state[1], state[2] - state[3]) - share * state[4])
 
     part.terminal, part.direction = True, -1  # type: ignore[attr-defined]
     options = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-15, "dense_output": True}
     found = solve_ivp(
-        touch, (0.0, 20.0 * unit), (0.0, 0.0, speed, 0.0), events=part, max_step=unit / 8.0,
+        touch, (0.0, 20.0 * unit), (0.0, 0.0, speed, 0.0, 0.0), events=part, max_step=unit / 8.0,
         **options,
     )  # fmt: skip
     end = float(found.t[-1])
@@ -201,12 +216,17 @@ def measure(
 ) -> FloatArray:
     """Return what the converters give of one hit, (2, n) [m/s^2]."""
     rate = lab.rate
-    time = np.arange(int(lab.record * rate)) / rate - BEFORE - random.uniform() / rate
+    time = np.arange(int(lab.record * rate)) / rate - lab.before - random.uniform() / rate
     time = time / (1.0 + lab.clock + lab.slowing * number / (lab.hits - 1.0))
     traces = np.stack([np.interp(time, motion.time, a, 0.0) for a in motion.accelerations])
     traces[:, time < 0.0] = 0.0
-    traces[1] = resonate(traces[1], *lab.mount, rate)
-    traces = np.stack([resonate(trace, lab.resonance, 0.02, rate) for trace in traces])
+    # A mode swings about the rigid body, and takes no momentum.
+    rigid = traces[1]
+    modes = [part * (rigid - resonate(rigid, f, ratio, rate)) for f, ratio, part in lab.modes]
+    traces[1] = resonate(traces[1], *lab.mount, rate) + np.sum(modes, axis=0)
+    traces = np.stack(
+        [resonate(*pair, lab.ringing, rate) for pair in zip(traces, lab.resonances, strict=True)]
+    )
     if lab.corner:
         traces = lfilter(*butter(1, lab.corner, fs=rate), traces)
     drift = 1.0 - lab.warming * (1.0 - number / (lab.hits - 1.0))
@@ -237,7 +257,8 @@ def run_series(lab: Laboratory) -> tuple[SampleEstimate, Truth, list[Note | Find
         SampleSet((Sample(NAME, stated, mass_uncertainty=part * stated),), NAME),
         lab.hammer,
         lab.speed * lab.stated_speed,
-        AnalysisSettings(record_duration=lab.record),
+        AnalysisSettings(record_duration=lab.record, pre_trigger=0.8 * lab.before),
+        impact_speed_uncertainty=lab.speed * lab.stated_speed * lab.speed_uncertainty,
         hammer_mass_uncertainty=part * lab.hammer,
         clock_uncertainty=lab.clock_uncertainty,
         sensors=tuple(Sensor(name, sensitivity_uncertainty=gain) for name in CHANNELS),
@@ -318,7 +339,7 @@ def find_truth(lab: Laboratory, motions: Sequence[Motion], speeds: Sequence[floa
 
 def _find_damping_range(lab: Laboratory, motion: Motion) -> tuple[float, float]:
     """Return zeta between the first and the last maxima of the tail, as they fall."""
-    is_seen = (motion.time > motion.duration + 2e-5) & (motion.time < lab.record - BEFORE)
+    is_seen = (motion.time > motion.duration + 2e-5) & (motion.time < lab.record - lab.before)
     trace = motion.accelerations[1][is_seen]
     inner = np.abs(trace)
     peaks = np.flatnonzero((inner[1:-1] > inner[:-2]) & (inner[1:-1] >= inner[2:])) + 1
@@ -345,6 +366,13 @@ class Verdict:
     def is_silent(self) -> bool:
         """Whether a figure is wrong, and nothing says so."""
         return bool(self.wrong) and not self.named
+
+    @property
+    def outcome(self) -> str:
+        """All right, right without a law, a figure off with the cause named, or without."""
+        if self.wrong:
+            return "silent" if self.is_silent else "named"
+        return "right" if self.has_law else "no law"
 
 
 def judge(cause: Cause, lab: Laboratory) -> Verdict:
@@ -410,7 +438,7 @@ def _vary_law(lab: Laboratory, random: np.random.Generator) -> Laboratory:
     return replace(
         lab,
         exponent=random.uniform(1.2, 2.2),
-        resonance=random.choice([0.0, random.uniform(50e3, 100e3)]),
+        resonances=2 * (random.choice([0.0, random.uniform(50e3, 100e3)]),),
         hum=random.uniform(0.0, 3e-4),
         scatter=random.choice([0.02, 0.2]),
         speeds=(1.0,) if random.uniform() < 0.7 else (0.6, 1.0, 1.6),
@@ -476,6 +504,45 @@ def _vary_crushed(lab: Laboratory, random: np.random.Generator) -> Laboratory:
     return replace(lab, crush=random.uniform(1.3, 4.0), losses=())
 
 
+def _vary_memory(lab: Laboratory, random: np.random.Generator) -> Laboratory:
+    time, loss = random.uniform(0.1, 1.0), random.uniform(0.05, 0.3)  # tan delta
+    # At the frequency of the pulse, half a period long.
+    turn = math.pi * time
+    share = loss * (1.0 + turn**2) / (turn + loss)
+    # A part that relaxes softens the pulse.
+    linear = replace(lab, exponent=float(random.choice([1.0, 1.5])), losses=(), duration=1e-3)
+    return replace(
+        linear, relaxing=(share, time), rate=500e3, record=8e-3, before=1.5e-3, noise=3e-4
+    )
+
+
+def _vary_modes(lab: Laboratory, random: np.random.Generator) -> Laboratory:
+    modes = [
+        (f, random.uniform(2e-4, 1.5e-3), random.uniform(0.2, 1.0))
+        for f in random.uniform(900.0, 4470.0, 9)
+    ]
+    return replace(lab, modes=tuple(modes), sample=random.uniform(0.5, 5.0), record=40e-3)
+
+
+def _vary_speed(lab: Laboratory, random: np.random.Generator) -> Laboratory:
+    lab = replace(lab, gain_uncertainty=0.005, speed_uncertainty=0.005)
+    off = 1.0 + random.choice([-1.0, 1.0]) * np.array([0.05, 0.04])
+    # 5 mm from the axis of a bar of 30 x 50 mm: radius of gyration 16.2 mm.
+    eccentric = 1.0 / (1.0 + (5.0 / 16.2) ** 2)
+    changes = (
+        {"stated_sample": off[0]}, {"stated_speed": off[1]},
+        {"gains": (math.cos(math.radians(20.0)), 1.0)},
+        {"sample": lab.sample * eccentric, "stated_sample": 1.0 / eccentric,
+         "gains": (1.0, eccentric)},
+    )  # fmt: skip
+    return replace(lab, **changes[int(random.integers(4))])
+
+
+def _vary_sensors(lab: Laboratory, random: np.random.Generator) -> Laboratory:
+    resonances = tuple(random.uniform(45e3, 90e3, 2).tolist())
+    return replace(lab, resonances=resonances, ringing=random.uniform(0.005, 0.04))
+
+
 _VARY: dict[Cause, Callable[[Laboratory, np.random.Generator], Laboratory]] = {
     Cause.LAW: _vary_law,
     Cause.GAIN: _vary_gain,
@@ -485,6 +552,10 @@ _VARY: dict[Cause, Callable[[Laboratory, np.random.Generator], Laboratory]] = {
     Cause.SERIES: _vary_series,
     Cause.CORNER: _vary_corner,
     Cause.CRUSHED: _vary_crushed,
+    Cause.MEMORY: _vary_memory,
+    Cause.MODES: _vary_modes,
+    Cause.SPEED: _vary_speed,
+    Cause.SENSORS: _vary_sensors,
 }
 
 

@@ -94,7 +94,10 @@ def check_momenta(mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str) 
     # Momenta need no width.
     trending = rig.follow(replace(course, width_standard=0.0))
     reading = _Reading(setup, trending, mean, sample)
-    checks = reading.state(whole, each, _find_zero_parts(restored, contact))
+    # Of both changes of velocity by their zeros.
+    means = np.abs(restored.traces[:, contact].mean(axis=1))
+    zeros = restored.zero_uncertainty[: means.size] / np.where(means > 0.0, means, math.inf)
+    checks = reading.state(whole, each, tuple(zeros.tolist()))
     checks = replace(checks, warnings=checks.warnings + course.warnings, notes=rig.notes)
     checks = _judge_chain(checks, setup, sample)
     told = {
@@ -114,13 +117,6 @@ def check_momenta(mean: MeanHit, setup: RigSetup, rig: RigNumbers, sample: str) 
         " is clipped or does not come back to zero, or a sample that was held",
     )
     return replace(checks, warnings=checks.warnings + odd)
-
-
-def _find_zero_parts(mean: MeanHit, contact: slice) -> tuple[float, ...]:
-    """Return the uncertainties of both changes of velocity by those of the zeros [-]."""
-    sums = np.abs(mean.traces[:, contact].sum(axis=1)) / mean.traces[:, contact].shape[1]
-    sums = np.where(sums > 0.0, sums, math.inf)
-    return tuple((mean.zero_uncertainty[: sums.size] / sums).tolist())
 
 
 @dataclass(frozen=True)

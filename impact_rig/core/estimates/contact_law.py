@@ -1,11 +1,12 @@
 """The contact law of a sample, from the shape of the hammer's pulses."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
+from impact_rig.core.estimates.damping import SMALLEST_SIGNAL, fit_decay
 from impact_rig.core.estimates.law_fit import (
     COUNT,
     EXPONENT,
@@ -44,7 +45,7 @@ from impact_rig.core.given.filtering import Chain
 from impact_rig.core.given.findings import Note, Subject
 from impact_rig.core.given.quantity import INTERNAL, Comparable, Quantity, quantity_field
 from impact_rig.core.given.records import FloatArray
-from impact_rig.core.given.sensors import Sensor
+from impact_rig.core.given.sensors import Sensor, SensorResponse
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.momenta import Hold
 from impact_rig.core.hit.pulse_width import ZERO_AFTER, PulseWidth, measure_pulse
@@ -71,6 +72,9 @@ SMALL_PART = 0.15
 TERM = 1.0 / 7.0
 """How probable a second term is before the pulse is seen, over one [-]: that of Bayes' information
 criterion with some 50 points (Kass and Raftery 1995)."""
+RINGING = 0.01
+"""Standard uncertainty of a resonance that is found behind a pulse, over it [-], our choice."""
+UNSTATED = "; state resonance and upper_corner of the hammer's sensor, if it may be that"
 LARGEST_LOST = 0.01
 """Of J that a support may take within the contact, by the sample's part of the approach [-], our
 choice: by so much v is off."""
@@ -155,11 +159,19 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     reason = _find_support(mean, setup, sample)
     if reason is not None:
         return replace(without, notes=(Note(Subject.CONTACT_LAW, reason),))
-    fits = _fit_law(mean, chain, exponent)
+    fits, sensor = _fit_law(mean, chain, exponent), setup.find_sensor("hammer")
+    told: tuple[Note, ...] = ()
+    for response in _find_resonance(mean, fits, chain):
+        refitted = _fit_law(mean, replace(chain, response=response), exponent)
+        if NEARER * refitted.residual < fits.residual:
+            fits, chain = refitted, replace(chain, response=response)
+            sensor = replace(sensor, resonance_uncertainty=RINGING * response.resonance)
+            text = f"a sensor that rings at {response.resonance * 1e-3:.3g} kHz is found"
+            told = (Note(Subject.CONTACT_LAW, text),)
     without = replace(without, residual_percent=100.0 * fits.residual)
-    changes = _change_sensor(mean, fits, setup.find_sensor("hammer"), chain)
+    changes = _change_sensor(mean, fits, sensor, chain)
     is_worse, excludes_versed_sine = _compare_with_versed_sine(mean, chain, fits)
-    help_needed = _ask_for_response(chain)
+    help_needed = "" if chain.response.resonance and chain.response.upper_corner else UNSTATED
     reason = _find_misfit(fits, changes, help_needed, is_worse=is_worse)
     if reason is not None:
         return replace(without, notes=(Note(Subject.CONTACT_LAW, reason),))
@@ -184,7 +196,7 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
         pull=float(fits.points[:, PULL].mean()),
         own_covariances=own,
         separation=touch + quantities["duration"].value,
-        notes=_list_notes(exponent, masses, fits),
+        notes=_list_notes(exponent, masses, fits) + told,
         warnings=without.warnings + _check_rest(fits, help_needed),
         excludes_versed_sine=excludes_versed_sine,
     )
@@ -376,15 +388,6 @@ def _find_misfit(
     return None
 
 
-def _ask_for_response(chain: Chain) -> str:
-    """Return which properties of the hammer's sensor should be stated; empty: all are."""
-    names = ("resonance", "upper_corner")
-    unstated = [name for name in names if not getattr(chain.response, name)]
-    if not unstated:
-        return ""
-    return f"; state the {' and '.join(unstated)} of the hammer's sensor, if it may be that"
-
-
 def _check_rest(fits: _LawFits, help_needed: str) -> tuple[Note, ...]:
     """Warn that the law leaves more than noise."""
     if not fits.unexplained > 0.0 < fits.noise.level:
@@ -425,6 +428,23 @@ def _change_sensor(
             what = f"{name.replace('_', ' ')} of the hammer's sensor"
             changes.append((what, window.measured + residual[0] - fits.fit.fitted))
     return changes
+
+
+def _find_resonance(mean: MeanHit, fits: _LawFits, chain: Chain) -> Iterator[SensorResponse]:
+    """Yield the response with the resonance that rings behind the pulse, unless one is stated."""
+    if chain.response.resonance or not (chain.cutoff_frequency and fits.unexplained):
+        return
+    tail = mean.traces[0, mean.origin + math.ceil(MARGINS[1] * fits.unit * mean.sampling_rate) :]
+    # Hum and drift are slower.
+    time = np.linspace(-1.0, 1.0, tail.size)
+    tail = tail - np.polyval(np.polyfit(time, tail, 3), time)
+    (decay, frequency), fit = fit_decay(tail, 0.0)
+    natural = math.hypot(decay, frequency)
+    seen = float(np.linalg.norm(fit.oscillation)) > SMALLEST_SIGNAL * mean.compute_raw_noise()[0]
+    # Below half the low-pass it may be the hammer's own.
+    if seen and decay > 0.0 and natural * chain.sampling_rate > math.pi * chain.cutoff_frequency:
+        resonance = natural / (2.0 * math.pi) * chain.sampling_rate
+        yield replace(chain.response, resonance=resonance, damping=decay / natural)
 
 
 def _compare_with_versed_sine(mean: MeanHit, chain: Chain, fits: _LawFits) -> tuple[bool, bool]:

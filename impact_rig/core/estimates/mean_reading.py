@@ -52,6 +52,13 @@ DAMPING = (Subject.C1, Subject.C2)
 """Subjects of notes on the damping of hammer and sample."""
 
 
+MOVES_ON = (
+    "no log decrement, since the sample moves on after the contact as a free body does:"
+    " what rings is its sensor's mount or an inner mode, or waves go to and fro in it"
+)
+"""Why there is none of a sample on no spring."""
+
+
 @dataclass(frozen=True)
 class HammerPulse:
     """Shape of the hammer's mean pulse."""
@@ -153,9 +160,8 @@ def read_mean_hit(
     factor = settings.pulse_factor / mean.sampling_rate
     noise = float(mean.noise[0]) / abs(pulse.peak)
     has_scatter = len(mean.hits) >= LEAST_HITS
-    reasons: tuple[Note, ...] = ()
-    if form is UNSEEN:
-        reasons = (Note(Subject.UNCERTAINTY, "it comes with the pulse's shape, later"),)
+    later = Note(Subject.UNCERTAINTY, "it comes with the pulse's shape, later")
+    reasons = (later,) if form is UNSEEN else ()
     peaks, notes = _find_peaks(mean, setup, sample)
     doubled, *changes = _make_readings(mean, settings.pulse_factor * width, factor, peaks, sample)
     quality = _describe_mean(mean, 0, settings.cutoff_frequency)
@@ -218,8 +224,9 @@ def _find_peaks(
             )
             check_window(mean, channel, setup.analysis.cutoff_frequency)
             _check_own_decay(mean, channel, found)
-            if channel:
-                _check_spring(mean, setup)
+            passed = follow_mean(mean, setup.find_chains(mean.sampling_rate)) if channel else None
+            if passed is not None and passed[-1].hold is Hold.FREE:
+                raise NotDeterminedError(MOVES_ON)
             peaks[channel] = found
         except RigError as error:
             notes[channel] = Note(DAMPING[channel], str(error))
@@ -337,20 +344,4 @@ def _check_own_decay(mean: MeanHit, channel: int, peaks: LogDecrement) -> None:
         raise NotDeterminedError(
             "no log decrement, since the second peak is no decay of the body, which would swing"
             " to the other side before it: noise, a second contact or a sensor that rings"
-        )
-
-
-def _check_spring(mean: MeanHit, setup: RigSetup) -> None:
-    """Refuse what rings on a sample that moves on after the contact, on no spring.
-
-    Raises
-    ------
-    NotDeterminedError
-        If it does.
-    """
-    found = follow_mean(mean, setup.find_chains(mean.sampling_rate))
-    if found is not None and found[-1].hold is Hold.FREE:
-        raise NotDeterminedError(
-            "no log decrement, since the sample moves on after the contact as a free body does:"
-            " what rings is its sensor's mount or an inner mode, or waves go to and fro in it"
         )

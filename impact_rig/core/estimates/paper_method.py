@@ -222,14 +222,12 @@ def estimate_paper(
     mean, contact_time = series.mean, series.contact_time.state()
     equivalent, body = estimate_body(series, setup, name, hammer)
     peaks, tops = body.peaks, np.abs(mean.traces).max(axis=1).tolist()
-    noted = (
-        contact_time,
-        equivalent,
-        body.stiffness,
-        body.damping_ratio,
-        body.damping_coefficient,
-    )
+    # What is said of c is said of ζ or k.
+    noted = (contact_time, equivalent, body.stiffness, body.damping_ratio)
     one_hit = () if len(mean.hits) >= LEAST_HITS else (OF_ONE_HIT,)
+    spread, heights = NAN, [hit.pulse.peak for hit in mean.hits]
+    if len(heights) > 1:
+        spread = 100.0 * float(np.std(heights, ddof=1) / abs(np.mean(heights)))
     notes = body.notes + one_hit + tuple(note for item in noted for note in item.notes)
     return PaperEstimate(
         contact_time=contact_time,
@@ -251,17 +249,12 @@ def estimate_paper(
         second_peak_time=_find_time(mean, peaks.second_index) if peaks else NAN,
         hammer_peak=tops[0],
         specimen_peak=tops[1] if len(tops) > 1 else NAN,
-        hammer_peak_spread_percent=_compute_peak_spread(mean),
+        hammer_peak_spread_percent=spread,
         peak_force=_estimate_peak_force(name, mean, setup),
         rise_time=measure_rise(mean.traces[0]) / mean.sampling_rate,
         warnings=tuple(filter(None, (check_steps(mean), check_control(setup)))),
         notes=tuple(dict.fromkeys(notes)),
     )
-
-
-def _compute_peak_spread(mean: MeanHit) -> float:
-    peaks = [hit.pulse.peak for hit in mean.hits]
-    return 100.0 * float(np.std(peaks, ddof=1) / abs(np.mean(peaks))) if len(peaks) > 1 else NAN
 
 
 def _estimate_peak_force(name: str, mean: MeanHit, setup: RigSetup) -> Quantity:

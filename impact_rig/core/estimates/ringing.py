@@ -207,12 +207,8 @@ def find_shared_ringing(decays: Mapping[str, FreeDecayEstimate], setup: RigSetup
     if len(rings) < FEWEST_SAMPLES or not max(masses) >= 1.5 * min(masses):
         return None
     shared = float(np.median(list(rings.values())))
-    return shared if all(is_same(each, shared) for each in rings.values()) else None
-
-
-def is_same(frequency: float, shared: float) -> bool:
-    """Return whether two frequencies are one."""
-    return abs(frequency - shared) < SAME_FREQUENCY * shared
+    farthest = max(abs(each - shared) for each in rings.values())
+    return shared if farthest < SAME_FREQUENCY * shared else None
 
 
 BY_FREE_DECAY = "what the free decay says"

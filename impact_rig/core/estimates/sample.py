@@ -32,10 +32,10 @@ from impact_rig.core.estimates.paper_method import (
 from impact_rig.core.estimates.pulse_shape import NO_SHAPE, PulseShapeEstimate
 from impact_rig.core.estimates.ringing import (
     NO_DECAY,
+    SAME_FREQUENCY,
     FreeDecayEstimate,
     estimate_decay,
     find_shared_ringing,
-    is_same,
     settle_damping,
 )
 from impact_rig.core.estimates.uncertainty import make_rig_numbers
@@ -175,7 +175,7 @@ class SampleParts:
         )
         paper = self.paper
         period = paper.second_peak_time - paper.first_peak_time
-        if period and is_same(1.0 / period, shared):
+        if period and abs(1.0 / period - shared) < SAME_FREQUENCY * shared:
             paper = paper.without_damping()
         notes = (*self.traces.notes, Note(Subject.SENSOR, told))
         traces = replace(self.traces, free_decay=NO_DECAY, notes=notes)
@@ -206,13 +206,18 @@ class SampleParts:
             *paper.warnings,
             *self.warnings,
         )
+        # As each shape would make k2: k_eq, k1 and with them k2 go as F^-2.
+        k2 = paper.stiffness.value
+        fits = (
+            replace(it, stiffness=k2 * (contact_time / it.contact_time) ** 2) for it in shape.fits
+        )
         comparisons = compare_models(self.name, paper, self.mean, self.hammer, setup)
         return SampleEstimate(
             self.name,
             *counts,
             paper,
             _read_errors(comparisons),
-            _add_stiffness(shape, paper),
+            replace(shape, fits=tuple(fits)),
             law,
             checks,
             traces.free_decay,
@@ -229,13 +234,6 @@ def assemble_samples(parts: Sequence[SampleParts], setup: RigSetup) -> tuple[Sam
     if shared is not None:
         parts = [part.without_ringing(shared) for part in parts]
     return tuple(part.assemble(setup.for_series(part.name)) for part in parts)
-
-
-def _add_stiffness(shape: PulseShapeEstimate, paper: PaperEstimate) -> PulseShapeEstimate:
-    """Add k2 as each shape would make it: k_eq, k1 and with them k2 go as F^-2."""
-    k2, tau = paper.stiffness.value, paper.contact_time.value
-    fits = (replace(fit, stiffness=k2 * (tau / fit.contact_time) ** 2) for fit in shape.fits)
-    return replace(shape, fits=tuple(fits))
 
 
 def compare_models(
@@ -273,16 +271,10 @@ def _read_errors(comparisons: Sequence[ModelComparison]) -> ModelErrors:
     if not comparisons:
         return NOT_COMPARED
     driven, *printed = comparisons
-    return ModelErrors(
-        mse_hammer_percent=driven.hammer.mse_percent,
-        mse_sample_percent=driven.specimen.mse_percent,
-        contact_error_hammer_percent=driven.hammer.contact_error_percent,
-        contact_error_sample_percent=driven.specimen.contact_error_percent,
-        shift_hammer=driven.hammer.shift,
-        shift_sample=driven.specimen.shift,
-        printed_mse_hammer_percent=printed[0].hammer.mse_percent if printed else NAN,
-        printed_mse_sample_percent=printed[0].specimen.mse_percent if printed else NAN,
-    )
+    names = ("mse_percent", "contact_error_percent", "shift")
+    errors = [getattr(it, name) for name in names for it in (driven.hammer, driven.specimen)]
+    errors += [body.mse_percent for one in printed for body in (one.hammer, one.specimen)]
+    return ModelErrors(*errors)
 
 
 def check_delay(mean: MeanHit, checks: Checks, contact_time: float) -> Note | None:

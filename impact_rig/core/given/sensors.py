@@ -201,14 +201,16 @@ class Sensor(Comparable):
                 " year-month-day, like 2026-03-01",
                 f"calibration date of the {name}",
             )
+        what = f"uncertainty of the sensitivity of the {name}"
+        check_not_negative(what, self.sensitivity_uncertainty, "")
+        for field_name in ("resonance", "low_corner", "upper_corner"):
+            what, standard = (
+                field_name.replace("_", " "),
+                getattr(self, f"{field_name}_uncertainty"),
+            )
+            check_not_negative(f"{what} of the {name}", getattr(self, field_name), "Hz")
+            check_not_negative(f"uncertainty of the {what} of the {name}", standard, "Hz")
         _check_response(name, self.response)
-        for what, standard, unit in (
-            ("sensitivity", self.sensitivity_uncertainty, ""),
-            ("resonance", self.resonance_uncertainty, "Hz"),
-            ("low corner", self.low_corner_uncertainty, "Hz"),
-            ("upper corner", self.upper_corner_uncertainty, "Hz"),
-        ):
-            check_not_negative(f"uncertainty of the {what} of the {name}", standard, unit)
 
     @property
     def response(self) -> SensorResponse:
@@ -273,19 +275,14 @@ class Sensor(Comparable):
 
 def _check_response(name: str, response: SensorResponse) -> None:
     """Refuse a response that no sensor has; raises `ParameterError` that names the sensor."""
-    check_not_negative(f"resonance of the {name}", response.resonance, "Hz")
-    check_not_negative(f"low corner of the {name}", response.low_corner, "Hz")
-    check_not_negative(f"upper corner of the {name}", response.upper_corner, "Hz")
     if not 0.0 < response.damping <= 1.0:
         raise ParameterError(
             f"resonance damping of the {name} is {response.damping!r}: it must be above 0 and 1 at"
             " most, of critical damping",
             f"resonance damping of the {name}",
         )
-    for what, above in (
-        ("resonance", response.resonance),
-        ("upper corner", response.upper_corner),
-    ):
+    others = {"resonance": response.resonance, "upper corner": response.upper_corner}
+    for what, above in others.items():
         if above and response.low_corner >= above:
             raise ParameterError(
                 f"low corner of the {name} is {response.low_corner:g} Hz: it must lie below the"

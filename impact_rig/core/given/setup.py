@@ -34,8 +34,8 @@ class AnalysisSettings:
     # Hammer acceleration that starts a hit, part of full scale [-]. Our choice: well above 12-bit
     # noise, well below the weakest acceptable hit.
     detection_level: float = 0.03
-    # Weakest acceptable hammer peak, part of full scale [-]. Our choice.
-    minimum_peak: float = 0.15
+    # Weakest hammer peak that is wanted, part of full scale [-]; 0: what noise and steps allow.
+    minimum_peak: float = 0.0
     # Strongest acceptable peak of either channel, part of full scale [-]. Our choice: room for
     # offset and noise below the rail.
     maximum_peak: float = 0.95

@@ -127,12 +127,13 @@ def judge_hit(
         found.append(Finding(Reason.TRUNCATED, str(error)))
         return JudgedHit(record.label, tuple(found), record.stamp)
     pulse, peaks = hit.pulse, np.abs(hit.traces).max(axis=1).tolist()
+    noise = float(hit.noise[0])
     # What comes after a flat top may tilt it.
     flat = check_tops(hit.traces) or (check_tops(filtered.traces) if zeros else [])
     if flat and not overloaded and not shows_plateau(record):
         found += flat
-    found += check_strength(record, peaks, settings, overloaded=overloaded)
-    course = check_pulse(hit.traces[0], pulse, float(hit.noise[0]), record.sampling_rate, settings)
+    found += check_strength(record, peaks, noise, settings, overloaded=overloaded)
+    course = check_pulse(hit.traces[0], pulse, noise, record.sampling_rate, settings)
     seen = {item.reason for item in course if not item.is_harmless}
     found += doubtful + [item for item in zeros if item.is_harmless] + course
     found += [item for item in hidden if item.reason not in seen]

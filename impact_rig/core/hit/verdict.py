@@ -408,8 +408,17 @@ def check_tops(traces: FloatArray) -> list[Finding]:
     ]
 
 
+LEAST_STRENGTH = 100.0
+"""Peak over noise and one step of the converter together [-], our choice: w50 to a hundredth."""
+
+
 def check_strength(
-    record: Record, peaks: Sequence[float], settings: AnalysisSettings, *, overloaded: bool
+    record: Record,
+    peaks: Sequence[float],
+    noise: float,
+    settings: AnalysisSettings,
+    *,
+    overloaded: bool,
 ) -> list[Finding]:
     """Find whether a hit is too weak or too strong for the ranges of its channels.
 
@@ -417,6 +426,8 @@ def check_strength(
     ----------
     peaks : sequence of float
         Largest |acceleration| after the low-pass of hammer, then sample where measured [m/s^2].
+    noise : float
+        Of the hammer's trace after the low-pass [m/s^2].
     settings : AnalysisSettings
         `minimum_peak` and `maximum_peak` are used; where full scale is not known, nothing is
         weak or strong.
@@ -425,10 +436,11 @@ def check_strength(
     """
     found = []
     for name, trace, peak in zip(CHANNELS, record.channels, peaks, strict=False):
-        least = settings.minimum_peak * trace.full_scale
+        least = LEAST_STRENGTH * math.hypot(noise, trace.resolution)
+        least = max(settings.minimum_peak * trace.full_scale, least)
         most = settings.maximum_peak * trace.full_scale
         what = f"{name} peak {peak:.4g} m/s^2 is"
-        if name == CHANNELS[0] and peak < least:
+        if name == CHANNELS[0] and trace.full_scale > 0.0 and peak < least:
             text = f"{what} below {least:.4g} m/s^2: swing higher, or use a more sensitive range"
             found.append(Finding(Reason.WEAK, text))
         if trace.full_scale > 0.0 and peak > most and not overloaded:

@@ -197,7 +197,7 @@ def couple(signal: FloatArray, coupling_frequency: float, sampling_rate: float) 
 
 OVERLOAD_RANGE = (1.2, 2.0)
 """Peak of an overloaded hit over the hammer's full scale [-]."""
-WEAK_RANGE = (0.04, 0.10)
+WEAK_RANGE = (0.035, 0.048)
 """Peak of a weak hit over the hammer's full scale [-]."""
 DOUBLE_HEIGHT_RANGE = (0.05, 0.60)
 """Second pulse of a double hit over the first [-]: a copy, on the plant `contact` a contact of its

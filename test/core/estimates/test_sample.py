@@ -166,8 +166,8 @@ def strike(
 
 @pytest.mark.parametrize("noise", [0.0, 5e-4])
 def test_steps_larger_than_the_noise_are_named(noise):
-    # A step of eight bits is 1/128 of full scale.
-    digitizer = DigitizerSettings(bits=8, noise=noise)
+    # A step of ten bits is 1/512 of full scale.
+    digitizer = DigitizerSettings(bits=10, noise=noise)
     assert STEPS in strike(VirtualRigSettings(digitizer=digitizer)).warnings
 
 

@@ -111,7 +111,7 @@ def test_angles_tell_no_speed_where_none_is_known():
         ("record_duration", -2e-3, "above zero"),
         ("pre_trigger", 2e-3, "shorter than record_duration, which is 0.002 s"),
         ("cutoff_frequency", 1.0, "in a record of 0.002 s it must be 1000 Hz or more"),
-        ("maximum_peak", 0.15, "above the minimum_peak of 0.15"),
+        ("maximum_peak", 0.0, "above the minimum_peak of 0.0"),
         ("double_hit_level", 0.0, "between 0.001 and 1"),
     ],
 )

@@ -55,24 +55,6 @@ def test_noise_that_often_reaches_the_level_starts_no_hit(seed):
     assert BEFORE - 60 < first < BEFORE
 
 
-@given(
-    sizes=st.lists(st.integers(1, 3000), min_size=1, max_size=8),
-    starts=st.lists(st.integers(250, 2000), min_size=1, max_size=4),
-    heights=st.lists(st.sampled_from([-1800.0, -400.0, 150.0, 900.0]), min_size=4, max_size=4),
-    full_scale=st.sampled_from([2000.0, 0.0]),
-)
-def test_splitting_the_stream_into_other_blocks_changes_no_bit(sizes, starts, heights, full_scale):
-    places = 400 + np.cumsum(starts)
-    count = int(places[-1]) + 2500
-    hammer = make_counts(zip(places, heights, strict=False), count)
-    specimen = make_counts(zip(places + 10, heights, strict=False), count, seed=2)
-    # No whole number of nanoseconds per point.
-    options = {"full_scale": full_scale, "rate": 1.3e6}
-    whole = detect(make_blocks(hammer, specimen, [count], **options))
-    split = detect(make_blocks(hammer, specimen, sizes, **options))
-    assert [describe(record) for record in split] == [describe(record) for record in whole]
-
-
 @pytest.mark.parametrize("full_scale", [2000.0, 0.0])
 def test_an_arming_without_a_pulse_gives_one_record_without_one(full_scale):
     hammer = make_counts([], 5000)

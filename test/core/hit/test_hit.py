@@ -114,7 +114,8 @@ def test_a_pulse_without_a_baseline_or_without_its_end_is_truncated(start, stop,
 def test_a_gap_does_not_hide_the_other_reasons():
     traces = (0.2 * trace for trace in make_traces(noise=0.1))
     record = make_record(*traces, rate=RATE, pulse_index=520, flaws=("7 points missing",))
-    assert find_reasons(judge_hit(record, SETTINGS)) == {Reason.GAP, Reason.WEAK}
+    settings = AnalysisSettings(minimum_peak=0.15)
+    assert find_reasons(judge_hit(record, settings)) == {Reason.GAP, Reason.WEAK}
 
 
 class TestRealHits:

@@ -54,11 +54,14 @@ def judge_pulse(record: Record) -> list[Finding]:
     return check_pulse(trace, measure_pulse(trace), 0.0, record.sampling_rate, SETTINGS)
 
 
-def judge_strength(record: Record) -> list[Finding]:
+def judge_strength(
+    record: Record, noise: float = 0.0, settings: AnalysisSettings = SETTINGS
+) -> list[Finding]:
     return check_strength(
         record,
         [float(np.abs(channel.acceleration).max()) for channel in record.channels],
-        SETTINGS,
+        noise,
+        settings,
         overloaded=Reason.OVERLOAD in find_reasons(check_channels(record)),
     )
 
@@ -149,7 +152,7 @@ class TestChannels:
             for height, top, full_scale in zip((900.0, 450.0), tops, ranges, strict=True)
         ]
         record = replace(make_record(np.zeros(1)), hammer=channels[0], specimen=channels[1])
-        hit = judge_hit(record, replace(SETTINGS, cutoff_frequency=0.0, minimum_peak=0.0))
+        hit = judge_hit(record, replace(SETTINGS, cutoff_frequency=0.0))
         assert (Reason.OVERLOAD in find_reasons(hit.rejections)) is is_overload
 
     @pytest.mark.parametrize("missing", [15, 40])
@@ -254,8 +257,19 @@ class TestStrength:
     def test_weak_and_strong_are_parts_of_full_scale(self, peak, sign):
         reason = Reason.WEAK if peak < 0.15 * 2000.0 else Reason.STRONG
         is_good = 0.15 * 2000.0 <= peak <= 0.95 * 2000.0
-        found = judge_strength(make_record(sign * make_trace(peak, noise=0.0)))
+        record = make_record(sign * make_trace(peak, noise=0.0))
+        found = judge_strength(record, settings=replace(SETTINGS, minimum_peak=0.15))
         assert find_reasons(found) == ([] if is_good else [reason])
+
+    @pytest.mark.parametrize(
+        ("bits", "part", "noise", "is_weak"),
+        [(14, 0.1, 1e-4, 0), (8, 0.2, 1e-4, 1), (24, 0.1, 0.99e-3, 0), (24, 0.1, 1.01e-3, 1)],
+    )
+    def test_weak_goes_by_noise_and_step_where_no_part_is_wanted(self, bits, part, noise, is_weak):
+        step = 2000.0 / 2 ** (bits - 1)
+        counts = np.rint(make_trace(part * 2000.0, noise=0.0) / step).astype(np.int32)
+        record = replace(make_record(np.zeros(1)), hammer=ChannelBlock(counts, step, 0.0, 2000.0))
+        assert find_reasons(judge_strength(record, noise * 2000.0)) == [Reason.WEAK] * is_weak
 
     def test_a_small_answer_of_the_sample_is_not_weak_but_a_large_one_is_strong(self):
         assert judge_strength(make_record(make_trace(900.0), make_trace(100.0))) == []
