@@ -59,14 +59,17 @@ class ByHand:
 
 
 NOTHING_BY_HAND = ByHand()
+MOST_NAMED = 5
+"""How many hits a warning names, our choice."""
 
 
 class Reading(Protocol):
     """One reading of a source."""
 
-    # Of the campaign that was come to: simulated hits, a new mapping for each, and verdicts by
-    # persons.
+    # Of the campaign that was come to, in new mappings for each: simulated hits, and whether a hit
+    # was accepted when it came; and verdicts by persons.
     truths: dict[HitLabel, Truth]
+    verdicts: dict[HitLabel, bool]
     overrules: Overrules
 
     @property
@@ -110,6 +113,8 @@ class _JudgedCampaign:
 
     session: Session
     truths: Mapping[HitLabel, Truth]
+    verdicts: Mapping[HitLabel, bool]  # as recorded
+    came: dict[HitLabel, bool] = field(default_factory=dict)  # as judged now, when they come
     # Of each sample, what is wanted of its hits: as recorded, and filtered.
     traces: dict[str, Evenly] = field(default_factory=dict)
     # What the hit of a file says by itself.
@@ -182,8 +187,9 @@ def analyze(
     reading = source.events(lambda done: report("reading", done, source.size))
     for session, block, found in judge(reading, settings, overrules):
         if not judged or judged[-1].session is not session:
-            judged.append(_JudgedCampaign(session, reading.truths))
+            judged.append(_JudgedCampaign(session, reading.truths, reading.verdicts))
         campaign = judged[-1]
+        campaign.came.update((hit.label, hit.accepted) for _, hit in found)
         if source.hammer_unit is not None:
             for _, hit in found:
                 campaign.alone[hit.label] = _describe_file(hit, source, session.setup)
@@ -200,7 +206,21 @@ def analyze(
     selections = [session.get_selection(name) for session in sessions for name in session.names]
     rejected = (hit for selection in selections for hit in selection.left_out)
     reasons = frozenset(finding.reason for hit in rejected for finding in hit.rejections)
-    return Analysis(campaigns, reading.warnings, reasons)
+    return Analysis(campaigns, (*reading.warnings, *_tell_other_verdicts(judged)), reasons)
+
+
+def _tell_other_verdicts(judged: Sequence[_JudgedCampaign]) -> Iterator[str]:
+    """Yield that hits are judged otherwise than when they came; persons' verdicts aside."""
+    others = [
+        f"{label} was {'rejected' if accepted else 'accepted'}"
+        for campaign in judged
+        for label, accepted in campaign.came.items()
+        if campaign.verdicts.get(label, accepted) != accepted
+        and not campaign.session.overrules.list_verdicts(label)
+    ]
+    if others:
+        rest = f" and {len(others) - MOST_NAMED} more" if len(others) > MOST_NAMED else ""
+        yield f"judged otherwise than when recorded: {', '.join(others[:MOST_NAMED])}{rest}"
 
 
 def _describe_file(hit: JudgedHit, source: HitSource, setup: RigSetup) -> FileResults:

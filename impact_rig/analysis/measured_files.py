@@ -180,6 +180,7 @@ class MeasuredHits:
     def __init__(self, path: Path, series: TraceSeries) -> None:
         self.path = path
         self.truths: dict[HitLabel, Truth] = {}
+        self.verdicts: dict[HitLabel, bool] = {}
         self.overrules = NO_OVERRULES
         self.hits: list[MeasuredHit] = []
         self.series = series

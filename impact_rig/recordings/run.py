@@ -11,7 +11,7 @@ from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.overrules import NO_OVERRULES, Overrules
 from impact_rig.core.hit.stream import StreamCutter
 from impact_rig.recordings.campaigns import CampaignWatch
-from impact_rig.recordings.hits import HIT_TYPES
+from impact_rig.recordings.hits import HIT_TYPES, VERDICT_TYPE
 from impact_rig.recordings.messages import (
     BLOCK_TYPE,
     OVERRULE_TYPE,
@@ -20,6 +20,7 @@ from impact_rig.recordings.messages import (
     VIRTUAL_IMPACT_TYPE,
     block_from_msg,
     campaign_id_from_msg,
+    label_from_msg,
     overrule_from_msg,
     setup_from_msg,
     truth_from_msg,
@@ -236,9 +237,10 @@ class RunReading:
 
     def __init__(self, run: Run, report: Report) -> None:
         self._run, self._report, self._watch = run, report, CampaignWatch()
-        # Of the campaign that was come to: the virtual rig's hits, in a mapping of its own, and
-        # persons' verdicts.
+        # Of the campaign that was come to, in mappings of its own: the virtual rig's hits, whether
+        # each hit was accepted when it came; and persons' verdicts.
         self.truths: dict[HitLabel, Truth] = {}
+        self.verdicts: dict[HitLabel, bool] = {}
         self.overrules = NO_OVERRULES
 
     @property
@@ -258,7 +260,7 @@ class RunReading:
         yield setup
         is_ahead = True  # the files are still to come to the set-up that was yielded
         kinds = {scan: _find_kind(scan) for scan in run.scans}
-        types = {SETUP_TYPE, VIRTUAL_IMPACT_TYPE}
+        types = {SETUP_TYPE, VIRTUAL_IMPACT_TYPE, VERDICT_TYPE}
         files = run.read_files(lambda scan: {*types, kinds[scan]}, self._report, self._watch)
         for scan, messages in files:
             cutter = StreamCutter(setup.analysis) if kinds[scan] == STREAM_TYPE else None
@@ -267,13 +269,17 @@ class RunReading:
                 if kind == VIRTUAL_IMPACT_TYPE:
                     label, truth = run.convert(raw, truth_from_msg)
                     self.truths[label] = truth
+                elif kind == VERDICT_TYPE:
+                    label, is_accepted = run.convert(raw, _read_verdict)
+                    self.verdicts[label] = is_accepted
                 elif kind != SETUP_TYPE:
                     block = run.convert(raw, block_from_msg)
                     yield from (block,) if cutter is None else cutter.feed(block)
                 elif is_ahead:
                     is_ahead = False
                 else:  # another campaign begins
-                    (setup, campaign), self.truths = run.convert(raw, _read_setup), {}
+                    setup, campaign = run.convert(raw, _read_setup)
+                    self.truths, self.verdicts = {}, {}
                     self.overrules = decided.get(campaign, NO_OVERRULES)
                     yield setup
                     cutter = cutter and StreamCutter(setup.analysis)
@@ -306,6 +312,10 @@ def read_overrules(
 
 def _read_setup(message: Any) -> tuple[RigSetup, bytes]:
     return setup_from_msg(message), campaign_id_from_msg(message)
+
+
+def _read_verdict(message: Any) -> tuple[HitLabel, bool]:
+    return label_from_msg(message), bool(message.accepted)
 
 
 def _find_kind(file: Scan) -> str:

@@ -17,6 +17,7 @@ from impact_rig.results import remarks
 from impact_rig.results.remarks import tabulate_accepted
 from impact_rig.results.traces import TracedCampaign
 
+RECORDING = Path(__file__).parents[1] / "data" / "recordings" / "b061bfb.mcap"
 SAMPLES = ("aluminium large", "steel small")
 LABELS = [
     HitLabel(name, record, impact)
@@ -67,6 +68,18 @@ def test_every_hit_is_there_as_recorded_and_in_its_sample_s_time(campaign):
         else:
             peaks = np.abs(hit.aligned.traces).max(axis=1)
             assert peaks[0] == pytest.approx(hit.result.hammer_peak, rel=1e-3)
+
+
+def test_hits_that_are_judged_otherwise_than_when_recorded_are_told_once():
+    run = Run(RECORDING)
+    assert analyze(run).warnings == ()
+    by_hand = ByHand(reject=["steel small/1"])
+    (told,) = analyze(run, {"minimum_peak": 0.9}, by_hand).warnings
+    assert told.startswith(
+        "judged otherwise than when recorded: 2 (steel small/2.1) was accepted, "
+    )
+    assert told.endswith(" and 2 more")  # of 8, and one is a person's
+    assert "1 (steel small/1.1)" not in told
 
 
 def test_of_many_hits_some_are_shown_and_how_many_more_there_are_is_said(

@@ -57,6 +57,7 @@ class VirtualCampaign:
         hits = {label: rig.strike(label) for label in labels}
         self.setup = setup
         self.truths = {label: make_truth(hit) for label, hit in hits.items()}
+        self.verdicts: dict[HitLabel, bool] = {}
         self._blocks = [block for hit in hits.values() for block in hit.split(BLOCK_POINTS, 0)]
 
     def events(self, _report: Any = None) -> Self:
