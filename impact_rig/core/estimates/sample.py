@@ -36,12 +36,13 @@ from impact_rig.core.estimates.ringing import (
     FreeDecayEstimate,
     estimate_decay,
     find_shared_ringing,
+    reach,
     settle_damping,
 )
 from impact_rig.core.estimates.uncertainty import make_rig_numbers
 from impact_rig.core.given.errors import RigError
 from impact_rig.core.given.findings import Note, Subject
-from impact_rig.core.given.quantity import INLINE, INTERNAL, NOT_NEGATIVE, Comparable
+from impact_rig.core.given.quantity import INLINE, INTERNAL, NOT_NEGATIVE, UNKNOWN, Comparable
 from impact_rig.core.given.sensors import CHANNELS
 from impact_rig.core.given.setup import RigSetup
 from impact_rig.core.hit.pulse_width import find_ends, measure_pulse
@@ -192,13 +193,14 @@ class SampleParts:
             )  # fmt: skip
         checks, setup = traces.checks, use_measured_speed(setup, self.mean)
         speed_is = "measured" if self.mean.impact_speeds.size else "stated"
-        shape, law, contact_time = traces.pulse.shape, traces.pulse.law, paper.contact_time.value
+        shape, contact_time = traces.pulse.shape, paper.contact_time.value
+        law = settle_restitution(traces.pulse.law, checks)
         # Where a law contradicts the versed-sine, its note suffices for the shape.
         is_said = law.is_known and law.excludes_versed_sine
         warnings = (
             None if is_said else shape.warning,
             *check_sensors(setup, contact_time),
-            check_speed(law.impact_speed, checks.stated_restitution, setup, speed_is),
+            check_speed(traces.pulse.law.impact_speed, checks.stated_restitution, setup, speed_is),
             *checks.warnings,
             *traces.free_decay.warnings,
             *law.warnings,
@@ -225,6 +227,34 @@ class SampleParts:
             paper.notes + self.notes + traces.notes,
             comparisons,
         )
+
+
+BY_LAW = "what the contact law says"
+"""Line of a budget."""
+
+
+def settle_restitution(law: ContactLaw, checks: Checks) -> ContactLaw:
+    """Return a law with e and v by the impact speed, if both say another e.
+
+    The form of the loss is the law's only witness of both, and pulses of a loss with memory are
+    much like others. A speed by which no e from 0 to 1 is possible is no witness: `check_speed`
+    names it.
+    """
+    by_speed, by_law = checks.stated_restitution, law.restitution
+    found = reach(by_speed, by_law, BY_LAW)
+    if found is by_speed or abs(by_speed.value - 0.5) > 0.5 + by_speed.expanded:
+        return law
+    told = (
+        "e and v go by the impact speed; by the loss that describes the pulse e would be"
+        f" {by_law.value:.3f} ± {by_law.expanded:.3f}: the energy lost is not told"
+    )
+    return replace(
+        law,
+        restitution=found,
+        impact_speed=reach(checks.impact_speed, law.impact_speed, BY_LAW),
+        energy_loss=UNKNOWN,
+        warnings=(*law.warnings, Note(Subject.CONTACT_LAW, told)),
+    )
 
 
 def assemble_samples(parts: Sequence[SampleParts], setup: RigSetup) -> tuple[SampleEstimate, ...]:

@@ -125,6 +125,27 @@ def test_a_contact_of_which_a_part_relaxes_is_within_the_uncertainty(exponent, s
     check(found, struck)
 
 
+@pytest.mark.parametrize(
+    ("exponent", "share", "time"), [(1.0, 0.7, 0.6), (1.0, 0.8, 1.0), (1.5, 0.7, 1.0)]
+)
+def test_e_goes_by_the_impact_speed_where_the_law_contradicts_it(exponent, share, time):
+    motion = relax(exponent, share, time)
+    estimated = estimate(strike(motion))
+    found, by_speed = estimated.contact_law, estimated.checks.stated_restitution
+    assert found.restitution.value == by_speed.value == pytest.approx(motion.restitution, abs=0.01)
+    # By the form of the loss alone e is 0.19 to 0.4 too high.
+    assert found.restitution.upper > motion.restitution + 0.18
+    assert found.impact_speed.value == pytest.approx(SPEED)
+    assert not found.energy_loss.is_known
+    assert "e and v go by the impact speed" in " ".join(map(str, estimated.warnings))
+
+
+def test_e_goes_by_the_law_where_both_agree_or_no_e_is_possible_by_the_speed():
+    struck = strike(ROOT.motion)
+    for speed in (SPEED, 9.81 * SPEED):
+        check(estimate(struck, speed).contact_law, struck)
+
+
 @pytest.mark.parametrize("seed", [1, 15, 28])
 def test_of_few_points_two_opposed_losses_are_no_law(seed):
     random, rate, duration = np.random.default_rng((seed, 1)), 51.2e3, 1e-3
