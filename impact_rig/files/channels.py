@@ -185,10 +185,8 @@ def _map_hit(
         rate /= held.step
         hammer = replace(hammer, output=hammer.output[held])
         specimen = replace(specimen, output=specimen.output[held])
-    origin = _describe_origin(path, channel.origin)
-    block = Block(
-        0, rate, hammer, specimen, HitLabel(""), True, stamp=channel.stamp, origin=origin
-    )
+    block = Block(0, rate, hammer, specimen, HitLabel(""), last=True, stamp=channel.stamp)
+    block = replace(block, origin=_describe_origin(path, channel.origin))
     block = _cut_padding(questions, block)
     names: tuple[str, ...] = (channel.name,)
     if found.specimen is not None and specimen.output.size:

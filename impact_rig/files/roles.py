@@ -153,7 +153,7 @@ def _check_clocks(measurement: Measurement) -> None:
             for at in (0, -1)
         )
         length, delay = ends[0] - begins[0], abs(begins[1] - begins[0])
-        are_apart = delay > LARGEST_TIME_ERROR * length / (first.values.size - 1)
+        are_apart = delay > LARGEST_TIME_ERROR * length / max(first.values.size - 1, 1)
         is_of_day = place == before + 1 and delay > length
         is_as_long = math.isclose(length, ends[1] - begins[1], rel_tol=1e-3)
         if is_as_long and (is_of_day or not are_apart):
