@@ -222,7 +222,8 @@ def _measure_strength(status: RigStatus, hit: HitResults) -> Strength | None:
         return None
     analysis, percent = status.setup.analysis, round(100.0 * hit.hammer_peak / status.full_scale)
     least, most = round(100.0 * analysis.minimum_peak), round(100.0 * analysis.maximum_peak)
-    found = "weak" if percent < least else "overload" if percent > most else "good"
+    is_weak = any(finding.reason is Reason.WEAK for finding in hit.reasons)
+    found = "weak" if is_weak else "overload" if percent > most else "good"
     return Strength(percent, least, most, found)
 
 

@@ -201,4 +201,4 @@ class RigStatus:
             return ()
         analysis, whole = self.setup.analysis, self.full_scale
         least, largest = analysis.minimum_peak * whole, analysis.maximum_peak * whole
-        return ("least peak", least), ("largest peak", largest)
+        return *((("least peak", least),) if least else ()), ("largest peak", largest)

@@ -258,8 +258,19 @@ def test_strength_is_told_once_the_range_is_known():
     assert make_view(status).strength is None
     status.full_scales = (2000.0,)
     strength = make_view(status).strength
-    assert strength == Strength(30, 15, 95, "good")
+    assert strength == Strength(30, 0, 95, "good")
+    assert status.list_levels() == (("largest peak", 1900.0),)
+    analysis = replace(PAPER_SETUP.analysis, minimum_peak=0.15)
+    status.setup = replace(PAPER_SETUP, analysis=analysis)
+    assert make_view(status).strength == Strength(30, 15, 95, "good")
     assert status.list_levels() == (("least peak", 300.0), ("largest peak", 1900.0))
+
+
+def test_a_hit_that_was_rejected_as_weak_is_called_weak():
+    weak = Finding(Reason.WEAK, "swing higher")
+    status = make_status(hits=(replace(GOOD, accepted=False, reasons=(weak,)),))
+    status.full_scales = (2000.0,)
+    assert make_view(status).strength == Strength(30, 0, 95, "weak")
 
 
 def test_speed_and_momenta_are_those_of_two_free_bodies():

@@ -24,7 +24,7 @@ class Struck(list):
     """Hits without a file, as a source and as its reading."""
 
     path, size, warnings, has_scale, hammer_unit = Path("struck"), 0, (), True, None
-    overrules = NO_OVERRULES
+    overrules, verdicts = NO_OVERRULES, {}
 
     def events(self, _report):
         return self
