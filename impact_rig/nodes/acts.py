@@ -1,7 +1,7 @@
 """What a person asks for belongs to what that person saw: what is too old does nothing.
 
 A node that acts publishes its state twice a second, with a number that grows with each change of
-what a person is told. An act carries the number that the person saw, and a deadline counted from
+what a person is shown. An act carries the number that the person saw, and a deadline counted from
 that state's own stamp: the node compares both with its own, so that no two clocks need to agree.
 """
 
@@ -82,7 +82,7 @@ class NumberedState:
         self._send(**fields, number=self.count(fields))
 
     def renew(self) -> None:
-        """Refuse what was asked for up to now: nobody knows what a person sees meanwhile."""
+        """Refuse what was asked for up to now: what the person saw may be old."""
         self.number += 1
         if self._fields:
             self._send(number=self.number)

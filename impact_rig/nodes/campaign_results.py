@@ -1,4 +1,4 @@
-"""The results.json of a campaign, beside its recording, at its end: whoever began it."""
+"""The results.json of a campaign, written at its end beside its recording for any client."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -2,7 +2,7 @@
 
 Set-up, blocks, releases, verdicts, estimates and states carry the id of their campaign, blocks
 that of the accelerometers' stream too. So a replay, a bag that is played into a live rig, a late
-message and a second rig are told apart without a clock.
+message and a second rig are distinguished without a clock.
 """
 
 import uuid

@@ -49,7 +49,7 @@ class Intake:
         self.membership = Membership()
         self.handled = 0  # all messages that have come
         self.dropped: Counter[str] = Counter()  # which were not sound, by topic
-        self.ignored = 0  # messages of another campaign, or of nobody knows whom
+        self.ignored = 0  # messages of another campaign, or of an unknown node
         self.strangers: set[str] = set()  # sentences about them that were logged
         self._node = node
         self._names: dict[str, str] = {}  # of topics, in full

@@ -123,7 +123,7 @@ class ManagedNode(LifecycleNode):
     def autostart(self) -> None:
         """Configure and activate, if the parameter of that name says so; else end, with the fault.
 
-        Nobody would wait for a node that never becomes active.
+        No client would wait for a node that never becomes active.
         """
         if self.get_value("autostart") and not self._start():
             self.request_stop(RigError(self.fault or "the node cannot be started"))

@@ -150,7 +150,7 @@ class PageNode(RigNode):
             )
 
     def activate(self) -> None:
-        """Announce the address of the page; its token goes to nobody but who started it."""
+        """Announce the address of the page; its token goes only to the process that started it."""
         if self._server is not None:
             self.get_logger().info(f"the page listens at {self._server.origin}{self._told}")
             notify(Notice.PAGE, " ".join(self._server.links))
@@ -286,7 +286,7 @@ class PageNode(RigNode):
             def send() -> None:
                 pending = client.call_async(request)
                 pending.add_done_callback(finish)
-                # Nobody waits any more: nothing is kept.
+                # Who asked has gone: nothing is kept.
                 answer.add_done_callback(lambda _: client.remove_pending_request(pending))
 
             send()

@@ -57,7 +57,7 @@ class Picture:
 
 
 def make_picture(title: str, caption: str, panels: "Iterable[Figure]") -> Picture:
-    """Return a figure of panels, each of which may be the one before, drawn anew."""
+    """Return a figure of panels, each of which may be drawn over the one before."""
     return Picture(title, caption, tuple(map(_embed, panels)))
 
 

@@ -98,7 +98,7 @@ def draw_trend(points: Sequence[TrendPoint], item: Measurand = CONTACT_TIME) -> 
     )  # fmt: skip
     colour = format_hex(SERIES[0])
     axes.errorbar(times, values, yerr=bars, color=colour, marker="o", linestyle="none")
-    # An hour at least: runs may be of one minute, by which their times are told.
+    # An hour at least: runs may follow within a minute, to which their times are known.
     middle, half = (times[0] + times[-1]) / 2, max(0.55 * (times[-1] - times[0]), 1 / 48)
     axes.set_xlim(middle - half, middle + half)
     # With fewer ticks allowed some ranges would have none that fit.

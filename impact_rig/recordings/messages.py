@@ -137,7 +137,7 @@ def block_from_msg(message: Any) -> Block:
         triggered=bool(getattr(message, "triggered", True)),  # a stream has no trigger
         # Recordings before have neither field, or not the sentence.
         disarmed=getattr(message, "why_disarmed", "")
-        or DISARMED * bool(getattr(message, "disarmed", False)),
+        or (DISARMED if getattr(message, "disarmed", False) else ""),
         last=bool(message.last),
         stamp=stamp_from_msg(message.header.stamp),
         origin=origin_from_msg(message),

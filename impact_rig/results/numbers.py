@@ -44,7 +44,7 @@ def format_time(nanoseconds: int) -> str:
 
 
 def format_date(nanoseconds: int, origin: Origin) -> str:
-    """Return when hits were recorded; empty: nobody knows, as of imported hits without a date."""
+    """Return when hits were recorded; empty: not known, as of imported hits without a date."""
     if not is_dated(nanoseconds):
         return ""
     # Many files do not say in which time zone.

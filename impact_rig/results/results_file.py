@@ -117,7 +117,7 @@ def check_names(results: Results) -> None:
     """Raise `ParameterError` if results are of a sample that their set-up does not have."""
     control = results.hammer.control_sample
     names = [item.name for item in results.samples] + [hit.sample for hit in results.hits]
-    for name in names + [control] * bool(control):
+    for name in [*names, control] if control else names:
         results.setup.samples.find(name)
 
 

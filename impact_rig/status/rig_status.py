@@ -201,4 +201,5 @@ class RigStatus:
             return ()
         analysis, whole = self.setup.analysis, self.full_scale
         least, largest = analysis.minimum_peak * whole, analysis.maximum_peak * whole
-        return *((("least peak", least),) if least else ()), ("largest peak", largest)
+        levels = ("least peak", least), ("largest peak", largest)
+        return levels if least else levels[1:]

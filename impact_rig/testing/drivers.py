@@ -376,7 +376,7 @@ def check_blocks(blocks: list[Block], plan: AcquisitionPlan) -> None:
 
 
 LEAST_CHANGES = 10
-"""Changes of a signal from which repeated points are told [-], our choice."""
+"""Changes of a signal from which repeated points are recognized [-], our choice."""
 
 
 def check_pair(hammer: FloatArray, specimen: FloatArray) -> None:

@@ -57,7 +57,7 @@ from impact_rig.core.mean.trends import check_hits, follow_series
 FEWEST_POINTS = 6
 """In w50 [-], our choice: a dozen in the contact for six parameters."""
 OPPOSED_POINTS = 100
-"""In w50 [-], our choice: from there on two losses of opposite sign are told apart."""
+"""In w50 [-], our choice: from there on two losses of opposite sign are distinguished."""
 MARGINS = (1.0, 1.5)
 """Before and behind a tenth of the peak [w50], our choice."""
 NEARER = 1.1

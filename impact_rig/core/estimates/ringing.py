@@ -1,4 +1,4 @@
-"""Free decay in a sample's tail, whether it is the sample's, and what it says of the damping."""
+"""Free decay in a sample's tail, whether it is the sample's, and the damping by it."""
 
 import math
 from collections.abc import Mapping

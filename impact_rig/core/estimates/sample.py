@@ -234,7 +234,7 @@ BY_LAW = "what the contact law says"
 
 
 def settle_restitution(law: ContactLaw, checks: Checks) -> ContactLaw:
-    """Return a law with e and v by the impact speed, if both say another e.
+    """Return a law with e and v by the impact speed, where the two contradict each other.
 
     The form of the loss is the law's only witness of both, and pulses of a loss with memory are
     much like others. A speed by which no e from 0 to 1 is possible is no witness: `check_speed`
