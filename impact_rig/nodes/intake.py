@@ -3,6 +3,8 @@
 Any other message is dropped, counted and named once; it ends no program.
 """
 
+import math
+import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +22,8 @@ T = TypeVar("T")
 UNSOUND = (RigError, ValueError, OverflowError)
 """Errors of a conversion if a message cannot be meant."""
 UNKNOWN = "a node whose name is not known"
+LAST_WORDS = 1.0
+"""How long what a stranger sent may wait in a queue when it has gone [s]."""
 UNNAMED = "_NODE_NAME_UNKNOWN_"
 """Name of a node, by rmw_fastrtps, of which only the endpoints have been discovered."""
 
@@ -51,6 +55,7 @@ class Intake:
         self.dropped: Counter[str] = Counter()  # which were not sound, by topic
         self.ignored = 0  # messages of another campaign, or of an unknown node
         self.strangers: set[str] = set()  # sentences about them that were logged
+        self._heard: dict[str, tuple[float, str]] = {}  # when one was last seen, by topic
         self._node = node
         self._names: dict[str, str] = {}  # of topics, in full
 
@@ -97,19 +102,21 @@ class Intake:
         )
 
     def find_stranger(self, topic: Topic) -> str | None:
-        """Return who speaks on a topic beside its owner, as a sentence; None: nobody does."""
+        """Return who speaks on a topic beside its owner, or just did, as a sentence; or None."""
         if not topic.owners:
             return None
         if not (name := self._names.get(topic.name)):
             name = self._names[topic.name] = self._node.resolve_topic_name(topic.name)
         # By the handle: rclpy's own count expands the name each time, which costs the most.
-        if self._node.handle.get_count_publishers(name) < 2:  # noqa: PLR2004
-            return None
-        found = self._look(topic)
-        if found and found not in self.strangers:
-            self.strangers.add(found)
-            self._node.get_logger().warning(f"{found}; nothing on it is believed")
-        return found
+        is_shared = self._node.handle.get_count_publishers(name) > 1
+        if is_shared and (found := self._look(topic)):
+            self._heard[topic.name] = time.monotonic(), found
+            if found not in self.strangers:
+                self.strangers.add(found)
+                self._node.get_logger().warning(f"{found}; nothing on it is believed")
+            return found
+        seen, found = self._heard.get(topic.name, (-math.inf, None))
+        return found if time.monotonic() - seen < LAST_WORDS else None
 
     def find_any_stranger(self) -> str | None:
         """Return a sentence about the first stranger on any topic; None: there is none."""

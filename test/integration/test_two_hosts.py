@@ -29,9 +29,18 @@ AT_THE_DESK = ("estimator", "recorder", "campaign")
 
 
 @pytest.fixture(scope="module")
-def hosts():
+def two_hosts():
     with make_two_hosts() as made:
         yield made
+
+
+@pytest.fixture
+def hosts(two_hosts):
+    """Both computers, with the cable as a test that fails does not leave it."""
+    for host in two_hosts:
+        switch_multicast(host, is_on=True)
+        plug_in_cable(host)
+    return two_hosts
 
 
 def start(host, environment, command, *words):
@@ -117,6 +126,7 @@ def test_a_stop_at_the_page_while_the_cable_is_out_stops_the_hammer_once_it_is_b
         rig.wait_for("the page is at http")
         link = re.search(r"the page is at (http://\S+)", rig.text)[1]
         campaign.wait_for("sample 1 of 1")
+        wait_until_shown("<dd>yes, since ")
         pull_cable(devices)
         campaign.wait_for("paused: ")
         wait_until_shown("THE HAMMER DOES NOT ANSWER", "stop")

@@ -4,12 +4,14 @@ import html
 import re
 import signal
 import sys
+import time
 import urllib.request
 from copy import deepcopy
 from functools import partial
 
 import pytest
 from impact_rig_msgs.srv import Act
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.serialization import serialize_message
 from terminal import Terminal, run_program
@@ -25,12 +27,14 @@ from impact_rig.recordings.scan import Scan
 from .campaigns import arm
 
 RIG = (sys.executable, "-m", "impact_rig.cli.main")
+SILENT = PublisherEventCallbacks(use_default_callbacks=False)
+"""A publisher with events outlives its end until the executor has looked at them."""
 
 
 def speak(harness, topic, *, is_leased=False):
     """Become a publisher of a topic, as a node without a lease or as one of the rig is."""
     qos = topic.leased_qos if is_leased else topic.qos
-    publisher = harness.peer.create_publisher(topic.type, topic.name, qos)
+    publisher = harness.peer.create_publisher(topic.type, topic.name, qos, event_callbacks=SILENT)
     publisher.publish(topic.type())
     return publisher
 
@@ -60,9 +64,8 @@ class Forger(RigClient):
         # Of `ros2 topic pub`, and of what `ros2 bag record` has of ours.
         self._has_lease = not self._has_lease
         qos = topic.leased_qos if self._has_lease else topic.qos
-        silent = PublisherEventCallbacks(use_default_callbacks=False)
         publisher = self._node.create_publisher(
-            topic.type, topic.name, qos, event_callbacks=silent
+            topic.type, topic.name, qos, event_callbacks=SILENT
         )
 
         def speak():
@@ -149,6 +152,27 @@ def test_of_a_topic_with_two_speakers_nothing_is_believed_and_of_one_everything(
     harness.run(lambda: harness.peer.destroy_publisher(first))
     harness.wait_until(lambda: node.intake.find_stranger(topic) is None)
     assert len(heard) == 1
+
+
+def test_what_a_stranger_said_last_is_not_believed_either_when_it_has_gone(harness):
+    """It waits for a node that is busy, and the graph has forgotten who sent it."""
+    topic = interfaces.RECORD_STORED
+    heard = []
+    node = harness.add(lambda **options: RigNode("listener", **options))
+    harness.run(lambda: node.listen(topic, heard.append))
+    owner, stranger = speak(harness, topic), speak(harness, topic)
+    harness.wait_until(lambda: node.intake.ignored == 2)
+
+    def keep_busy():
+        stranger.publish(topic.type())
+        assert stranger.wait_for_all_acked(Duration(seconds=10))
+        harness.peer.destroy_publisher(stranger)
+        while harness.peer.count_publishers(topic.name) > 1:
+            time.sleep(0.01)
+
+    harness.run(keep_busy)
+    harness.wait_until(lambda: node.intake.ignored == 3)
+    harness.wait_until(lambda: owner.publish(topic.type()) or heard)
 
 
 def test_a_node_that_was_killed_and_started_again_is_no_stranger_to_itself(harness, start_process):
