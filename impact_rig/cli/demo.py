@@ -53,6 +53,8 @@ def run_rig(processes: Sequence[NodeProcess], log: Path) -> Iterator[Callable[[]
         def check() -> None:
             if running.done():
                 running.result()  # raises why they did not start
+            # A campaign that ends with them knows no cause.
+            if nodes.is_ending or running.done():
                 lines = log.read_text("utf-8", errors="replace").splitlines()[-SHOWN_LOG_LINES:]
                 raise RigError("\n".join([f"the rig has ended; the end of {log}:", *lines]))
 

@@ -98,6 +98,7 @@ class RunningNodes:
         check_computer()
         self._outputs = outputs
         self._on_page = on_page
+        self.is_ending = False  # since one of them has ended
         self._names: set[str] = set()  # of nodes that have not ended
         self._numbers: dict[str, int] = {}  # of their processes
         self._group = 0  # of all these, and of the one that forked them; 0: there is none
@@ -151,6 +152,7 @@ class RunningNodes:
                     code = said
                     if name:
                         self._print(RIG, f"{name} has ended ({said}): the rig ends")
+                        self.is_ending = True
                     self._send(signal.SIGTERM)
                     killer.start()
         finally:

@@ -18,6 +18,7 @@ from impact_rig.nodes.acts import BEAT, Standstill
 from impact_rig.nodes.device_node import DeviceNode
 from impact_rig.nodes.guarded_hammer import GuardedHammer
 from impact_rig.nodes.identity import id_from_msg, identity_from_msg
+from impact_rig.nodes.intake import LAST_WORDS
 from impact_rig.nodes.rig_member import RigMember
 from impact_rig.nodes.rig_node import Answer
 from impact_rig.recordings.messages import label_from_msg
@@ -206,7 +207,8 @@ class HammerNode(DeviceNode):
         """Return why the hammer must be disarmed; None: nothing is lost."""
         if self._standstill.is_catching_up:
             return "the hammer node stood still, and catches up on what has come meanwhile"
-        if stranger := self.intake.find_any_stranger():
+        # It may have seen a stranger a beat before the others did: armed, it finds them listening.
+        if stranger := self.intake.find_any_stranger(LAST_WORDS + 2.0 * BEAT):
             return stranger
         for member in (self._accelerometer, self.campaign, self._recorder):
             if loss := member.describe_loss():

@@ -101,8 +101,8 @@ class Intake:
             ),
         )
 
-    def find_stranger(self, topic: Topic) -> str | None:
-        """Return who speaks on a topic beside its owner, or just did, as a sentence; or None."""
+    def find_stranger(self, topic: Topic, since: float = LAST_WORDS) -> str | None:
+        """Return who speaks on a topic beside its owner, or just did [s], as a sentence."""
         if not topic.owners:
             return None
         if not (name := self._names.get(topic.name)):
@@ -116,11 +116,11 @@ class Intake:
                 self._node.get_logger().warning(f"{found}; nothing on it is believed")
             return found
         seen, found = self._heard.get(topic.name, (-math.inf, None))
-        return found if time.monotonic() - seen < LAST_WORDS else None
+        return found if time.monotonic() - seen < since else None
 
-    def find_any_stranger(self) -> str | None:
+    def find_any_stranger(self, since: float = LAST_WORDS) -> str | None:
         """Return a sentence about the first stranger on any topic; None: there is none."""
-        found = (self.find_stranger(topic) for topic in OWNED_TOPICS)
+        found = (self.find_stranger(topic, since) for topic in OWNED_TOPICS)
         return next(filter(None, found), None)
 
     def _look(self, topic: Topic) -> str | None:

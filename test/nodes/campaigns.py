@@ -50,14 +50,19 @@ def run(harness, client, **goal) -> Any:
     """
     handle, feedback = begin(harness, client, **goal)
     result = handle.get_result_async()
+    wait_and_arm(harness, feedback, result.done)
+    return harness.wait(result)
+
+
+def wait_and_arm(harness, feedback, condition):
+    """Wait until a condition is true, and arm the hammer whenever the campaign asks for it."""
 
     def is_over():
         if feedback.messages[-1:] and feedback.messages[-1].task == CampaignState.ARM:
             harness.call(Act, interfaces.ARM_HAMMER)
-        return result.done()
+        return condition()
 
     harness.wait_until(is_over)
-    return harness.wait(result)
 
 
 def begin(harness, client, **goal) -> tuple[Any, Any]:

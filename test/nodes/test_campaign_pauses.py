@@ -21,7 +21,7 @@ from impact_rig.nodes.intake import Received
 from impact_rig.nodes.ledger import Ledger
 from impact_rig.status.states import Step
 
-from .campaigns import Onlooker, RealHolder, arm, begin, cancel, start_rig
+from .campaigns import Onlooker, RealHolder, arm, begin, cancel, start_rig, wait_and_arm
 
 STRIKING, PAUSED = CampaignState.STRIKING, CampaignState.PAUSED
 START_PATIENCE = 60.0
@@ -52,9 +52,9 @@ def wait_for_state(feedback, state, word=""):
     )
 
 
-def wait_for_more_hits(feedback):
+def wait_for_more_hits(harness, feedback):
     before = feedback.messages[-1].impact
-    feedback.wait(lambda got: got[-1].impact > before)
+    wait_and_arm(harness, feedback, lambda: feedback.messages[-1].impact > before)
 
 
 def check_that_no_hit_is_double_or_missing(result):
@@ -73,7 +73,7 @@ def test_whatever_disarms_the_hammer_a_person_arms_it(harness):
         wait_for_state(feedback, PAUSED, "is not armed")
         assert not [state for state in heard.messages if state.armed]
         arm(harness)
-        wait_for_more_hits(feedback)
+        wait_for_more_hits(harness, feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
 
 
@@ -162,7 +162,7 @@ def test_a_device_that_was_lost_and_is_back_is_used_again_once_a_person_has_arme
         harness.run(node.autostart)
         wait_for_state(feedback, PAUSED, "is not armed")
         arm(harness)
-        wait_for_more_hits(feedback)
+        wait_for_more_hits(harness, feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
 
 
@@ -175,7 +175,7 @@ def test_a_node_that_was_deactivated_and_is_active_again_is_used_again(harness):
         wait_for_state(feedback, PAUSED, f"the {node.get_name()} node is not active")
         harness.run(node.trigger_activate)
         arm(harness)
-        wait_for_more_hits(feedback)
+        wait_for_more_hits(harness, feedback)
     # Of an estimator, too: what it had judged before is in the recording.
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
 
@@ -212,11 +212,11 @@ def test_a_person_pauses_a_campaign_and_resumes_it(harness):
     arm(harness)  # the pause takes that enable back
     wait_for_cause(harness, campaign, HammerState.CAMPAIGN)
     assert resume(harness).success
-    wait_for_more_hits(feedback)
+    wait_for_more_hits(harness, feedback)
     # Right after a pause, whose disarming is still on its way.
     assert harness.call(Act, interfaces.PAUSE_CAMPAIGN).success
     assert resume(harness).success
-    wait_for_more_hits(feedback)
+    wait_for_more_hits(harness, feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)
 
 
@@ -255,5 +255,5 @@ def test_a_record_that_is_not_stored_is_waited_for(harness, monkeypatch):
         wait_for_state(feedback, PAUSED, "the recorder has not stored record")
     estimator = harness.find(EstimatorNode)
     harness.run(lambda: [estimator._on_stored(Received(message, message)) for message in held])
-    wait_for_more_hits(feedback)
+    wait_for_more_hits(harness, feedback)
     check_that_no_hit_is_double_or_missing(cancel(harness, handle).result)

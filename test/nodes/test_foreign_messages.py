@@ -8,7 +8,7 @@ from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.visualizer import VisualizerNode
 from impact_rig.recordings.scan import Scan
 
-from .campaigns import arm, begin, cancel, run, start_rig
+from .campaigns import begin, cancel, run, start_rig, wait_and_arm
 from .stranger import TOPICS, Stranger
 
 
@@ -68,8 +68,7 @@ def test_a_stranger_ends_no_node_and_nothing_of_it_is_recorded(harness, tmp_path
     assert all(node.is_active for node in harness.nodes)
     harness.run(stranger.end)
     seen = feedback.messages[-1].impact
-    arm(harness)
-    feedback.wait(lambda messages: messages[-1].impact > seen + 1)
+    wait_and_arm(harness, feedback, lambda: feedback.messages[-1].impact > seen + 1)
     result = cancel(harness, handle).result
     harness.run(harness.find(RecorderNode).close)
     messages = Scan(harness.recording).read_messages()
