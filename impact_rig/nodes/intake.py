@@ -55,7 +55,9 @@ class Intake:
         self.dropped: Counter[str] = Counter()  # which were not sound, by topic
         self.ignored = 0  # messages of another campaign, or of an unknown node
         self.strangers: set[str] = set()  # sentences about them that were logged
-        self._heard: dict[str, tuple[float, str]] = {}  # when one was last seen, by topic
+        self._heard: dict[
+            str, tuple[float, str]
+        ] = {}  # when they were last seen, and their names, by topic
         self._node = node
         self._names: dict[str, str] = {}  # of topics, in full
 
@@ -109,22 +111,25 @@ class Intake:
             name = self._names[topic.name] = self._node.resolve_topic_name(topic.name)
         # By the handle: rclpy's own count expands the name each time, which costs the most.
         is_shared = self._node.handle.get_count_publishers(name) > 1
-        if is_shared and (found := self._look(topic)):
-            self._heard[topic.name] = time.monotonic(), found
+        told = f"on {topic.name} beside its {topic.owners[0]}"
+        if is_shared and (names := self._name_others(topic)):
+            self._heard[topic.name] = time.monotonic(), names
+            found = f"{names} speaks {told}: end that node"
             if found not in self.strangers:
                 self.strangers.add(found)
                 self._node.get_logger().warning(f"{found}; nothing on it is believed")
             return found
-        seen, found = self._heard.get(topic.name, (-math.inf, None))
-        return found if time.monotonic() - seen < since else None
+        seen, names = self._heard.get(topic.name, (-math.inf, ""))
+        may_come = time.monotonic() - seen < since
+        return f"{names} spoke {told} until now: wait {since:g} s" if may_come else None
 
     def find_any_stranger(self, since: float = LAST_WORDS) -> str | None:
         """Return a sentence about the first stranger on any topic; None: there is none."""
         found = (self.find_stranger(topic, since) for topic in OWNED_TOPICS)
         return next(filter(None, found), None)
 
-    def _look(self, topic: Topic) -> str | None:
-        """Ask the graph who publishes on a topic.
+    def _name_others(self, topic: Topic) -> str:
+        """Ask the graph who publishes on a topic beside its owner; empty: nobody does.
 
         The rig's own publishers have a lease and their node's name, if that has come through. Of
         one that was killed the middleware keeps the publisher for a minute: all of that kind are
@@ -141,6 +146,5 @@ class Intake:
             else:
                 others.append(f"{item.node_namespace.rstrip('/')}/{item.node_name}")
         if own + len(others) < 2:  # noqa: PLR2004
-            return None
-        names = " and ".join(UNKNOWN if UNNAMED in name else name for name in sorted(others))
-        return f"{names} speaks on {topic.name} beside its {topic.owners[0]}: end that node"
+            return ""
+        return " and ".join(UNKNOWN if UNNAMED in name else name for name in sorted(others))

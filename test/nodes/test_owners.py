@@ -172,6 +172,9 @@ def test_what_a_stranger_said_last_is_not_believed_either_when_it_has_gone(harne
 
     harness.run(keep_busy)
     harness.wait_until(lambda: node.intake.ignored == 3)
+    assert node.intake.find_any_stranger() == (
+        "/peer and /peer spoke on recorder/stored beside its recorder until now: wait 1 s"
+    )
     harness.wait_until(lambda: owner.publish(topic.type()) or heard)
 
 

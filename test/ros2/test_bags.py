@@ -66,8 +66,10 @@ def test_a_bag_played_into_a_live_rig_is_none_of_its_campaign(bags, rig, tools):
             "--topics", *(f"/{name}" for name in names),
             "--remap", *(f"/{name}:=/bench/{name}" for name in names),
         )  # fmt: skip
-        # Two publishers of hammer/state have disarmed the hammer: a person arms it again.
-        tools.run("impact-rig", "hammer", "arm", "--namespace", "bench")
+        # Two publishers of hammer/state have disarmed the hammer: a person arms it again, a
+        # moment later.
+        arm = "impact-rig", "hammer", "arm", "--namespace", "bench"
+        tools.run_until(lambda said: "refused" not in said, *arm)
         confirm = "/bench/campaign/confirm_sample", "impact_rig_msgs/srv/ConfirmSample"
         tools.call(*confirm, "{sample: brass small}")
         campaign.wait_for("Goal finished with status: SUCCEEDED")
