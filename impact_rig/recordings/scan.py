@@ -9,6 +9,7 @@ import io
 import os
 import re
 import zlib
+from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterator
 from functools import cached_property
 from operator import attrgetter
@@ -62,6 +63,9 @@ _FOOTER_SIZE = FRAME.size + 20
 _CHUNK_START = re.compile(rb"(?s)\x06(?=.{5}\x00{3})")
 """How a chunk begins: its kind, and a length below a terabyte."""
 _WINDOW = 1 << 20
+_START_TIMES: dict[int, int] = {Opcode.CHUNK: 0, Opcode.MESSAGE: 6}
+"""Where records have the time of their first message [byte]."""
+_LOG_TIME = attrgetter("log_time")
 
 Wanted = Callable[[Channel], bool]
 """Tells whether a channel's messages are to be read."""
@@ -99,8 +103,8 @@ class Scan:
     encodings : collection
         Which ones of messages and schema a strict scan lets pass.
     by_time : bool
-        Put chunks, and the messages in each, in the order of their log times, if another program
-        than the rig's recorder wrote them: the format allows any.
+        Put messages in the order of their log times, if another program than the rig's recorder
+        wrote them: the format allows any.
 
     Raises
     ------
@@ -130,16 +134,8 @@ class Scan:
             self.header, self.first = self._read_header(file)
             self.summary = self._read_summary(file)  # the index; None: none can be used
             self.statistics = self.summary.statistics if self.summary is not None else None
+            self.by_time = by_time and not self.is_of_recorder
             self.read()  # what the index describes makes sense
-        self.by_time = by_time and not self.is_of_recorder
-        found = self.summary.chunk_indexes if self.by_time and self.summary is not None else []
-        chunks = sorted(found, key=attrgetter("chunk_start_offset"))
-        ordered = sorted(chunks, key=attrgetter("message_start_time"))
-        # Where the chunks begin by their places, and which is to be read there.
-        self.moved = {
-            one.chunk_start_offset: (other.chunk_start_offset, other.chunk_length)
-            for one, other in zip(chunks, ordered, strict=True)
-        }
 
     @property
     def is_of_recorder(self) -> bool:
@@ -185,8 +181,23 @@ class Scan:
         return tuple(self._channels.values())
 
     @cached_property
+    def moved(self) -> dict[int, tuple[int, int, int]]:
+        """Start time, start and end of the chunk or message to be read at the place of each."""
+        found, place = [], self.first
+        with open_file(self.path) as file, contextlib.suppress(DamageError):
+            while place < self.end:
+                kind, after = read_head(file, place, self.end)
+                if kind in _START_TIMES:
+                    start = place + FRAME.size + _START_TIMES[kind]
+                    time = int.from_bytes(read_bytes(file, start, start + 8), "little")
+                    found.append((time, place, after))
+                place = after
+        return dict(zip((place for _, place, _ in found), sorted(found), strict=True))
+
+    @cached_property
     def _channels(self) -> dict[int, Channel]:
         scan = self.read(lambda _: False, with_rest=False)
+        scan.by_time = False
         if not scan.channels:
             for _ in scan:
                 pass
@@ -267,11 +278,13 @@ class Pass:
         self.damages: list[Damage] = []
         self.unknown = 0  # messages of channels that are not described
         self.chunks: dict[int, int] = {}  # their sizes by where they begin [byte]
+        self.by_time = scan.by_time
         self._wanted, self._report, self._with_rest = wanted, report, with_rest
         self._chosen: dict[int, Channel | None] = {}  # channels that were met; None: not wanted
         self._schemas: dict[int, records.Schema] = {}
         self._known: dict[int, records.Channel] = {}  # descriptions of channels, as they were read
         self._unpacker = Unpacker(scan.size)
+        self._waiting: list[RawMessage] = []  # for earlier ones, in the order of time
         self._search_room = MAX_SEARCH * scan.size
         if scan.summary is not None:
             self._schemas |= scan.summary.schemas
@@ -279,7 +292,13 @@ class Pass:
                 self._add_channel(channel)
 
     def __iter__(self) -> Iterator[Item]:
-        """Yield messages, and, if they are wanted, metadata and attachments, in file order."""
+        """Yield messages, and, if they are wanted, metadata and attachments, in their order."""
+        if self.by_time:
+            self.channels |= {channel.id: channel for channel in self.scan.read_channels()}
+        yield from self._read_all()
+        yield from self._waiting
+
+    def _read_all(self) -> Iterator[Item]:
         scan = self.scan
         with open_file(scan.path) as file:
             place = scan.first
@@ -301,17 +320,25 @@ class Pass:
                 place = after
 
     def _read_record(self, file: BinaryIO, kind: int, place: int, after: int) -> Iterator[Item]:
-        if kind == Opcode.MESSAGE:
-            yield from self._read_messages(read_bytes(file, place, after))
-        elif kind == Opcode.CHUNK:
-            self.chunks[place] = after - place
-            place, size = self.scan.moved.get(place, (place, after - place))
-            # Nothing of the packed chunk is kept meanwhile.
-            messages = self._read_messages(
-                self._unpacker.unpack(read_record(read_bytes(file, place, place + size), place))
-            )
-            by_time = self.scan.by_time
-            yield from sorted(messages, key=attrgetter("log_time")) if by_time else messages
+        if kind in _START_TIMES:
+            if kind == Opcode.CHUNK:
+                self.chunks[place] = after - place
+            if not self.by_time:
+                yield from self._read_messages(self._read_content(file, kind, place, after))
+                return
+            start, place, after = self.scan.moved.get(place, (0, place, after))
+            waiting = self._waiting
+            ready = bisect_right(waiting, start, key=_LOG_TIME)
+            yield from waiting[:ready]
+            del waiting[:ready]
+            kind, _ = read_head(file, place, after)
+            waiting += self._read_messages(self._read_content(file, kind, place, after))
+            waiting.sort(key=_LOG_TIME)
+            if sum(len(message.data) for message in waiting) > MAX_SIZE:
+                raise FileError(
+                    f"{self.scan.path}: its messages are too far from the order of time to be put"
+                    " in it: `mcap sort` does it"
+                )
         elif kind in (Opcode.SCHEMA, Opcode.CHANNEL):
             self._describe(read_record(read_bytes(file, place, after), place))
         elif kind in (Opcode.METADATA, Opcode.ATTACHMENT) and self._with_rest:
@@ -321,6 +348,12 @@ class Pass:
                 if kind == Opcode.METADATA
                 else Attachment(record.name, record.media_type, record.log_time, record.data)
             )
+
+    def _read_content(self, file: BinaryIO, kind: int, place: int, after: int) -> bytes:
+        """Return records; nothing of a packed chunk is kept meanwhile."""
+        content = read_bytes(file, place, after)
+        is_chunk = kind == Opcode.CHUNK
+        return self._unpacker.unpack(read_record(content, place)) if is_chunk else content
 
     def _read_messages(self, content: bytes) -> Iterator[RawMessage]:
         """Yield the wanted messages among records that follow each other.

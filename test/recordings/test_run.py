@@ -55,6 +55,44 @@ def test_messages_and_chunks_in_another_order_are_put_in_that_of_time(
     assert [block.first_sample for block in blocks] == [0, 100, 200]
 
 
+@pytest.mark.parametrize("order", [(0, 2, 4, 1, 3, 5), (5, 4, 3, 2, 1, 0)])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"chunk_size": 2500},
+        {"use_chunking": False},
+        {
+            "chunk_size": 2500,
+            "index_types": mcap.writer.IndexType.NONE,
+            "use_statistics": False,
+            "repeat_channels": False,
+        },
+    ],
+)
+def test_what_another_program_wrote_topic_by_topic_is_put_in_the_order_of_time(
+    make_recording, tmp_path, order, options
+):
+    maker = make_recording("original.mcap")
+    maker.add_setup()
+    for first in (0, 100, 200, 300, 400):
+        maker.add_block(1, first_sample=first, last=first == 400)
+    messages = [*Scan(maker.close()).read_messages()]
+    writer = mcap.writer.Writer(str(tmp_path / "other.mcap"), **options)
+    writer.start("ros2", "tool")
+    numbers = {}
+    for place in order:
+        channel = messages[place].channel
+        if channel.topic not in numbers:
+            schema = writer.register_schema(channel.type_name, "ros2msg", channel.schema.encode())
+            numbers[channel.topic] = writer.register_channel(channel.topic, "cdr", schema)
+        time = messages[place].log_time
+        writer.add_message(numbers[channel.topic], time, messages[place].data, time)
+    writer.finish()
+    setup, *blocks = Run(tmp_path / "other.mcap").events()
+    assert isinstance(setup, RigSetup)
+    assert [block.first_sample for block in blocks] == [0, 100, 200, 300, 400]
+
+
 def test_the_first_setup_precedes_blocks_that_overtook_it(make_recording):
     maker = make_recording()
     maker.add_block(1)
