@@ -13,7 +13,6 @@ from rich.console import Console
 from rich.text import Text
 
 from impact_rig.cli.output import print_json, process_each, raise_errors, show_progress
-from impact_rig.core.given.errors import RigError
 from impact_rig.core.given.records import join_origins
 from impact_rig.core.given.sensors import Sensor
 from impact_rig.present.console import (
@@ -27,7 +26,7 @@ from impact_rig.present.console import (
 )
 from impact_rig.recordings.contents import Contents, extract_attachments, inspect_run
 from impact_rig.recordings.hits import HitState, RecordedHit
-from impact_rig.recordings.messages import setup_from_msg
+from impact_rig.recordings.messages import CONVERSION_ERRORS, setup_from_msg
 from impact_rig.recordings.records import HEALTH_RECORD, PROVENANCE_RECORD, RECOVERY_RECORD
 from impact_rig.recordings.run import Run, find_runs
 from impact_rig.results.numbers import (
@@ -50,7 +49,7 @@ def read_sensors(contents: Contents) -> tuple[Sensor, ...]:
     found: list[Sensor] = []
     for message in contents.setups.values():
         # `analyze` reports errors of a set-up.
-        with contextlib.suppress(RigError, AttributeError, TypeError):
+        with contextlib.suppress(*CONVERSION_ERRORS):
             found += setup_from_msg(message).sensors
     return tuple(dict.fromkeys(found))
 

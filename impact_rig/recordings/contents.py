@@ -11,7 +11,12 @@ from typing import Any
 
 from impact_rig.core.given.errors import FileError
 from impact_rig.recordings.hits import HIT_TYPES, BlockCount, HitWatch, RecordedHit
-from impact_rig.recordings.messages import SETUP_TYPE, STREAM_TYPE, count_points
+from impact_rig.recordings.messages import (
+    CONVERSION_ERRORS,
+    SETUP_TYPE,
+    STREAM_TYPE,
+    count_points,
+)
 from impact_rig.recordings.new_file import list_successors, write_new_file
 from impact_rig.recordings.records import (
     HEALTH_RECORD,
@@ -260,7 +265,7 @@ def _add_message(contents: Contents, watch: HitWatch, message: RawMessage) -> No
         _add_content(contents, message, content)
     except FileError:
         contents.remarks[f"messages on {topic} do not fit their schema"] = None
-    except AttributeError as error:
+    except CONVERSION_ERRORS as error:
         said = f"{type_name} on {topic} was recorded with another version of the interfaces"
         contents.remarks[f"{said}: {error}"] = None
 

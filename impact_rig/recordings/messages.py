@@ -12,7 +12,7 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
-from impact_rig.core.given.errors import ParameterError
+from impact_rig.core.given.errors import ParameterError, RigError
 from impact_rig.core.given.records import (
     DISARMED,
     NO_SPEED,
@@ -44,6 +44,8 @@ STREAM_TYPE = PACKAGE + "StreamBlock"
 VIRTUAL_IMPACT_TYPE = PACKAGE + "VirtualImpact"
 OVERRULE_TYPE = PACKAGE + "Overrule"
 """Types that tell the rig's topics in a recording, whatever they were remapped to."""
+CONVERSION_ERRORS = (RigError, AttributeError, TypeError, ValueError, OverflowError)
+"""Errors on a message whose fields are not of this version, or cannot be meant."""
 LONGEST_TEXT = 200
 """Letters of an overrule's reason and of its person's name that are kept, our choice."""
 

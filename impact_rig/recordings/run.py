@@ -14,6 +14,7 @@ from impact_rig.recordings.campaigns import CampaignWatch
 from impact_rig.recordings.hits import HIT_TYPES, VERDICT_TYPE
 from impact_rig.recordings.messages import (
     BLOCK_TYPE,
+    CONVERSION_ERRORS,
     OVERRULE_TYPE,
     SETUP_TYPE,
     STREAM_TYPE,
@@ -212,7 +213,7 @@ class Run:
             raise FileError(f"{self.path}: {error}") from None
         except RigError as error:
             raise FileError(f"{self.path}: {raw.channel.topic}: {error}") from None
-        except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        except CONVERSION_ERRORS as error:
             raise FileError(
                 f"{self.path}: {raw.channel.type_name} on {raw.channel.topic} was recorded with"
                 f" another version of the interfaces: {error}"

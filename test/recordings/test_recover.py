@@ -17,6 +17,7 @@ from impact_rig.recordings.hits import HitState
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import Scan
 
+from .conftest import OUR_MESSAGES
 from .damaged import (
     HITS,
     OURS,
@@ -209,3 +210,25 @@ def test_topics_metadata_and_attachments_are_taken_over(original):
         records = {item.name: item.metadata for item in now.iter_metadata()}
         assert records["impact_rig"] == {"software_version": "0.1.0", "notes": "Grüße"}
         assert records["impact_rig/recovery"]["recovered_from"] == "damaged.mcap"
+
+
+@pytest.mark.parametrize(
+    ("then", "now", "changes"),
+    [
+        ("bool last", "bool last", {"origin": {"kind": "dreamt"}}),
+        ("bool last", "bool[3] last", {"last": [True, False, True]}),
+        ("uint64 first_sample", "string[] first_sample", {"first_sample": ["0"]}),
+    ],
+)
+def test_messages_of_a_later_version_are_copied_and_told(
+    make_recording, install, then, now, changes
+):
+    text = (OUR_MESSAGES / "AccelerationBlock.msg").read_text()
+    install("impact_rig_msgs", "AccelerationBlock", text.replace(then, now))
+    maker = make_recording()
+    maker.add_setup()
+    maker.add_block(1, **changes)
+    recovered = recover(maker.close())
+    assert len(read_recovered(recovered)) == 2
+    (remark,) = recovered.contents.remarks
+    assert "AccelerationBlock on /acceleration was recorded with another version" in remark
