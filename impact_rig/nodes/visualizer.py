@@ -168,6 +168,7 @@ class VisualizerNode(RigNode):
             self.offer_to_join()
         if not self._subscriptions_of_view:
             self._subscribe()
+        self._leave_room()
 
     def _subscribe(self) -> None:
         self._subscriptions_of_view = [
@@ -245,6 +246,10 @@ class VisualizerNode(RigNode):
         self._log_latest()
         if self._view is not None:
             self._is_behind = not self._view.flush()
+        self._leave_room()
+
+    def _leave_room(self) -> None:
+        """End the view where the disk is nearly full: what room it has is the recorder's."""
         if not (output := self.get_value("output")) or not self._subscriptions_of_view:
             return
         if shutil.disk_usage(Path(output).parent).free < 2 * ROOM_FOR_ENDING:

@@ -1,6 +1,8 @@
 """The visualizer shows what the rig says over real DDS."""
 
 import math
+import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.identity import Identity, make_id
 from impact_rig.nodes.messages import block_to_msg, setup_to_msg, stamp_to_msg
 from impact_rig.nodes.visualizer import VisualizerNode
+from impact_rig.recordings.new_file import ROOM_FOR_ENDING
 
 pytest.importorskip("rerun", reason="rerun-sdk is not installed")
 
@@ -153,3 +156,10 @@ def test_a_view_that_goes_nowhere_fails_to_configure_and_says_what_to_set(harnes
         assert not node.is_active
         assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
         assert expected in node.fault
+
+
+def test_on_a_disk_that_is_nearly_full_no_view_is_begun(harness, tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=ROOM_FOR_ENDING))
+    node = harness.add(VisualizerNode, output=str(tmp_path / "run" / "session.rrd"))
+    assert "the disk is nearly full" in node.describe_warning()
+    assert not node._subscriptions_of_view
