@@ -156,8 +156,12 @@ def report_outcome(
 
 
 def advise_resuming(folder: Path) -> str:
-    """Return the one command that goes on with a campaign."""
-    return f"to go on: impact-rig campaign --resume {shlex.quote(str(folder))}"
+    """Return the commands that go on with a campaign; the demo's rig has ended with it."""
+    run = shlex.quote(str(folder))
+    return (
+        f"to go on: impact-rig up --resume {run}, unless this rig is up, then"
+        f" impact-rig campaign --resume {run}"
+    )
 
 
 UNATTENDED_PAUSE = 10.0  # [s] after which an unattended campaign ends

@@ -112,7 +112,7 @@ def test_a_pause_at_the_page_of_a_demo_lasts_longer_than_one_that_nobody_sees(br
         page.close()
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=PATIENCE)
-    assert "impact-rig campaign --resume" in output
+    assert re.search("impact-rig up --resume .* then impact-rig campaign --resume", output)
 
 
 def test_a_hit_is_rejected_by_hand_with_a_name_and_taken_back_by_a_key_each(page):
