@@ -1,7 +1,10 @@
 """HDF5, by h5py: our own files, those of others, and MATLAB's since 7.3."""
 
+import errno
 import math
+import os
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,6 +29,9 @@ from impact_rig.files.measurement import DESCRIBED, ORIGIN, Measurement, make_un
 
 START_NAMES = {"start", "start s", "t0", "x0"}
 """Names of attributes, in small letters, underscores as blanks."""
+ROOM = 4 << 20
+"""Room left free on the disk [byte], our choice: the library has its descriptions in memory until
+it closes a file, and takes this process with it where they find no room."""
 UNIT_OF_RATE = " unit"
 """Ending of the name of a rate's unit, as `sampling_rate_unit`."""
 
@@ -162,13 +168,21 @@ def write_hdf5(path: Path, measurement: Measurement) -> None:
 
     channels = measurement.channels
     names = make_unique([channel.name for channel in channels], _clean)
+    _check_room(path, 0)
     with h5py.File(path, "w", track_order=True) as file:
         for name, channel in zip(names, channels, strict=True):
-            item = file.create_dataset(name, data=channel.values)
+            values = channel.values
+            _check_room(path, values.nbytes)
+            item = file.create_dataset(name, data=values)
             for key in DESCRIBED:
                 value = getattr(channel, key)
                 if value or key not in (RECORDED_AT, ORIGIN):
                     item.attrs[key] = value
+
+
+def _check_room(path: Path, size: int) -> None:
+    if shutil.disk_usage(path.parent).free < size + ROOM:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _clean(name: str) -> str:

@@ -1,6 +1,8 @@
 """What is written comes back: every number bit by bit, with its name, unit, rate and start."""
 
 import math
+import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from impact_rig.core.given.errors import FileError
+from impact_rig.files.formats import hdf5
 from impact_rig.files.formats.registry import WRITABLE, read_measurement, write_measurement
 from impact_rig.files.measurement import MeasuredChannel, Measurement
 
@@ -135,3 +138,12 @@ def test_a_format_that_cannot_be_written_is_named(tmp_path):
     measurement = Measurement(tmp_path, (MeasuredChannel("a", np.ones(3), 1.0),))
     with pytest.raises(FileError, match=r"a\.wav is of a kind unknown here \(\.wav\): .* \.uff"):
         write_measurement(tmp_path / "a.wav", measurement)
+
+
+def test_on_a_full_disk_no_hdf5_file_is_begun(tmp_path, monkeypatch):
+    """The library would end this process by a crash."""
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=hdf5.ROOM + 100))
+    channel = MeasuredChannel("force", np.zeros(1000), 1e6)
+    with pytest.raises(FileError, match=r"hit.h5 cannot be written: No space left on device"):
+        write_measurement(tmp_path / "hit.h5", Measurement(tmp_path, (channel,)))
+    assert not [*tmp_path.iterdir()]
