@@ -10,6 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from impact_rig.configuration.rig_file import read_rig_file
 from impact_rig.core.given.errors import FileError
+from impact_rig.files.formats.arrays import is_list
 from impact_rig.files.formats.registry import read_measurement
 from impact_rig.recordings.run import Run
 from impact_rig.recordings.scan import Scan
@@ -150,3 +151,8 @@ def test_a_pipe_which_may_never_end_is_refused_by_every_door(tmp_path, read):
     assert is_recording(path)  # whose reader says what it is
     with pytest.raises(FileError, match=r"session\.mcap.*cannot be read.*it is no regular file"):
         read(path)
+
+
+def test_a_pipe_is_no_list_of_channels_and_nobody_waits_for_it(tmp_path):
+    os.mkfifo(path := tmp_path / "results.json")
+    assert not is_list(path)

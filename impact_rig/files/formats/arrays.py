@@ -21,6 +21,7 @@ from impact_rig.files.formats.rates import compute_stated_rate, states_unit
 from impact_rig.files.measurement import NANOSECONDS, MeasuredChannel, Measurement, keep_values
 from impact_rig.files.names import PARTS, split_name
 from impact_rig.files.times import TIME_UNITS, Axis, Clock, find_axis, is_clock, read_clock
+from impact_rig.recordings.new_file import open_regular
 
 UNIT_NAMES = {"unit", "units", "unit string", "quantity.label"}
 """Names of arrays that say in what unit others are, in small letters, underscores as blanks."""
@@ -251,9 +252,9 @@ LIST_MARK = b"["
 def is_list(path: Path) -> bool:
     """Return whether a file of JSON holds a list, not results."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return file.read(64).lstrip().startswith(LIST_MARK)
-    except OSError:
+    except (OSError, FileError):
         return False
 
 
