@@ -47,8 +47,10 @@ def _import_files(
     if not hits:
         return [*errors, f"no file could be used: {output} is not written"]
     print_taken(read, is_shown=is_shown)
-    judged = [hit for _, _, found in judge(read.events()) for _, hit in found]
-    reasons = {finding.reason for hit in judged for finding in hit.rejections}
+    # How hits are judged that were cut out of a file changes no advice, and there may be many.
+    judged = () if series.has_window else judge(read.events())
+    found = (hit for _, _, part in judged for _, hit in part)
+    reasons = {finding.reason for hit in found for finding in hit.rejections}
     for remark in (*read.warnings, *read.advise(reasons)):
         print_warning(remark)
     try:
