@@ -205,8 +205,10 @@ def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
                 _add_file_item(contents, item)
         _check_kind(reading)
         written = ends if reading.scan.is_of_recorder else Counter[int]()
-        if reading.scan.statistics is not None:
-            written |= Counter(reading.scan.statistics.channel_message_counts)
+        statistics = reading.scan.statistics
+        if counts := Counter(statistics.channel_message_counts if statistics else {}):
+            reading.uncounted = (found - counts).total()
+            written |= counts
         for channel in filter(wanted, reading.channels.values()):
             lost = written[channel.id] - found[channel.id]
             _find_topic(contents, channel).lost += max(lost, 0)
@@ -305,6 +307,8 @@ def _list_file_problems(reading: Pass) -> Iterator[str]:
                 f"its index names {right} of {len(reading.chunks)} chunks rightly: programs that"
                 " go by it miss messages"
             )
+    if reading.uncounted:
+        yield f"its index leaves {reading.uncounted} messages uncounted: programs may skip them"
     yield from map(str, damages[:MOST_PLACES])
     if len(damages) > MOST_PLACES:
         yield f"{len(damages) - MOST_PLACES} further places cannot be read"

@@ -205,9 +205,10 @@ class Scan:
 
     def counts_none(self, wanted: Wanted) -> bool:
         """Return whether the index says that no message of some channels is in the file."""
-        counts = None if self.statistics is None else self.statistics.channel_message_counts
+        # Without any count the index does not say; the format allows it.
+        counts = self.statistics and self.statistics.channel_message_counts
         found = filter(wanted, self.read_channels())
-        return not any(counts is None or counts.get(channel.id, 0) for channel in found)
+        return not any(not counts or counts.get(channel.id, 0) for channel in found)
 
     def read_time_range(self) -> tuple[int, int]:
         """Return the log times of the first and last message [ns since the epoch].
@@ -277,6 +278,7 @@ class Pass:
         self.channels: dict[int, Channel] = {}  # all that were described so far, by number
         self.damages: list[Damage] = []
         self.unknown = 0  # messages of channels that are not described
+        self.uncounted = 0  # messages beyond those that the index counts
         self.chunks: dict[int, int] = {}  # their sizes by where they begin [byte]
         self.by_time = scan.by_time
         self._wanted, self._report, self._with_rest = wanted, report, with_rest

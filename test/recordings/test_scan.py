@@ -3,6 +3,7 @@
 import io
 import os
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import mcap.reader
@@ -11,7 +12,7 @@ import mcap.stream_reader
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap.data_stream import ReadDataStream
+from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.writer import CompressionType, IndexType, Writer
 
 from impact_rig.core.given.errors import FileError
@@ -206,6 +207,28 @@ def test_an_index_that_names_a_chunk_elsewhere_is_told(path, shift):
     told = f"its index names {chunks - 1} of {chunks} chunks rightly"
     assert contents.lost == 0
     assert [text.partition(":")[0] for text in contents.problems] == [told] * shift
+
+
+@pytest.mark.parametrize(
+    ("count", "is_none", "uncounted"),
+    [
+        (lambda counts: counts, False, 0),
+        (lambda counts: {}, False, 0),  # not told, which the format allows
+        (lambda counts: dict.fromkeys(counts, 0), True, 60),
+    ],
+)
+def test_an_index_that_does_not_count_leaves_nothing_out(path, count, is_none, uncounted):
+    with path.open("rb") as file:
+        statistics = mcap.reader.make_reader(file).get_summary().statistics
+    told = []
+    for counts in (statistics.channel_message_counts, count(statistics.channel_message_counts)):
+        builder = RecordBuilder()
+        replace(statistics, channel_message_counts=counts).write(builder)
+        told.append(builder.end())
+    rename_in_summary(path, *told)
+    assert Scan(path).counts_none(lambda _: True) is is_none
+    problems = [f"its index leaves {uncounted} messages uncounted"] * bool(uncounted)
+    assert [text.partition(":")[0] for text in inspect_run(Run(path)).problems] == problems
 
 
 @pytest.mark.parametrize(("numbers", "lost"), [((2, 0, 1), 0), ((3, 0, 1), 1), ((1, 0), 0)])
