@@ -270,8 +270,10 @@ def _fit_law(mean: MeanHit, chain: Chain, exponent: float | None) -> _LawFits:
     left = np.array([loss.fit.fitted - window.measured for loss in losses])
     chances = weigh_losses(left, before, noise)
     # One hit hardly tells how fast something relaxes: of two that are alike it is the other.
-    relaxes = np.array([loss.form is LossForm.MEMORY for loss in losses])
-    best = int(np.argmax(chances * np.where(relaxes, 0.5, 1.0)))
+    share = [
+        1.0 if loss.form is not LossForm.MEMORY else 0.5 * loss.fit.is_inside for loss in losses
+    ]
+    best = int(np.argmax(chances * share))
     hits, measured = _fit_hits(mean, window, pulse, losses[best], exponent)
     # Models differ of the mean as they do of each hit.
     pooled = np.mean([fit.fitted - trace for fit, trace in zip(hits, measured, strict=True)], 0)
@@ -303,6 +305,11 @@ def _guess(losses: Sequence[FittedLoss], width: float) -> tuple[FloatArray, Floa
     # Of few points two that are opposed mend the corner at touch and release, and tell nothing.
     takes &= (np.minimum(loss, pull) >= 0.0) | (width >= OPPOSED_POINTS) | ~is_mixed
     takes &= [item.fit.is_inside for item in losses]
+    residuals = np.where(takes, [item.fit.residual for item in losses], math.inf)
+    # A plate is nearly what relaxes slowly, whose search between both may not end: it leaves this
+    # much at most.
+    if losses[int(np.argmin(residuals))].form is LossForm.PLATE:
+        takes |= [item.form is LossForm.MEMORY for item in losses]
     # A loss that is left out counts only where all are left out.
     return np.where(takes, np.where(is_mixed, TERM, 1.0), 1e-30), pulses.restitution
 

@@ -125,6 +125,13 @@ def test_a_contact_of_which_a_part_relaxes_is_within_the_uncertainty(exponent, s
     check(found, struck)
 
 
+@pytest.mark.parametrize(("share", "time"), [(0.5, 1.2), (0.7, 2.0)])
+def test_what_relaxes_slowly_counts_where_its_search_does_not_end(share, time):
+    struck = strike(relax(1.0, share, time))
+    # A plate leaves nearly as little, and has e a fifth lower.
+    check(estimate(struck, math.nan).contact_law, struck)
+
+
 @pytest.mark.parametrize(
     ("exponent", "share", "time"), [(1.0, 0.7, 0.6), (1.0, 0.8, 1.0), (1.5, 0.7, 1.0)]
 )
