@@ -166,7 +166,7 @@ def read_mean_hit(
     doubled, *changes = _make_readings(mean, settings.pulse_factor * width, factor, peaks, sample)
     quality = _describe_mean(mean, 0, settings.cutoff_frequency)
     errors = estimate_pulse_errors(mean.traces[0], pulse, quality)
-    doubled = doubled + _make_errors(errors, factor, rig, scatters=has_scatter)
+    doubled = doubled + _make_errors(errors, factor, rig, doubled.u)
     clock = rig.follow(follow_series(mean)).clock
     width_number = doubled * clock / settings.pulse_factor
     # The same law on all samples makes the same error on all.
@@ -177,7 +177,7 @@ def read_mean_hit(
     # Noise of more crosses the level by itself.
     if noise < BASE / 3.0 and math.isfinite(fall - rise):
         errors = estimate_pulse_errors(mean.traces[0], pulse, quality, BASE)
-        own_errors = _make_errors(errors, 1.0 / mean.sampling_rate, rig, scatters=False)
+        own_errors = _make_errors(errors, 1.0 / mean.sampling_rate, rig, 0.0)
         # From hit to hit it scatters as w50 does.
         base = Known(width_number * ((fall - rise) / pulse.half_amplitude_width) + own_errors)
     why = reasons if has_scatter else (ONE_HIT,)
@@ -251,14 +251,18 @@ def _make_readings(
 
 
 def _make_errors(
-    errors: Mapping[str, float], factor: float, rig: RigNumbers, *, scatters: bool
+    errors: Mapping[str, float], factor: float, rig: RigNumbers, scatter: float
 ) -> UncertainNumber:
-    """Return what is wrong with a width, in s; what noise does, unless the hits scatter by it."""
+    """Return what is wrong with a width, in s; of noise what the hits' scatter does not hold."""
     # A known error that is not corrected (GUM F.2.4.5), alike on every sample of the rig.
     total = factor * errors[WIDENING] * rig.low_pass
+    # Hits that scatter less than their noise do so by chance, or are copies of one.
+    noise = factor * math.hypot(*(errors[source] for source in BY_NOISE))
+    rest = math.sqrt(max(1.0 - (scatter / noise) ** 2, 0.0)) if noise else 0.0
     for source, error in errors.items():
-        if source != WIDENING and not (scatters and source in BY_NOISE):
-            total = total + make_input(source, 0.0, factor * error)
+        part = rest if source in BY_NOISE else 1.0
+        if source != WIDENING and part:
+            total = total + make_input(source, 0.0, part * factor * error)
     return total
 
 
