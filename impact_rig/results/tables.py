@@ -419,7 +419,7 @@ def tabulate_contact_laws(samples: Sequence[SampleEstimate]) -> list[Table]:
         "F = k δⁿ and a loss between two free bodies, fitted to the mean hammer pulse; n = 3/2 is"
         " Hertz, 1 a linear spring; duration: first touch to separation; e: restitution;"
         " k_eq: of the linear spring with this duration. v, force, indentation and energy go with"
-        " the gain of the hammer's channel, exact where the rig file states no uncertainty of it."
+        " the gain of the hammer's channel, within 3 %, standard, where nothing states it."
         " It leaves: RMS of the rest, over the peak."
     )
     return list_table("Contact law", columns, [note, *remarks])

@@ -233,6 +233,7 @@ def test_a_contact_law_stands_with_its_uncertainty_and_what_is_said_of_several_o
         ("heavy", "1.5000 ± 0.0040", "212.00"),
     ]
     assert table.notes[1:] == ("light, heavy: x.",)
+    assert "within 3 %, standard, where nothing states it" in table.notes[0]
 
 
 @pytest.mark.parametrize(
