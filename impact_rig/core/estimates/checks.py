@@ -209,11 +209,13 @@ class _Reading:
         away = abs(ratio.value - 1.0)
         if not away > max(np.nan_to_num(ratio.expanded), BALANCED):
             return None
+        # One hit has no scatter, and claims no interval.
+        within = f" ± {ratio.expanded:.3f}" if math.isfinite(ratio.expanded) else ", one hit"
         return Note(
             Subject.MOMENTA,
             "they do not balance: a gain, a mass or the zero after the impact is wrong, a"
             " trace is clipped, or the sample is not free or rings"
-            f" (m2Δv2/m1Δv1 is {ratio.value:.3f} ± {np.nan_to_num(ratio.expanded):.3f})",
+            f" (m2Δv2/m1Δv1 is {ratio.value:.3f}{within})",
         )
 
 

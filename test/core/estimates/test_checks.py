@@ -29,12 +29,13 @@ def estimate(
     mass: float = SAMPLE,
     odd: float = 1.0,
     growth: tuple[float, float] = (0.0, 0.0),
+    count: int = 10,
 ) -> tuple[SampleEstimate, list[JudgedHit]]:
-    """Return what ten hits say whose gains are off, or grow, of another stated mass."""
+    """Return what hits say whose gains are off, or grow, of another stated mass."""
     samples = SampleSet((Sample("struck", mass, mass_uncertainty=1e-4),), "struck")
     session = Session(RigSetup(samples, HAMMER, SPEED, hammer_mass_uncertainty=1e-4))
     hits: list[JudgedHit] = []
-    for record in range(1, 11):
+    for record in range(1, count + 1):
         each = np.array(gains) * (1.0 + record * np.array(growth))
         traces = replace(impact, seed=record).measure() * each[:, np.newaxis]
         traces[1] *= odd if record == 3 else 1.0
@@ -103,6 +104,12 @@ def test_a_gain_that_is_four_per_cent_off_is_named_without_a_law(gains):
     (told,) = find(found.warnings, "they do not balance: a gain, a mass")
     found = float(told.partition("m2Δv2/m1Δv1 is ")[2].split()[0])
     assert found == pytest.approx(gains[1] / gains[0], abs=0.003)
+
+
+def test_momenta_of_one_hit_that_do_not_balance_claim_no_interval():
+    found, _ = estimate(CRUSHED, (1.0, 1.04), count=1)
+    (told,) = find(found.warnings, "they do not balance: a gain, a mass")
+    assert told.endswith(", one hit)")
 
 
 @pytest.mark.parametrize("stated", [18.5e-3, 211e-3])
