@@ -254,6 +254,9 @@ def settle_damping(paper: PaperEstimate, decay: FreeDecayEstimate) -> PaperEstim
     if paper.damping_ratio.is_known and (reason := _find_objection(paper, decay)) is not None:
         note = Note(Subject.C2, f"no log decrement, since {reason}")
         paper = replace(paper.without_damping(), notes=(*paper.notes, note))
+    if paper.damping_ratio.is_known and decay.damping_ratio.is_known:
+        ratio = reach(paper.damping_ratio, decay.damping_ratio, BY_FREE_DECAY)
+        paper = replace(paper, damping_ratio=ratio)
     if not decay.damping_coefficient.is_known:
         return paper
     if not paper.damping_coefficient.is_known:
@@ -265,7 +268,6 @@ def settle_damping(paper: PaperEstimate, decay: FreeDecayEstimate) -> PaperEstim
         )
     return replace(
         paper,
-        damping_ratio=reach(paper.damping_ratio, decay.damping_ratio, BY_FREE_DECAY),
         damping_coefficient=reach(
             paper.damping_coefficient, decay.damping_coefficient, BY_FREE_DECAY
         ),

@@ -58,6 +58,14 @@ def test_the_log_decrement_stays_and_the_free_decay_leads_where_it_is_alone():
     assert settle_damping(PAPER.without_damping(), free).damping_method == ""
 
 
+def test_without_a_mass_zeta_reaches_what_the_free_decay_says():
+    found = settle_damping(
+        replace(PAPER, damping_coefficient=UNKNOWN), replace(DECAY, damping_coefficient=UNKNOWN)
+    )
+    assert (found.damping_method, found.damping_ratio.value) == ("log decrement", 0.18)
+    assert found.damping_ratio.upper == pytest.approx(0.212)
+
+
 @pytest.mark.parametrize(
     ("period", "is_one"), [(0.76, True), (0.74, False), (1.24, True), (1.26, False), (41.0, False)]
 )
