@@ -108,7 +108,7 @@ class MessageClock:
                 return
             raise self._refuse_rate(end, points)
         self.is_known, self._learned_step = True, step
-        self._second = end
+        self._second, self._least_before = end, float((times - self._step * places).min())
         late = end - self._step * points
         slack = STAMPED_ERROR * self._step * points
         self._low, self._high = (late - slack, end, points), (late + slack, end, points)
@@ -143,7 +143,12 @@ class MessageClock:
         if elapsed >= SHORTEST_TIME * 1e9:
             change = self._least - self._least_before
             if abs(change) > ARRIVAL_ERROR * elapsed:
-                raise self._refuse_rate(elapsed + change, round(elapsed / self._step))
+                how = "fell behind" if change > 0.0 else "came early"
+                raise DeviceError(
+                    f"in {elapsed * 1e-9:.2g} s its points {how} by {abs(change) * 1e-9:.2g} s, by"
+                    f" the arrivals of the messages, and sampling_rate is {self._rate:.5g} Hz: state"
+                    " the right one"
+                )
             self._least_before, self._least = self._least, math.inf
             self._second = time
         self._least = min(self._least, late)
