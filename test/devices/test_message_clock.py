@@ -106,7 +106,8 @@ def test_arrivals_at_another_rate_are_refused_within_two_seconds(rate, how, befo
     if not how:
         assert not any(message() for message in take)
         return
-    with pytest.raises(DeviceError, match=how + r" s, by the arrivals .* sampling_rate is 1000 Hz"):
+    told = how + r" s, by the arrivals .* sampling_rate is 1000 Hz"
+    with pytest.raises(DeviceError, match=told):
         [message() for message in take[: int(2.1 * rate)]]
 
 
