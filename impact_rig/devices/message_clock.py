@@ -146,8 +146,8 @@ class MessageClock:
                 how = "fell behind" if change > 0.0 else "came early"
                 raise DeviceError(
                     f"in {elapsed * 1e-9:.2g} s its points {how} by {abs(change) * 1e-9:.2g} s, by"
-                    f" the arrivals of the messages, and sampling_rate is {self._rate:.5g} Hz: state"
-                    " the right one"
+                    f" the arrivals of its messages, and sampling_rate is {self._rate:.5g} Hz:"
+                    " state the right one"
                 )
             self._least_before, self._least = self._least, math.inf
             self._second = time
