@@ -189,7 +189,9 @@ def inspect_run(run: Run, *, report: Report = lambda _: None) -> Contents:
     FileError
         If there is no such file, or nothing in it is of MCAP and ROS 2.
     """
-    contents = Contents(run, tuple(Scan(path, is_strict=False) for path in run.files))
+    contents = Contents(
+        run, tuple(Scan(path, is_strict=False, by_time=True) for path in run.files)
+    )
     wanted, watch = _choose_topics(contents), HitWatch()
     for reading in _read_files(contents, wanted, report):
         found, ends = Counter[int](), Counter[int]()  # messages, and last number + 1, by channel

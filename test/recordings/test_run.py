@@ -91,6 +91,9 @@ def test_what_another_program_wrote_topic_by_topic_is_put_in_the_order_of_time(
     setup, *blocks = Run(tmp_path / "other.mcap").events()
     assert isinstance(setup, RigSetup)
     assert [block.first_sample for block in blocks] == [0, 100, 200, 300, 400]
+    (hit,) = inspect_run(Run(tmp_path / "other.mcap")).hits
+    (original,) = inspect_run(Run(tmp_path / "original.mcap")).hits
+    assert (hit.state, hit.missing_points) == (original.state, 0)
 
 
 def test_the_first_setup_precedes_blocks_that_overtook_it(make_recording):
