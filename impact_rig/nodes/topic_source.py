@@ -194,7 +194,9 @@ unit = "m/s^2"               # or g, N, V …: where the type of the message doe
             values = [column for _, _, points in heads for column in points]
             size = values[0].size
             if any(column.size != size for column in values):
-                raise DeviceError(f"{self.name}: messages of one stamp hold unlike many points")
+                raise DeviceError(
+                    f"{self.name}: messages of one stamp hold different numbers of points"
+                )
             is_known = self._message_clock.is_known
             lost_points = self._message_clock.take(stamp, size, lost)
             self._last_time = time.monotonic()

@@ -376,7 +376,7 @@ def _refuse_decimal_commas(path: Path, above: str, style: Style, kinds: str) -> 
     if style.delimiter == "," and is_heading and cells == 2 * len(names):
         raise FileError(
             f"{path} has {len(names)} names and {cells} cells in a row: its decimal sign is a"
-            " comma, as what parts its columns; export it with semicolons or decimal points"
+            " comma, as between its columns; export it with semicolons or decimal points"
         )
 
 
