@@ -50,17 +50,21 @@ def run(harness, client, **goal) -> Any:
     """
     handle, feedback = begin(harness, client, **goal)
     result = handle.get_result_async()
-    wait_and_arm(harness, feedback, result.done)
+    _wait_and_arm(harness, feedback, lambda _: result.done())
     return harness.wait(result)
 
 
-def wait_and_arm(harness, feedback, condition):
-    """Wait until a condition is true, and arm the hammer whenever the campaign asks for it."""
+def wait_for_impact(harness, feedback, number):
+    """Wait until a campaign is at an impact; a person arms the hammer when it asks for that."""
+    _wait_and_arm(harness, feedback, lambda newest: newest.impact >= number)
 
+
+def _wait_and_arm(harness, feedback, condition):
     def is_over():
-        if feedback.messages[-1:] and feedback.messages[-1].task == CampaignState.ARM:
+        newest = feedback.messages[-1] if feedback.messages else CampaignState()
+        if newest.task == CampaignState.ARM:
             harness.call(Act, interfaces.ARM_HAMMER)
-        return condition()
+        return condition(newest)
 
     harness.wait_until(is_over)
 

@@ -19,7 +19,7 @@ from impact_rig.nodes.campaign_plan import plan_campaign
 from impact_rig.nodes.identity import id_to_msg, make_id
 from impact_rig.nodes.messages import setup_to_msg, stamp_to_msg
 
-from .campaigns import begin, cancel, run, start_rig
+from .campaigns import begin, cancel, run, start_rig, wait_for_impact
 
 
 @pytest.fixture
@@ -192,7 +192,7 @@ def test_who_resumes_a_campaign_that_runs_takes_it_over(harness):
     """The client of a node that stood still has gone, and the node runs it still."""
     client = start_rig(harness)
     first, feedback = begin(harness, client, samples=["steel small"], impacts=40)
-    feedback.wait(lambda got: got[-1].impact >= 1)
+    wait_for_impact(harness, feedback, 1)
     setup = harness.run(lambda: copy.deepcopy(find_campaign(harness).setup))
     other = run(harness, client, samples=["steel small"], impacts=3).result
     assert other.message.startswith("another campaign is running")

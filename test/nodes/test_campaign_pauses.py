@@ -21,7 +21,7 @@ from impact_rig.nodes.intake import Received
 from impact_rig.nodes.ledger import Ledger
 from impact_rig.status.states import Step
 
-from .campaigns import Onlooker, RealHolder, arm, begin, cancel, start_rig, wait_and_arm
+from .campaigns import Onlooker, RealHolder, arm, begin, cancel, start_rig, wait_for_impact
 
 STRIKING, PAUSED = CampaignState.STRIKING, CampaignState.PAUSED
 START_PATIENCE = 60.0
@@ -37,7 +37,7 @@ def strike_on(harness, **parameters):
     """Start a rig and a campaign without end; return handle and feedback after the first hit."""
     client = start_rig(harness, **{"campaign": SOON, **parameters})
     handle, feedback = begin(harness, client, samples=["steel small"], impacts=MANY)
-    feedback.wait(lambda got: got[-1].impact >= 1)
+    wait_for_impact(harness, feedback, 1)
     return handle, feedback
 
 
@@ -53,8 +53,7 @@ def wait_for_state(feedback, state, word=""):
 
 
 def wait_for_more_hits(harness, feedback):
-    before = feedback.messages[-1].impact
-    wait_and_arm(harness, feedback, lambda: feedback.messages[-1].impact > before)
+    wait_for_impact(harness, feedback, feedback.messages[-1].impact + 1)
 
 
 def check_that_no_hit_is_double_or_missing(result):

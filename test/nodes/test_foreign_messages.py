@@ -8,7 +8,7 @@ from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.visualizer import VisualizerNode
 from impact_rig.recordings.scan import Scan
 
-from .campaigns import begin, cancel, run, start_rig, wait_and_arm
+from .campaigns import begin, cancel, run, start_rig, wait_for_impact
 from .stranger import TOPICS, Stranger
 
 
@@ -53,7 +53,7 @@ def test_a_stranger_ends_no_node_and_nothing_of_it_is_recorded(harness, tmp_path
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     harness.add(VisualizerNode, output=str(tmp_path / "session.rrd"))
     handle, feedback = begin(harness, client, samples=["steel small"], impacts=1000)
-    feedback.wait(lambda messages: messages[-1].impact > 1)
+    wait_for_impact(harness, feedback, 2)
     stranger = harness.run(lambda: Stranger(harness.peer, 7, TOPICS))
     harness.wait_until(lambda: any(stranger.identity.campaign_id))
     harness.run(stranger.begin)
@@ -68,7 +68,7 @@ def test_a_stranger_ends_no_node_and_nothing_of_it_is_recorded(harness, tmp_path
     assert all(node.is_active for node in harness.nodes)
     harness.run(stranger.end)
     seen = feedback.messages[-1].impact
-    wait_and_arm(harness, feedback, lambda: feedback.messages[-1].impact > seen + 1)
+    wait_for_impact(harness, feedback, seen + 2)
     result = cancel(harness, handle).result
     harness.run(harness.find(RecorderNode).close)
     messages = Scan(harness.recording).read_messages()

@@ -19,7 +19,7 @@ from impact_rig.results.results_file import results_to_json
 from impact_rig.results.wire import format_json
 from impact_rig.status.states import Step
 
-from .campaigns import Onlooker, begin, cancel, run, start_rig
+from .campaigns import Onlooker, begin, cancel, run, start_rig, wait_for_impact
 
 SAMPLES = ["steel small", "brass small"]
 IMPACTS = 6
@@ -37,7 +37,7 @@ def test_a_cancelled_campaign_goes_on_on_the_same_rig(harness):
     client = start_rig(harness)
     setups, states = map(harness.listen, (interfaces.SETUP, interfaces.HAMMER_STATE))
     handle, feedback = begin(harness, client, samples=SAMPLES, impacts=IMPACTS)
-    feedback.wait(lambda got: got[-1].impact >= 2)
+    wait_for_impact(harness, feedback, 2)
     answer = cancel(harness, handle)
     assert answer.status == GoalStatus.STATUS_CANCELED
     states.wait(lambda got: not got[-1].armed)

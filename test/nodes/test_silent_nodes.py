@@ -16,7 +16,7 @@ from impact_rig.nodes.estimator import EstimatorNode
 from impact_rig.nodes.hammer import HammerNode
 from impact_rig.nodes.rig_node import RigNode
 
-from .campaigns import begin, make_client
+from .campaigns import begin, make_client, wait_for_impact
 
 SOON = 12.0
 """How late a node may be missed [s]: its lease, and all that a busy machine may take; without a
@@ -45,7 +45,7 @@ def test_a_killed_node_disarms_the_hammer_and_pauses_the_campaign(harness, start
     harness.add(CampaignNode, verdict_timeout=1.0).answer_timeout = 2.0
     states = harness.listen(interfaces.HAMMER_STATE)
     _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=100_000)
-    feedback.wait(lambda got: got[-1:] and got[-1].impact >= 1)
+    wait_for_impact(harness, feedback, 1)
 
     killed = kill(accelerometer)
     states.wait(lambda got: got[-1].disarmed_by == HammerState.LOSS and not got[-1].armed)
@@ -66,7 +66,7 @@ def test_nobody_who_reads_that_a_campaign_pauses_is_struck_when_its_reason_has_g
     states = harness.listen(interfaces.HAMMER_STATE)
     releases = harness.listen(interfaces.RELEASE)
     _, feedback = begin(harness, make_client(harness), samples=["steel small"], impacts=100_000)
-    feedback.wait(lambda got: got[-1:] and got[-1].impact >= 1)
+    wait_for_impact(harness, feedback, 1)
 
     estimator.process.send_signal(signal.SIGSTOP)
     wait_for_pause(feedback, "estimator/join did not answer")

@@ -245,15 +245,16 @@ def settle_restitution(law: ContactLaw, checks: Checks) -> ContactLaw:
     if found is by_speed or abs(by_speed.value - 0.5) > 0.5 + by_speed.expanded:
         return law
     told = (
-        "e and v go by the impact speed; by the loss that describes the pulse e would be"
-        f" {by_law.value:.3f} ± {by_law.expanded:.3f}: the energy lost is not told"
+        "e and v of the contact law go by it; by the loss that describes the pulse e would be"
+        f" {by_law.value:.3f} ± {by_law.expanded:.3f}: the contact loses energy otherwise, or that"
+        " speed, a gain or a mass is wrong, and the energy lost is not told"
     )
     return replace(
         law,
         restitution=found,
         impact_speed=reach(checks.impact_speed, law.impact_speed, BY_LAW),
         energy_loss=UNKNOWN,
-        warnings=(*law.warnings, Note(Subject.CONTACT_LAW, told)),
+        warnings=(*law.warnings, Note(Subject.IMPACT_SPEED, told)),
     )
 
 
