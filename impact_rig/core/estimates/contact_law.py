@@ -621,6 +621,11 @@ def _list_notes(exponent: float | None, masses: RigNumbers, fits: _LawFits) -> t
     if len(possible) > 1:
         notes.append(f"the pulse does not distinguish the forms of loss {'; '.join(possible)}")
     best = fits.losses[fits.best]
+    if best.form is LossForm.PLATE:
+        notes.append(
+            "what relaxes slowly has nearly the pulse of a plate, with a higher e than this: only"
+            " a stated impact speed tells which it is"
+        )
     if best.is_mixed:
         notes.append(
             f"no form of loss alone describes the pulse: two stand for it, {best.name}; if the"

@@ -79,6 +79,7 @@ def test_a_hammer_on_a_large_plate(restitution):
     struck = strike(strike_plate(restitution), sample_mass=PLATE_MASS)
     found = estimate(struck).contact_law
     assert found.form == LossForm.PLATE.value
+    assert "has nearly the pulse of a plate" in " ".join(map(str, found.notes))
     check(found, struck)
 
 
