@@ -55,9 +55,8 @@ class Intake:
         self.dropped: Counter[str] = Counter()  # which were not sound, by topic
         self.ignored = 0  # messages of another campaign, or of an unknown node
         self.strangers: set[str] = set()  # sentences about them that were logged
-        self._heard: dict[
-            str, tuple[float, str]
-        ] = {}  # when they were last seen, and their names, by topic
+        # When strangers were last seen, and their names, by topic.
+        self._heard: dict[str, tuple[float, str]] = {}
         self._node = node
         self._names: dict[str, str] = {}  # of topics, in full
 
@@ -104,7 +103,7 @@ class Intake:
         )
 
     def find_stranger(self, topic: Topic, since: float = LAST_WORDS) -> str | None:
-        """Return who speaks on a topic beside its owner, or just did [s], as a sentence."""
+        """Return who spoke on a topic beside its owner within these seconds, as a sentence."""
         if not topic.owners:
             return None
         if not (name := self._names.get(topic.name)):
