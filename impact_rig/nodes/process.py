@@ -1,5 +1,6 @@
 """One node, one process: started, stopped by a signal, and closed cleanly whatever happens."""
 
+import ctypes
 import faulthandler
 import gc
 import os
@@ -28,6 +29,12 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 STUCK_AFTER = 600.0
 """How long a node may stand still, none of its threads running Python, or take to end [s], our
 choice: longer than a person lets a stopped process stand who means to go on with it."""
+LONGEST_CLOSE = 18.0
+"""How long a node may take to close [s]: what it records may be on a slow disk, and `ros2 launch`
+kills it after 20 s."""
+LONGEST_LEAVE = 6
+"""How long the middleware may then take to leave [s]: more than 3 s on a busy machine, and
+`impact-rig up` kills after 10 s."""
 LOOK_PERIOD = 1.0
 """How often a thread looks whether the node's executor comes round [s]."""
 DRAIN_QUIET = 0.1
@@ -48,7 +55,6 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
         # and wait for ever if a message came just then.
         gc.collect()
         rclpy.try_shutdown()
-        faulthandler.cancel_dump_traceback_later()
         # Python's own end would give them their default back, which kills.
         for number in STOP_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
@@ -57,6 +63,7 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
 def _run(make_node: Callable[[], RigNode], argv: Sequence[str] | None) -> int:
     """Run a node until it is asked to stop, and close it; return the exit code."""
     executor = node = claim = None
+    code = 1  # of an error that nobody expected
     try:
         with offer_profile():
             # rclpy's own handler would tear the context down under the node: nothing that is
@@ -75,27 +82,53 @@ def _run(make_node: Callable[[], RigNode], argv: Sequence[str] | None) -> int:
         node.stop_requested.result()
         node.wake_waiters()
         drain(node, executor)
+        code = 0
     except ExternalShutdownException:
-        pass
+        code = 0
     except (InvalidParameterTypeException, InvalidParameterValueException, RigError) as error:
         if node is None or str(error) != node.fault:  # which it has said
             print(f"error: {error}", file=sys.stderr)
-        return 2
+        code = 2
     finally:
-        # First, since what follows waits for locks of the middleware, which may be held for ever
-        # after a flood: a recording is whole by then.
+        faulthandler.dump_traceback_later(LONGEST_CLOSE, exit=True, file=2)
         if node is not None:
             node.close()
+        faulthandler.cancel_dump_traceback_later()
+        # All that the node had to do is done.
+        _leave_within(LONGEST_LEAVE, code)
         if executor is not None:
             executor.shutdown()
-        # The middleware takes more than 3 s to leave on a busy machine, and `impact-rig up` kills
-        # after 10 s: before that the process ends and shows where it stood.
-        faulthandler.dump_traceback_later(8.0, exit=True, file=2)
         if node is not None:
             node.destroy_node()
         if claim is not None:
             claim.close()
-    return 0
+    return code
+
+
+class _Event(ctypes.Structure):
+    """What a timer of Linux does when it runs down, `struct sigevent`."""
+
+    _fields_ = (
+        ("value", ctypes.c_void_p),
+        ("signal", ctypes.c_int),
+        ("kind", ctypes.c_int),
+        ("function", ctypes.c_void_p),
+        ("rest", ctypes.c_void_p * 5),
+    )
+
+
+def _leave_within(seconds: int, code: int) -> None:
+    """End the process with a code after some seconds, although the middleware may not let go.
+
+    Fast DDS 2.14.5 waits for ever, and Python with it, if it leaves just when it tells of another
+    node that came or went: no thread of Python could end the process then, the C library can.
+    """
+    library = ctypes.CDLL(None)
+    call_function = 2  # SIGEV_THREAD
+    end = _Event(code, 0, call_function, ctypes.cast(library["_exit"], ctypes.c_void_p))
+    timer = ctypes.c_void_p()
+    library.timer_create(time.CLOCK_MONOTONIC, ctypes.byref(end), ctypes.byref(timer))
+    library.timer_settime(timer, 0, (ctypes.c_long * 4)(0, 0, seconds, 0), None)
 
 
 def _stop_on_signals(node: RigNode) -> None:

@@ -271,6 +271,8 @@ class RecorderNode(RigNode):
     def _close(self, writer: RecordingWriter, reason: str) -> None:
         """Write how it ended, finish the recording, and withdraw the subscriptions.
 
+        Those of a process that ends go with it: withdrawing them may wait for the middleware.
+
         Raises
         ------
         FileError
@@ -283,9 +285,10 @@ class RecorderNode(RigNode):
         try:
             writer.close()
         finally:
-            for subscription in self._recorded.values():
-                self.destroy_subscription(subscription)
-            self._recorded.clear()
+            if not self.stop_requested.done():
+                for subscription in self._recorded.values():
+                    self.destroy_subscription(subscription)
+                self._recorded.clear()
 
     def _publish_state(self, message: str) -> None:
         self._message = message

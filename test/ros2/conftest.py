@@ -115,7 +115,8 @@ def rig(tools: Tools, swing_file: Path) -> Iterator[LaunchedRig]:
         yield LaunchedRig(terminal, folder)
         assert terminal.interrupt() == 0, terminal.text
         assert "Traceback" not in terminal.text
-        assert "exit code" not in terminal.text  # launch says so of a process that failed
+        # Launch says so of a process that failed.
+        assert "exit code" not in terminal.text, terminal.text[-5000:]
 
 
 @dataclass(frozen=True)

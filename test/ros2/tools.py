@@ -78,7 +78,7 @@ class Tools:
                 return self.run("ros2", "service", "call", *words, patience=patience)
         return self.run("ros2", "service", "call", *words)
 
-    def run_until(self, is_enough: Callable[[str], bool], *words: Any) -> str:
+    def run_until(self, is_enough: Callable[[str], object], *words: Any) -> str:
         """Run a command again and again until its answer is enough; return the answer."""
         deadline = time.monotonic() + PATIENCE
         while not is_enough(text := self.run(*words, code=None)):
