@@ -4,6 +4,7 @@ import copy
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import reduce
 from io import StringIO
 from operator import getitem
@@ -16,6 +17,7 @@ from rich.console import Console
 from impact_rig.core.estimates.ringing import FreeDecayEstimate
 from impact_rig.core.given.errors import FileError, RigError, UnknownNameError
 from impact_rig.core.given.quantity import Quantity
+from impact_rig.devices.virtual.choices import Plant
 from impact_rig.nodes.messages import make_message
 from impact_rig.nodes.result_messages import hit_results_from_msg
 from impact_rig.present.rerun.markdown import format_summary
@@ -42,10 +44,17 @@ SIGNED = (
 )
 
 
+NEVER_NEGATIVE = {"exponent", "restitution", "residual_percent", "log_decrement", "r_squared"}
+
+
 @pytest.fixture(scope="module")
 def content(strike: Any) -> Any:
-    results = strike(["aluminium large"], impacts=2)
-    return json.loads(format_json(results_to_json(results)))
+    """Return results with a free decay and a contact law, which no plant has both."""
+    (ringing, touched) = (
+        strike(["aluminium large"], plant=plant) for plant in (Plant.PUBLISHED, Plant.CONTACT)
+    )
+    sample = replace(ringing.samples[0], contact_law=touched.samples[0].contact_law)
+    return json.loads(format_json(results_to_json(replace(ringing, samples=(sample,)))))
 
 
 def change(content: Any, places: list[tuple[Any, ...]], value: Any) -> Any:
@@ -94,6 +103,7 @@ def test_whatever_stands_in_a_place_of_a_file_is_refused_with_it_or_can_be_shown
         assert not names or abs(value) <= 1.0
         above = [name for name in names if name.endswith(BY_UNIT) and value <= 0.0]
         assert not [name for name in above if not any(part in name for part in SIGNED)]
+        assert value >= 0.0 or not NEVER_NEGATIVE & {*names}
     for place in taken[::SHOWN]:
         shown = show(from_json(Results, change(content, [place], value)))
         assert "inf" not in shown.split(), place

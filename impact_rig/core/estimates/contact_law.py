@@ -43,7 +43,15 @@ from impact_rig.core.estimates.uncertainty import (
 from impact_rig.core.given.errors import NotDeterminedError, RigError
 from impact_rig.core.given.filtering import Chain
 from impact_rig.core.given.findings import Note, Subject
-from impact_rig.core.given.quantity import INTERNAL, Comparable, Quantity, quantity_field
+from impact_rig.core.given.quantity import (
+    INTERNAL,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Comparable,
+    Quantity,
+    describe,
+    quantity_field,
+)
 from impact_rig.core.given.records import FloatArray
 from impact_rig.core.given.sensors import Sensor, SensorResponse
 from impact_rig.core.given.setup import RigSetup
@@ -79,13 +87,18 @@ LARGEST_LOST = 0.01
 """Of J that a support may take within the contact, by the sample's part of the approach [-], our
 choice: by so much v is off."""
 
+LARGEST_PLAIN = 100.0
+"""Of n, e and the losses [-], our choice: far above those of any contact."""
+PLAIN = describe(least=-LARGEST_PLAIN, most=LARGEST_PLAIN)
+"""Metadata of a loss."""
+
 
 @dataclass(frozen=True)
 class ContactLaw(Comparable):
     """The law of one contact and what follows from it; not known: see the notes."""
 
     # n [-]: 3/2 is Hertz, 1 a linear spring
-    exponent: Quantity = quantity_field("", "n", "exponent")
+    exponent: Quantity = quantity_field("", "n", "exponent", least=POSITIVE, most=LARGEST_PLAIN)
     # N/m^n, the k of k δⁿ
     stiffness: Quantity = quantity_field("N/m^n", "k", "stiffness")
     # alpha [s/m] of a loss k alpha δⁿ δ'
@@ -95,7 +108,7 @@ class ContactLaw(Comparable):
     # from first touch to separation [s]
     duration: Quantity = quantity_field("s", "τ", "contact duration", shown="µs")
     # speed of separation over impact speed, e [-]
-    restitution: Quantity = quantity_field("", "e", "restitution")
+    restitution: Quantity = quantity_field("", "e", "restitution", least=0.0, most=LARGEST_PLAIN)
     # largest, N
     peak_force: Quantity = quantity_field("N", "F", "peak force")
     # largest approach of the bodies after first touch [m]
@@ -109,9 +122,11 @@ class ContactLaw(Comparable):
         "N/m", "k_eq", "linear stiffness", shown="MN/m"
     )
     form: str = ""  # of the loss, of `LossForm`
-    loss: float = math.nan  # [-] of `impact_rig.core.estimates.law_pulses`, as `pull`
-    pull: float = math.nan
-    residual_percent: float = math.nan  # RMS of what the best law leaves, over the peak [%]
+    # [-] of `impact_rig.core.estimates.law_pulses`
+    loss: float = field(default=math.nan, metadata=PLAIN)
+    pull: float = field(default=math.nan, metadata=PLAIN)
+    # RMS of what the best law leaves, over the peak [%]
+    residual_percent: float = field(default=math.nan, metadata=NOT_NEGATIVE)
     notes: tuple[Note, ...] = ()  # what is not determined, or not distinguished, and why
     # Of the relative errors of `SCALED`, by sources that no other sample has: masses and clock,
     # which all share, change no exponent; pairs of a source and an array of shape (4, 4).

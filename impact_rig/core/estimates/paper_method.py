@@ -46,6 +46,7 @@ NAN = math.nan
 STIFFNESS = describe("N/m", "k", "stiffness", shown="MN/m")
 EQUIVALENT_STIFFNESS = describe("N/m", "k_eq", "equivalent stiffness", shown="MN/m")
 DAMPING_RATIO = describe("", "ζ", "damping ratio", least=0.0)
+DECREMENT = describe("", "Δ", "log decrement", least=POSITIVE)
 DAMPING_COEFFICIENT = describe("N s/m", "c", "damping coefficient")
 CONTACT_TIME = describe("s", "τp", "contact time", shown="µs")
 WIDTH = describe("s", "w50", "width at half amplitude", shown="µs")
@@ -60,7 +61,7 @@ class BodyEstimate(Comparable):
     stiffness: Quantity = field(default=UNKNOWN, metadata=STIFFNESS)  # [N/m]
     damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)  # [-]
     damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)  # [N s/m]
-    log_decrement: float = field(default=NAN, metadata=describe("", "Δ", "log decrement"))  # [-]
+    log_decrement: float = field(default=NAN, metadata=DECREMENT)  # [-]
     notes: tuple[Note, ...] = ()  # what could not be determined, and why
     # U1 and U2 in the mean trace; None: not determined.
     peaks: LogDecrement | None = field(default=None, metadata=INTERNAL)
@@ -178,7 +179,7 @@ class PaperEstimate(Comparable):
     damping_ratio: Quantity = field(default=UNKNOWN, metadata=DAMPING_RATIO)
     damping_coefficient: Quantity = field(default=UNKNOWN, metadata=DAMPING_COEFFICIENT)
     damping_method: str = ""  # that damping ratio and coefficient are by; empty: not determined
-    log_decrement: float = NAN
+    log_decrement: float = field(default=NAN, metadata=DECREMENT)
     first_peak: float = field(default=NAN, metadata=PEAK)  # U1
     first_peak_time: float = field(default=NAN, metadata=MOMENT)  # from the middle of the pulse
     second_peak: float = field(default=NAN, metadata=PEAK)  # U2

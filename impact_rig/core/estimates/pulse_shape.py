@@ -343,7 +343,8 @@ class ShapeFit(Comparable):
     stiffness: float = field(default=NAN, metadata=describe("N/m", "k", shown="MN/m"))
     # tau_p of the fit.
     duration: float = field(default=NAN, metadata=describe("s", "τp", shown="µs"))
-    asymmetry: float = NAN  # the rise takes (1 + asymmetry) / 2 of the duration
+    # The rise takes (1 + asymmetry) / 2 of the duration.
+    asymmetry: float = field(default=NAN, metadata=describe(least=-1.0, most=1.0))
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from impact_rig.core.given.findings import Note, Subject
 from impact_rig.core.given.quantity import (
     INTERNAL,
     NOT_NEGATIVE,
+    PART,
     POSITIVE,
     UNKNOWN,
     BudgetLine,
@@ -70,7 +71,7 @@ class FreeDecayEstimate(Comparable):
     frequency: float = field(default=NAN, metadata=describe("Hz", "f", "frequency", shown="kHz"))
     # that stand out of the noise
     periods: float = field(default=NAN, metadata=NOT_NEGATIVE)
-    r_squared: float = NAN
+    r_squared: float = field(default=NAN, metadata=PART)
     # RMS; 1: nothing but noise
     residual_over_noise: float = field(default=NAN, metadata=NOT_NEGATIVE)
     hold: str = ""  # what holds what rings, of `Hold`: only what is on a spring has k and c

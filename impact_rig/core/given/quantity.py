@@ -51,6 +51,7 @@ LIMITS = {
     "s": (POSITIVE, 1e4), "N/m": (POSITIVE, 1e15), "N/m^n": (POSITIVE, LARGEST),
     "m/s": (POSITIVE, 1e5), "N s": (POSITIVE, 1e9), "N s/m": (0.0, 1e12), "Hz": (0.0, 1e12),
     "m/s^2": (0.0, 1e12), "N": (0.0, 1e12), "m": (0.0, 1e3), "kg": (0.0, 1e9),
+    "J": (-1e9, 1e9),
 }  # fmt: skip
 """What numbers of a unit are at least and at most, where their field says nothing else. Our
 choice: a thousand times what bodies on earth have, such as 1e12 N/m of a metre of diamond."""
@@ -100,6 +101,8 @@ def describe(
 
 NOT_NEGATIVE = describe(least=0.0)
 """Metadata of a number without a unit, of a spread or of what is left."""
+PART = describe(least=0.0, most=1.0)
+"""Metadata of a part of a whole."""
 INLINE: Mapping[str, Description] = {_KEY: Description(is_inline=True)}
 """Metadata of a record whose fields appear directly among its owner's."""
 INTERNAL: Mapping[str, Description] = {_KEY: Description(is_internal=True)}
@@ -144,7 +147,7 @@ class BudgetLine:
     # |sensitivity| times standard uncertainty, in the unit of the result
     contribution: float = field(metadata=describe(least=0.0))
     # of the variance [-]; the shares of a budget add up to 1
-    share: float = field(metadata=describe(least=0.0, most=1.0))
+    share: float = field(metadata=PART)
 
 
 class Conformity(Enum):
@@ -240,9 +243,18 @@ UNKNOWN = Quantity()
 """A quantity that is not determined."""
 
 
-def quantity_field(unit: str, symbol: str, label: str, *, shown: str = "") -> Any:
+def quantity_field(
+    unit: str,
+    symbol: str,
+    label: str,
+    *,
+    shown: str = "",
+    least: float | None = None,
+    most: float | None = None,
+) -> Any:
     """Return the field of a quantity that is not determined unless it is given."""
-    return field(default=UNKNOWN, metadata=describe(unit, symbol, label, shown=shown))
+    said = describe(unit, symbol, label, shown=shown, least=least, most=most)
+    return field(default=UNKNOWN, metadata=said)
 
 
 def stated_field(unit: str, written: str, default: float = 0.0) -> Any:
