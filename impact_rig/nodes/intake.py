@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeVar
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from impact_rig.core.given.errors import RigError
 from impact_rig.nodes.identity import Identity, Membership, identity_from_msg
@@ -57,6 +58,8 @@ class Intake:
         self.strangers: set[str] = set()  # sentences about them that were logged
         # When strangers were last seen, and their names, by topic.
         self._heard: dict[str, tuple[float, str]] = {}
+        # When publishers were first seen whose node was not known yet, by their ids.
+        self._nameless: dict[bytes, float] = {}
         self._node = node
         self._names: dict[str, str] = {}  # of topics, in full
 
@@ -64,7 +67,11 @@ class Intake:
         """Return a message with its converted value; None: it is foreign or cannot be meant."""
         self.handled += 1
         # Which of several publishers has spoken, no message says: none is believed.
-        if self.find_stranger(topic) or self.membership.is_foreign(message):
+        if (
+            self.find_stranger(topic)
+            or self._has_newcomer(topic)
+            or self.membership.is_foreign(message)
+        ):
             self.ignored += 1
             return None
         try:
@@ -106,12 +113,8 @@ class Intake:
         """Return who spoke on a topic beside its owner within these seconds, as a sentence."""
         if not topic.owners:
             return None
-        if not (name := self._names.get(topic.name)):
-            name = self._names[topic.name] = self._node.resolve_topic_name(topic.name)
-        # By the handle: rclpy's own count expands the name each time, which costs the most.
-        is_shared = self._node.handle.get_count_publishers(name) > 1
         told = f"on {topic.name} beside its {topic.owners[0]}"
-        if is_shared and (names := self._name_others(topic)):
+        if names := self._name_others(topic):
             self._heard[topic.name] = time.monotonic(), names
             found = f"{names} speaks {told}: end that node"
             if found not in self.strangers:
@@ -127,6 +130,24 @@ class Intake:
         found = (self.find_stranger(topic, since) for topic in OWNED_TOPICS)
         return next(filter(None, found), None)
 
+    def _list_several(self, topic: Topic) -> list[TopicEndpointInfo]:
+        """Return who publishes on a topic that has an owner; empty: one alone."""
+        if not (name := self._names.get(topic.name)):
+            name = self._names[topic.name] = self._node.resolve_topic_name(topic.name)
+        # By the handle: rclpy's own count expands the name each time, which costs the most.
+        if not topic.owners or self._node.handle.get_count_publishers(name) == 1:
+            return []
+        return list(self._node.get_publishers_info_by_topic(topic.name))
+
+    def _has_newcomer(self, topic: Topic) -> bool:
+        """Whether the graph does not tell yet whose node one of several publishers is.
+
+        Its name comes within a second, or never.
+        """
+        now, found = time.monotonic(), self._list_several(topic)
+        nameless = [bytes(item.endpoint_gid) for item in found if item.node_name == UNNAMED]
+        return any(now - self._nameless.setdefault(gid, now) < LAST_WORDS for gid in nameless)
+
     def _name_others(self, topic: Topic) -> str:
         """Ask the graph who publishes on a topic beside its owner; empty: nobody does.
 
@@ -135,7 +156,7 @@ class Intake:
         one.
         """
         space, own, others = self._node.get_namespace(), 0, []
-        for item in self._node.get_publishers_info_by_topic(topic.name):
+        for item in self._list_several(topic):
             is_leased = item.qos_profile.liveliness_lease_duration.nanoseconds <= LEASE * 1e9
             is_named = (item.node_namespace, item.node_name) in {
                 (space, it) for it in topic.owners

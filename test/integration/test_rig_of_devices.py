@@ -58,7 +58,7 @@ def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virt
         rig.interrupt()
         strikes = bench.triggered
     results = json.loads((tmp_path / "results.json").read_text("utf-8"))
-    check_hits(results["hits"], strikes)
+    check_hits(results["hits"], strikes, f"{campaign.text}\n{rig.text}")
     check_records(tmp_path / "session.mcap", {hit["record"] for hit in results["hits"]})
     check_numbers(results["samples"], strike(SAMPLES, impacts=IMPACTS, seed=SEED).samples)
 
@@ -82,13 +82,13 @@ def unplug_each(campaign, bench, environment):
         told = campaign.wait_for("the campaign goes on", told)
 
 
-def check_hits(hits, strikes):
+def check_hits(hits, strikes, told):
     """Require each impact once, each by another stroke of the hammer."""
     accepted = [hit for hit in hits if hit["accepted"]]
     wanted = [(sample, impact) for sample in SAMPLES for impact in range(1, IMPACTS + 1)]
     assert [(hit["sample"], hit["impact"]) for hit in accepted] == wanted
     assert len({hit["contact_time_s"] for hit in accepted}) == len(wanted)
-    assert len(wanted) <= strikes <= len(hits) == len({hit["record"] for hit in hits})
+    assert len(wanted) <= strikes <= len(hits) == len({hit["record"] for hit in hits}), told
 
 
 def check_records(path, records):

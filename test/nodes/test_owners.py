@@ -20,6 +20,7 @@ from impact_rig.nodes import interfaces
 from impact_rig.nodes.accelerometer import AccelerometerNode
 from impact_rig.nodes.client import RigClient
 from impact_rig.nodes.hammer import HammerNode
+from impact_rig.nodes.intake import UNNAMED
 from impact_rig.nodes.recorder import RecorderNode
 from impact_rig.nodes.rig_node import RigNode
 from impact_rig.recordings.scan import Scan
@@ -99,6 +100,7 @@ def test_what_each_says_of_a_stranger_that_speaks_on_a_topic(ros_domain, tmp_pat
                 told = f"/forger speaks on {topic.name} beside its {topic.owners[0]}: end"
 
                 def is_said(start=start, said=said, told=told):
+                    assert rig.process.poll() is None, rig.text
                     page = urllib.request.urlopen(link).read().decode()
                     texts = {
                         "client": campaign.text[start:],
@@ -176,6 +178,30 @@ def test_what_a_stranger_said_last_is_not_believed_either_when_it_has_gone(harne
         "/peer and /peer spoke on recorder/stored beside its recorder until now: wait 1 s"
     )
     harness.wait_until(lambda: owner.publish(topic.type()) or heard)
+
+
+def test_who_has_no_name_yet_is_not_believed_beside_an_owner(harness, monkeypatch):
+    """The name of a stranger that looks like the rig's own may come after its first message."""
+    topic = interfaces.RECORD_STORED
+    heard = []
+    node = harness.add(lambda **options: RigNode("listener", **options))
+    harness.run(lambda: node.listen(topic, heard.append))
+    harness.add(RecorderNode, autostart=False)
+    list_publishers = node.get_publishers_info_by_topic
+
+    def forget_name(name):
+        publishers = list_publishers(name)
+        for item in publishers:
+            if item.node_name == harness.peer.get_name():
+                item.node_name = UNNAMED
+        return publishers
+
+    monkeypatch.setattr(node, "get_publishers_info_by_topic", forget_name)
+    newcomer = speak(harness, topic, is_leased=True)
+    harness.wait_until(lambda: node.intake.ignored == 1)
+    assert not heard
+    # It gets none: one of the rig, after a long break of the network.
+    harness.wait_until(lambda: newcomer.publish(topic.type()) or heard)
 
 
 def test_a_node_that_was_killed_and_started_again_is_no_stranger_to_itself(harness, start_process):

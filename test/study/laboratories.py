@@ -108,7 +108,7 @@ class Laboratory:
     warming: float = 0.0  # of both gains, over the series [-]
     slowing: float = 0.0  # of the converters' clock, over the series [-]
     clock: float = 0.0  # by how much it runs fast all the time [-]
-    stated_speed: float = 1.0  # over the true one
+    stated_speed: float = 1.0  # over the true one; NaN: none is stated
     stated_sample: float = 1.0
     speed_uncertainty: float = 0.0  # that is stated, over it; 0: none
     gain_uncertainty: float = 0.0  # that is stated; 0: none
@@ -258,7 +258,9 @@ def run_series(lab: Laboratory) -> tuple[SampleEstimate, Truth, list[Note | Find
         lab.hammer,
         lab.speed * lab.stated_speed,
         AnalysisSettings(record_duration=lab.record, pre_trigger=0.8 * lab.before),
-        impact_speed_uncertainty=lab.speed * lab.stated_speed * lab.speed_uncertainty,
+        impact_speed_uncertainty=lab.speed
+        * lab.speed_uncertainty
+        * np.nan_to_num(lab.stated_speed),
         hammer_mass_uncertainty=part * lab.hammer,
         clock_uncertainty=lab.clock_uncertainty,
         sensors=tuple(Sensor(name, sensitivity_uncertainty=gain) for name in CHANNELS),

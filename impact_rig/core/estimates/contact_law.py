@@ -71,6 +71,8 @@ MARGINS = (1.0, 1.5)
 NEARER = 1.1
 """How much less a better model leaves [-], our choice: 10 in BIC of some 50 points (Kass and
 Raftery 1995)."""
+MUCH_NEARER = 2.0
+"""The same where the better one is beyond the tables [-], our choice."""
 STEP = 1e-4
 """Step of n and B for derivatives [-], our choice."""
 GAIN = 1e-3
@@ -188,6 +190,9 @@ def estimate_contact_law(mean: MeanHit, setup: RigSetup, sample: str) -> Contact
     is_worse, excludes_versed_sine = _compare_with_versed_sine(mean, chain, fits)
     help_needed = "" if chain.response.resonance and chain.response.upper_corner else UNSTATED
     reason = _find_misfit(fits, changes, help_needed, is_worse=is_worse)
+    # By the impact speed e is right all the same.
+    if reason is None and not (mean.impact_speeds.size or math.isfinite(setup.impact_speed)):
+        reason = _find_relaxing(fits)
     if reason is not None:
         return replace(without, notes=(Note(Subject.CONTACT_LAW, reason),))
     scatter = Source(f"scatter of the hits on {sample}", max(len(fits.points) - 1.0, 1.0))
@@ -408,6 +413,17 @@ def _find_misfit(
     if is_worse:
         return f"{LIKE_CONTACT}: a versed-sine comes nearer to it than the best of them"
     return None
+
+
+def _find_relaxing(fits: _LawFits) -> str | None:
+    """Return that the contact relaxes more than the tables have it, if that comes much nearer."""
+    (relaxing,) = (item.fit for item in fits.losses if item.form is LossForm.MEMORY)
+    if relaxing.is_inside or MUCH_NEARER * relaxing.residual >= fits.fit.residual:
+        return None
+    return (
+        f"{LIKE_CONTACT}: one that relaxes nearly altogether comes nearest, and of that the pulse"
+        " does not tell e; state the impact speed"
+    )
 
 
 def _check_rest(fits: _LawFits, help_needed: str) -> tuple[Note, ...]:

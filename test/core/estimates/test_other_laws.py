@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from study.laboratories import Laboratory, run_series
 
 from impact_rig.core.estimates.law_pulses import LossForm
 from impact_rig.core.estimates.sample import SampleEstimate
@@ -127,10 +128,32 @@ def test_a_contact_of_which_a_part_relaxes_is_within_the_uncertainty(exponent, s
 
 
 @pytest.mark.parametrize(("share", "time"), [(0.5, 1.2), (0.7, 2.0)])
-def test_what_relaxes_slowly_counts_where_its_search_does_not_end(share, time):
+def test_what_relaxes_slowly_counts_beside_a_plate(share, time):
     struck = strike(relax(1.0, share, time))
     # A plate leaves nearly as little, and has e a fifth lower.
     check(estimate(struck, math.nan).contact_law, struck)
+
+
+QUIET = Laboratory(duration=1e-3, rate=500e3, record=8e-3, before=1.5e-3, noise=3e-4)
+"""Points enough for what relaxes, and little noise."""
+
+
+@pytest.mark.parametrize("relaxing", [(0.445, 0.674), (0.59, 0.86)])
+def test_what_relaxes_slowly_counts_beside_a_plate_where_nothing_else_is_left(relaxing):
+    estimated, truth, _ = run_series(replace(QUIET, exponent=1.0, relaxing=relaxing))
+    e, (true, _) = estimated.contact_law.restitution, truth.figures["contact_law.restitution"]
+    # A plate leaves nothing beyond the noise either, and has e lower by 0.05.
+    assert abs(e.value - true) < e.expanded
+
+
+@pytest.mark.parametrize("speed", [1.0, math.nan])
+def test_of_what_relaxes_nearly_altogether_the_impact_speed_alone_tells_e(speed):
+    lab = replace(QUIET, relaxing=(0.78, 0.95), stated_speed=speed)
+    estimated, truth, said = run_series(lab)
+    e, (true, _) = estimated.contact_law.restitution, truth.figures["contact_law.restitution"]
+    # Each law has e of 0.94 and above.
+    assert abs(e.value - true) < 0.03 if speed == 1.0 else not e.is_known
+    assert (speed == 1.0) is ("relaxes nearly altogether" not in " ".join(map(str, said)))
 
 
 @pytest.mark.parametrize(
