@@ -58,8 +58,11 @@ def test_a_campaign_outlasts_unplugged_devices_and_finds_the_numbers_of_the_virt
         rig.interrupt()
         strikes = bench.triggered
     results = json.loads((tmp_path / "results.json").read_text("utf-8"))
-    check_hits(results["hits"], strikes, f"{campaign.text}\n{rig.text}")
-    check_records(tmp_path / "session.mcap", {hit["record"] for hit in results["hits"]})
+    check_hits(results["hits"])
+    records = {hit["record"] for hit in results["hits"]}
+    releases = check_records(tmp_path / "session.mcap", records)
+    # Of a digitizer that is unplugged the record may be lost with it.
+    assert len(SAMPLES) * IMPACTS <= strikes <= releases, f"{campaign.text}\n{rig.text}"
     check_numbers(results["samples"], strike(SAMPLES, impacts=IMPACTS, seed=SEED).samples)
 
 
@@ -82,26 +85,29 @@ def unplug_each(campaign, bench, environment):
         told = campaign.wait_for("the campaign goes on", told)
 
 
-def check_hits(hits, strikes, told):
+def check_hits(hits):
     """Require each impact once, each by another stroke of the hammer."""
     accepted = [hit for hit in hits if hit["accepted"]]
     wanted = [(sample, impact) for sample in SAMPLES for impact in range(1, IMPACTS + 1)]
     assert [(hit["sample"], hit["impact"]) for hit in accepted] == wanted
     assert len({hit["contact_time_s"] for hit in accepted}) == len(wanted)
-    assert len(wanted) <= strikes <= len(hits) == len({hit["record"] for hit in hits}), told
+    assert len(hits) == len({hit["record"] for hit in hits})
 
 
 def check_records(path, records):
-    """Require that each record ended once, was stored, and was judged once."""
-    counts = {"/acceleration": Counter(), "/recorder/stored": Counter(), "/impact": Counter()}
+    """Require that each record ended once, was stored, and was judged once; count releases."""
+    names = "/acceleration", "/recorder/stored", "/impact", "/release"
+    counts = {name: Counter() for name in names}
     with path.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         for _, channel, _, message in reader.iter_decoded_messages(list(counts)):
             if getattr(message, "last", True):
                 counts[channel.topic][message.record] += 1
+    releases = counts.pop("/release")
     assert counts.pop("/recorder/stored").keys() == records  # said again, for who missed it
     for found in counts.values():
         assert found == dict.fromkeys(records, 1)
+    return len(releases)
 
 
 def check_numbers(samples, virtual):
