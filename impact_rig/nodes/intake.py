@@ -132,10 +132,12 @@ class Intake:
 
     def _list_several(self, topic: Topic) -> list[TopicEndpointInfo]:
         """Return who publishes on a topic that has an owner; empty: one alone."""
+        if not topic.owners:
+            return []
         if not (name := self._names.get(topic.name)):
             name = self._names[topic.name] = self._node.resolve_topic_name(topic.name)
         # By the handle: rclpy's own count expands the name each time, which costs the most.
-        if not topic.owners or self._node.handle.get_count_publishers(name) == 1:
+        if self._node.handle.get_count_publishers(name) == 1:
             return []
         return list(self._node.get_publishers_info_by_topic(topic.name))
 
