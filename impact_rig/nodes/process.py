@@ -45,7 +45,7 @@ def run_node(make_node: Callable[[], RigNode], argv: Sequence[str] | None = None
     """Run one node until it is asked to stop; close it cleanly whatever happens.
 
     `make_node` is called once ROS is up. Return the exit code: 0 after a stop that was asked for,
-    2 after an impossible parameter. The process is to end then: `LONGEST_LEAVE` goes on.
+    2 after an impossible parameter. The process has `LONGEST_LEAVE` seconds to end then.
     """
     try:
         return _run(make_node, argv)
